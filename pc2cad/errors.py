@@ -1,0 +1,44 @@
+"""Errors of pc2cad, each named after the invariant that was violated.
+
+The exit code of the command line is an attribute of the class, so that a script can tell a typing
+mistake (2) from a map that is no solid (3), a tolerance that was not reached (4) and trouble with
+the kernel or a file (5).
+"""
+
+from __future__ import annotations
+
+
+class PointCadError(Exception):
+    """Base of everything that pc2cad raises on purpose; its text is one clear sentence."""
+
+    exit_code = 5
+
+
+class InputError(PointCadError):
+    """The input (expression, template, parameter value, option) is not well formed."""
+
+    exit_code = 2
+
+
+class NotASolidError(PointCadError):
+    """The point equation is well formed, but its image is not one valid solid."""
+
+    exit_code = 3
+
+
+class ToleranceNotReachedError(PointCadError):
+    """The carriers could not be brought within the requested tolerance of the equation."""
+
+    exit_code = 4
+
+
+class KernelError(PointCadError):
+    """The CAD kernel refused an operation or delivered a result that fails its checks."""
+
+    exit_code = 5
+
+
+class FileNotWrittenError(PointCadError):
+    """A file could not be written; nothing of it is left behind."""
+
+    exit_code = 5
