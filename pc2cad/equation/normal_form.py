@@ -1,0 +1,150 @@
+"""Exact polynomial normal forms of expression trees.
+
+A tree becomes a polynomial with rational coefficients in *atoms*: symbols, constants such as pi,
+and whole sub-trees that are not polynomial (function calls, reciprocals, fractional powers). Two
+trees with one normal form are equal; the converse needs identities between atoms, of which only
+sin² = 1 - cos² is applied here.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Final
+
+from pc2cad.equation.tree import ONE, PI, ZERO, Expr, call, div, mul, number, power, walk
+
+#: A monomial: (atom, exponent) pairs in a fixed order. Atoms are compared by identity.
+Monomial = tuple[tuple[Expr, int], ...]
+#: A polynomial in atoms: no entry is zero.
+NormalForm = dict[Monomial, Fraction]
+
+#: Normal forms with more terms than this are given up: a proof that large is not worth its time.
+LARGEST_FORM: Final = 3000
+
+
+class _TooLargeError(Exception):
+    pass
+
+
+def normal_form(root: Expr, largest: int = LARGEST_FORM) -> NormalForm | None:
+    """Return the normal form of a tree, or None when it has more than `largest` terms."""
+    forms: dict[Expr, NormalForm] = {}
+    try:
+        for node in walk((root,)):
+            forms[node] = _form_of(node, forms, largest)
+    except _TooLargeError:
+        return None
+    return forms[root]
+
+
+def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
+    if node.op == "number":
+        return {(): node.payload} if node.payload else {}
+    if node.op == "add":
+        return _sum(forms[node.args[0]], forms[node.args[1]], largest)
+    if node.op == "neg":
+        return {m: -c for m, c in forms[node.args[0]].items()}
+    if node.op == "mul":
+        return _product(forms[node.args[0]], forms[node.args[1]], largest)
+    if node.op == "div":
+        inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): Fraction(1)}
+        return _product(forms[node.args[0]], inverse, largest)
+    if node.op == "pow" and node.args[1].op == "number":
+        exponent: Fraction = node.args[1].payload
+        if exponent.denominator == 1 and 0 < exponent <= 64:
+            result = forms[node.args[0]]
+            for _ in range(int(exponent) - 1):
+                result = _product(result, forms[node.args[0]], largest)
+            return result
+    return {((node, 1),): Fraction(1)}
+
+
+def _reciprocal(denominator: Expr) -> Expr:
+    return div(ONE, denominator)
+
+
+def _sum(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
+    result = dict(a)
+    for monomial, coefficient in b.items():
+        _accumulate(result, monomial, coefficient)
+    if len(result) > largest:
+        raise _TooLargeError
+    return result
+
+
+def _product(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
+    if len(a) * len(b) > 20 * largest:
+        raise _TooLargeError
+    result: NormalForm = {}
+    for left, p in a.items():
+        for right, q in b.items():
+            for monomial, factor in _join(left, right):
+                _accumulate(result, monomial, p * q * factor)
+    if len(result) > largest:
+        raise _TooLargeError
+    return result
+
+
+def _accumulate(form: NormalForm, monomial: Monomial, coefficient: Fraction) -> None:
+    total = form.get(monomial, 0) + coefficient
+    if total:
+        form[monomial] = Fraction(total)
+    else:
+        form.pop(monomial, None)
+
+
+def _join(left: Monomial, right: Monomial) -> list[tuple[Monomial, int]]:
+    """Multiply two monomials; squares of sines and of square roots are rewritten."""
+    if not left:
+        return [(right, 1)]
+    if not right:
+        return [(left, 1)]
+    exponents: dict[Expr, int] = dict(left)
+    for atom, exponent in right:
+        exponents[atom] = exponents.get(atom, 0) + exponent
+    terms: list[tuple[dict[Expr, int], int]] = [(exponents, 1)]
+    for atom in list(exponents):
+        if atom.op == "sin":
+            terms = [piece for term in terms for piece in _without_square(term, atom)]
+    return [(_ordered(powers), factor) for powers, factor in terms]
+
+
+def _without_square(term: tuple[dict[Expr, int], int], sine: Expr) -> list[tuple[dict[Expr, int], int]]:
+    powers, factor = term
+    if powers.get(sine, 0) < 2:
+        return [term]
+    cosine = call("cos", sine.args[0])
+    lower = {**powers, sine: powers[sine] - 2}
+    higher = {**lower, cosine: lower.get(cosine, 0) + 2}
+    return _without_square((lower, factor), sine) + _without_square((higher, -factor), sine)
+
+
+def _ordered(powers: dict[Expr, int]) -> Monomial:
+    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda item: id(item[0])))
+
+
+def is_identically_zero(root: Expr) -> bool:
+    """Return True when the normal form proves the tree to be zero (False proves nothing)."""
+    if root is ZERO:
+        return True
+    form = normal_form(root)
+    return form is not None and not form
+
+
+def split_turns(root: Expr) -> tuple[Fraction, Expr]:
+    """Return (r, rest) with root = r·pi + rest, rest in a canonical order of its terms."""
+    form = normal_form(root, largest=12)
+    if form is None:
+        return Fraction(0), root
+    turns = form.pop(((PI, 1),), Fraction(0))
+    rest = ZERO
+    for monomial in sorted(form, key=_printed):
+        term = number(abs(form[monomial]))
+        for atom, exponent in sorted(monomial, key=lambda item: repr(item[0])):
+            term = mul(term, power(atom, number(exponent)))
+        rest = rest + term if form[monomial] > 0 else rest - term
+    return turns, rest
+
+
+def _printed(monomial: Monomial) -> str:
+    return "*".join(sorted(f"{atom!r}^{exponent}" for atom, exponent in monomial))

@@ -1,0 +1,128 @@
+"""The point equation: what the rest of the pipeline is given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from pc2cad.equation.points import Combination, Kind, kind_of, point
+from pc2cad.equation.scalar import evaluate
+from pc2cad.equation.tree import ONE, ZERO, Expr, Number, as_expr
+from pc2cad.errors import InputError
+
+#: the three current parameters, in the order of every array and table
+PARAMETERS: Final = ("u", "v", "w")
+#: length of the unit in metres
+UNITS: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+
+#: lower and upper limit of one parameter
+Interval = tuple[Expr, Expr]
+
+
+class NotAPointEquationError(InputError):
+    """The equation's value is not a point, or it depends on more than u, v and w."""
+
+
+class EmptyDomainError(InputError):
+    """A parameter's domain has no length, or runs backwards."""
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """Exact values a template states about its solid; None where it states nothing."""
+
+    volume: float | None = None
+    area: float | None = None
+    centroid: tuple[float, float, float] | None = None
+    faces: int | None = None
+    edges: int | None = None
+    vertices: int | None = None
+    shells: int | None = None
+    euler: int | None = None
+
+
+@dataclass(frozen=True)
+class PointEquation:
+    """One solid M(u,v,w) over a box of parameters, with every template parameter bound.
+
+    ``coordinates`` are the trees of x, y and z (in `units`); their only symbols are u, v and w.
+    """
+
+    coordinates: tuple[Expr, Expr, Expr]
+    domain: tuple[Interval, Interval, Interval]
+    name: str = "part"
+    title: str = ""
+    about: str = ""
+    source: str = ""
+    units: str = "mm"
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    expectations: Expectations = Expectations()
+
+    @property
+    def limits(self) -> tuple[tuple[float, float], ...]:
+        """Lower and upper limit of u, v and w as floats."""
+        return tuple((evaluate(lo, {}), evaluate(hi, {})) for lo, hi in self.domain)
+
+
+Equation = Combination | Sequence[Expr | Number]
+Domain = Mapping[str, Sequence[Expr | Number]]
+
+
+def point_equation(
+    equation: Equation, domain: Domain | None = None, name: str = "part", units: str = "mm"
+) -> PointEquation:
+    """Return the point equation of a point (or of three coordinates) over a box.
+
+    `domain` maps u, v and w to their limits; what is missing runs from 0 to 1. Raises
+    NotAPointEquationError, WeightsDoNotSumError or EmptyDomainError.
+    """
+    if not isinstance(equation, Combination):
+        coordinates = tuple(equation)
+        if len(coordinates) != 3:
+            raise NotAPointEquationError(
+                f"a solid needs the three coordinates x, y and z; here are {len(coordinates)}"
+            )
+        equation = point(*coordinates)
+    check_point(equation)
+    if units not in UNITS:
+        raise InputError(f"unknown units '{units}'; use one of {', '.join(UNITS)}")
+    limits = domain or {}
+    unknown = set(limits) - set(PARAMETERS)
+    if unknown:
+        raise InputError(f"the domain names {sorted(unknown)[0]}; a solid has only u, v and w")
+    return PointEquation(
+        equation.coordinates,
+        tuple(interval(p, limits.get(p, (ZERO, ONE))) for p in PARAMETERS),  # type: ignore[arg-type]
+        name=name,
+        units=units,
+    )
+
+
+def check_point(value: object) -> None:
+    """Raise NotAPointEquationError unless the value is a point of u, v and w only."""
+    if not isinstance(value, (Expr, Combination)):
+        raise NotAPointEquationError("M must be a point equation")
+    kind = kind_of(value)
+    if kind is not Kind.POINT or isinstance(value, Expr):
+        raise NotAPointEquationError(f"M must be a point, and {kind.value} was given")
+    strange = set().union(*(c.symbols for c in value.coordinates)) - set(PARAMETERS)
+    if strange:
+        raise NotAPointEquationError(
+            f"M depends on {', '.join(sorted(strange))}; only u, v and w may stay free"
+        )
+
+
+def interval(parameter: str, limits: Sequence[Expr | Number]) -> Interval:
+    """Return the limits of a parameter; raise EmptyDomainError unless they ascend."""
+    if len(limits) != 2:
+        raise InputError(f"the domain of {parameter} has two limits [lower, upper]")
+    lower, upper = (as_expr(limit) for limit in limits)
+    if lower.symbols or upper.symbols:
+        raise InputError(f"the domain of {parameter} must be constant")
+    a, b = evaluate(lower, {}), evaluate(upper, {})
+    if not b - a > 1e-12 * max(abs(a), abs(b)):
+        raise EmptyDomainError(
+            f"the domain of {parameter} runs from {a:g} to {b:g}; the upper limit must be larger"
+        )
+    return lower, upper

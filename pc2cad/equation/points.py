@@ -1,0 +1,196 @@
+"""Points and free vectors of the point calculus, with the weight that tells them apart.
+
+A point equation is an affine combination of points: its weights sum to 1. A free vector's weights
+sum to 0. Anything else (M1 + M2 has weight 2) depends on where the origin happens to be, and is
+refused where a point or a vector is needed. Spec sections 1.5 and 2.1; paper section 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from pc2cad.equation.calculus import derivatives
+from pc2cad.equation.identity import is_constant_value
+from pc2cad.equation.printing import as_text
+from pc2cad.equation.tree import ONE, ZERO, Expr, Number, as_expr, call, substitute
+from pc2cad.errors import InputError
+
+
+class WeightsDoNotSumError(InputError):
+    """The weights of a combination sum to neither 1 (a point) nor 0 (a free vector)."""
+
+
+class Kind(Enum):
+    """What a value of the language is."""
+
+    SCALAR = "a scalar"
+    POINT = "a point"
+    VECTOR = "a free vector"
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """A linear combination of points: three coordinates and the sum of the weights."""
+
+    x: Expr
+    y: Expr
+    z: Expr
+    weight: Expr
+
+    @property
+    def coordinates(self) -> tuple[Expr, Expr, Expr]:
+        """The coordinate-wise system (x, y, z)."""
+        return self.x, self.y, self.z
+
+    def __add__(self, other: Combination) -> Combination:
+        if not isinstance(other, Combination):
+            return NotImplemented
+        return Combination(
+            self.x + other.x, self.y + other.y, self.z + other.z, self.weight + other.weight
+        )
+
+    def __sub__(self, other: Combination) -> Combination:
+        if not isinstance(other, Combination):
+            return NotImplemented
+        return self + (-other)
+
+    def __neg__(self) -> Combination:
+        return Combination(-self.x, -self.y, -self.z, -self.weight)
+
+    def __mul__(self, factor: Expr | Number) -> Combination:
+        if isinstance(factor, Combination):
+            return NotImplemented
+        f = as_expr(factor)
+        return Combination(f * self.x, f * self.y, f * self.z, f * self.weight)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: Expr | Number) -> Combination:
+        if isinstance(divisor, Combination):
+            return NotImplemented
+        return self * (1 / as_expr(divisor))
+
+    def map(self, change: Callable[[tuple[Expr, ...]], tuple[Expr, ...]]) -> Combination:
+        """Return the combination with all four trees changed at once (substitution, derivative)."""
+        return Combination(*change((self.x, self.y, self.z, self.weight)))
+
+    def substitute(self, values: dict[str, Expr]) -> Combination:
+        """Return the combination with symbols replaced."""
+        return self.map(lambda roots: substitute(roots, values))
+
+
+Value = Expr | Combination
+
+
+def point(x: Expr | Number, y: Expr | Number, z: Expr | Number) -> Combination:
+    """Return the point with these coordinates (model units)."""
+    return Combination(as_expr(x), as_expr(y), as_expr(z), ONE)
+
+
+def vector(x: Expr | Number, y: Expr | Number, z: Expr | Number) -> Combination:
+    """Return the free vector with these components (model units)."""
+    return Combination(as_expr(x), as_expr(y), as_expr(z), ZERO)
+
+
+def kind_of(value: Value) -> Kind:
+    """Return what the value is; raise WeightsDoNotSumError for what is neither point nor vector."""
+    if isinstance(value, Expr):
+        return Kind.SCALAR
+    if is_constant_value(value.weight, 1):
+        return Kind.POINT
+    if is_constant_value(value.weight, 0):
+        return Kind.VECTOR
+    raise WeightsDoNotSumError(
+        f"the weights of the points sum to {_short(value.weight)}; those of a point equation sum "
+        "to 1 and those of a free vector to 0"
+    )
+
+
+def _short(weight: Expr) -> str:
+    from pc2cad.equation.normal_form import normal_form
+
+    form = normal_form(weight, largest=200)
+    if form is not None and set(form) <= {()}:
+        return str(form.get((), 0))
+    text = as_text(weight)
+    return text if len(text) <= 120 else text[:117] + "…"
+
+
+def _need(value: Value, kind: Kind, role: str) -> Combination:
+    found = kind_of(value)
+    if found is not kind or isinstance(value, Expr):
+        raise InputError(f"{role} must be {kind.value}, and {found.value} was given")
+    return value
+
+
+def dot(a: Value, b: Value) -> Expr:
+    """Return the scalar product of two free vectors."""
+    a = _need(a, Kind.VECTOR, "the first operand of dot")
+    b = _need(b, Kind.VECTOR, "the second operand of dot")
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def cross(a: Value, b: Value) -> Combination:
+    """Return the vector product of two free vectors."""
+    a = _need(a, Kind.VECTOR, "the first operand of cross")
+    b = _need(b, Kind.VECTOR, "the second operand of cross")
+    return _cross(a, b)
+
+
+def _cross(a: Combination, b: Combination) -> Combination:
+    return vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+def length(a: Value) -> Expr:
+    """Return the length of a free vector."""
+    a = _need(a, Kind.VECTOR, "the operand of length")
+    return call("sqrt", a.x**2 + a.y**2 + a.z**2)
+
+
+def unit(a: Value) -> Combination:
+    """Return the free vector divided by its length."""
+    a = _need(a, Kind.VECTOR, "the operand of unit")
+    return a / length(a)
+
+
+def distance(a: Value, b: Value) -> Expr:
+    """Return the distance of two points."""
+    first = _need(a, Kind.POINT, "the first operand of distance")
+    return length(first - _need(b, Kind.POINT, "the second operand of distance"))
+
+
+def det(a: Value, b: Value, c: Value) -> Expr:
+    """Return the determinant (mixed product) of three free vectors."""
+    third = _need(c, Kind.VECTOR, "the third operand of det")
+    product = cross(a, b)
+    return product.x * third.x + product.y * third.y + product.z * third.z
+
+
+def metric(a: Value, b: Value, c: Value) -> Expr:
+    """Return the metric operator of three points, CA·CB (spec 2.1)."""
+    a, b, c = (_need(p, Kind.POINT, "an operand of metric") for p in (a, b, c))
+    return dot(a - c, b - c)
+
+
+def translate(a: Value, b: Value, c: Value) -> Combination:
+    """Return the parallel translation of AB to C: the point C + B - A (spec 2.1)."""
+    a, b, c = (_need(p, Kind.POINT, "an operand of translate") for p in (a, b, c))
+    return c + b - a
+
+
+def exit_from_plane(n: Value, p: Value, q: Value) -> Combination:
+    """Return the exit point from the plane NPQ: N + NP × NQ (spec 2.1)."""
+    n, p, q = (_need(x, Kind.POINT, "an operand of exit_from_plane") for x in (n, p, q))
+    return n + _cross(p - n, q - n)
+
+
+def derivative(value: Value, name: str, order: int = 1) -> Value:
+    """Return the derivative of a scalar, point or vector; that of a point is a free vector."""
+    for _ in range(order):
+        if isinstance(value, Expr):
+            (value,) = derivatives((value,), name)
+        else:
+            value = value.map(lambda roots: derivatives(roots, name))
+    return value

@@ -1,0 +1,249 @@
+"""Text of the equation language to a syntax tree: lexer and precedence-climbing parser.
+
+Nothing is ever handed to Python's own evaluator. The text is ASCII; its length, its number of
+tokens and its depth are limited, so that no input can exhaust time or memory.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Final
+
+from pc2cad.errors import InputError
+
+LONGEST_TEXT: Final = 4000
+MOST_TOKENS: Final = 2000
+DEEPEST_NESTING: Final = 60
+LONGEST_NUMBER: Final = 40
+LONGEST_NAME: Final = 64
+
+
+class ExpressionSyntaxError(InputError):
+    """The text is not an expression of the language; `column` counts from 1."""
+
+    def __init__(self, message: str, column: int) -> None:
+        super().__init__(f"column {column}: {message}")
+        self.column = column
+
+
+@dataclass(frozen=True)
+class Node:
+    """A syntax node and the column (from 1) where it begins."""
+
+    column: int
+
+
+@dataclass(frozen=True)
+class NumberNode(Node):
+    """A number, exact."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True)
+class NameNode(Node):
+    """A name that stands alone."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class NegationNode(Node):
+    """Unary minus."""
+
+    operand: Node
+
+
+@dataclass(frozen=True)
+class BinaryNode(Node):
+    """One of ``+ - * / ^`` with its operands; `column` is the operator's."""
+
+    operator: str
+    left: Node
+    right: Node
+
+
+@dataclass(frozen=True)
+class CallNode(Node):
+    """A function with its operands."""
+
+    name: str
+    operands: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class TripleNode(Node):
+    """A point by its coordinates, ``[x, y, z]``."""
+
+    operands: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class _Token:
+    kind: str  # number, name, operator, end
+    text: str
+    column: int
+
+
+_TOKEN: Final = re.compile(
+    r"(?P<space>[ \t\r\n]+)"
+    r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)"
+    r"|(?P<operator>\*\*|[-+*/^(),\[\]])"
+)
+
+
+def _tokens(text: str) -> list[_Token]:
+    if len(text) > LONGEST_TEXT:
+        raise ExpressionSyntaxError(
+            f"the expression has {len(text)} characters, more than {LONGEST_TEXT}; "
+            "split it into [let] entries", LONGEST_TEXT + 1,
+        )  # fmt: skip
+    tokens: list[_Token] = []
+    position = 0
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        column = position + 1
+        if match is None:
+            raise ExpressionSyntaxError(_unknown_character(text[position]), column)
+        kind, piece = str(match.lastgroup), match.group()
+        position = match.end()
+        if kind == "space":
+            continue
+        if kind == "number":
+            _check_number(piece, text[position : position + 1], column)
+        if kind == "name" and len(piece) > LONGEST_NAME:
+            raise ExpressionSyntaxError(f"a name is longer than {LONGEST_NAME} characters", column)
+        tokens.append(_Token(kind, "^" if piece == "**" else piece, column))
+        if len(tokens) > MOST_TOKENS:
+            raise ExpressionSyntaxError(f"the expression has over {MOST_TOKENS} tokens", column)
+    tokens.append(_Token("end", "", len(text) + 1))
+    return tokens
+
+
+def _check_number(piece: str, following: str, column: int) -> None:
+    if len(piece) > LONGEST_NUMBER:
+        raise ExpressionSyntaxError(f"a number is longer than {LONGEST_NUMBER} characters", column)
+    if following.isalpha() or following == "_":
+        raise ExpressionSyntaxError(
+            f"'{piece}{following}' is neither a number nor a name; "
+            f"write '{piece}*{following}…' for a product", column,
+        )  # fmt: skip
+    if "e" in piece.lower() and abs(int(piece.lower().split("e")[1])) > 60:
+        raise ExpressionSyntaxError(f"{piece} is outside the range 1e-60 to 1e60", column)
+
+
+def _unknown_character(character: str) -> str:
+    shown = repr(character) if character.isprintable() else f"U+{ord(character):04X}"
+    hints = {"=": "; an equation's right side alone is written", "'": "; w̄ is written (1 - w)"}
+    if not character.isascii():
+        return f"the character {shown} is not ASCII; write names and operators in plain letters"
+    return f"the character {shown} has no meaning here{hints.get(character, '')}"
+
+
+_PRECEDENCE: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
+_UNARY: Final = 3  # below ^: -u^2 is -(u^2)
+
+
+class _Parser:
+    def __init__(self, text: str) -> None:
+        self._tokens = _tokens(text)
+        self._position = 0
+        self._depth = 0
+
+    @property
+    def _next(self) -> _Token:
+        return self._tokens[self._position]
+
+    def _take(self) -> _Token:
+        token = self._next
+        self._position += 1
+        return token
+
+    def _expect(self, text: str, purpose: str) -> None:
+        token = self._take()
+        if token.text != text or token.kind == "end":
+            raise ExpressionSyntaxError(f"expected '{text}' {purpose}, found {_shown(token)}",
+                                        token.column)  # fmt: skip
+
+    def whole(self) -> Node:
+        node = self._expression(0)
+        if self._next.kind != "end":
+            token = self._next
+            hint = "; write * for a product" if token.kind in ("number", "name") or (
+                token.text in "([") else ""
+            raise ExpressionSyntaxError(
+                f"expected an operator or the end, found {_shown(token)}{hint}", token.column
+            )
+        return node
+
+    def _expression(self, strength: int) -> Node:
+        self._depth += 1
+        if self._depth > DEEPEST_NESTING:
+            raise ExpressionSyntaxError(
+                f"the expression is nested deeper than {DEEPEST_NESTING}", self._next.column
+            )
+        left = self._operand()
+        while self._next.kind == "operator":
+            operator = self._next
+            precedence = _PRECEDENCE.get(operator.text, 0)
+            if precedence <= strength:
+                break
+            self._take()
+            # ^ binds to the right: 2^3^2 is 2^(3^2)
+            right = self._expression(precedence - 1 if operator.text == "^" else precedence)
+            left = BinaryNode(operator.column, operator.text, left, right)
+        self._depth -= 1
+        return left
+
+    def _operand(self) -> Node:
+        token = self._take()
+        if token.kind == "number":
+            return NumberNode(token.column, Fraction(token.text))
+        if token.kind == "name":
+            if self._next.text == "(" and self._next.kind == "operator":
+                self._take()
+                return CallNode(token.column, token.text, self._list(")", f"to end {token.text}("))
+            return NameNode(token.column, token.text)
+        if token.text == "-":
+            return NegationNode(token.column, self._expression(_UNARY))
+        if token.text == "(":
+            node = self._expression(0)
+            self._expect(")", f"to match the '(' at column {token.column}")
+            return node
+        if token.text == "[":
+            operands = self._list("]", f"to match the '[' at column {token.column}")
+            if len(operands) != 3:
+                raise ExpressionSyntaxError(
+                    f"a point has 3 coordinates [x, y, z], here are {len(operands)}", token.column
+                )
+            return TripleNode(token.column, operands)
+        raise ExpressionSyntaxError(
+            f"expected a number, a name or '(', found {_shown(token)}", token.column
+        )
+
+    def _list(self, closing: str, purpose: str) -> tuple[Node, ...]:
+        operands: list[Node] = []
+        if self._next.text == closing:
+            self._take()
+            return ()
+        while True:
+            operands.append(self._expression(0))
+            if self._next.text == ",":
+                self._take()
+                continue
+            self._expect(closing, purpose)
+            return tuple(operands)
+
+
+def _shown(token: _Token) -> str:
+    return "the end" if token.kind == "end" else f"'{token.text}'"
+
+
+def parse(text: str) -> Node:
+    """Return the syntax tree of an expression; raise ExpressionSyntaxError with the column."""
+    if not text.strip():
+        raise ExpressionSyntaxError("the expression is empty", 1)
+    return _Parser(text).whole()

@@ -1,0 +1,304 @@
+"""Frozen, interned expression trees over the reals.
+
+Equal trees are the same object, so that identity decides structural equality, common
+sub-expressions are stored (and evaluated) once, and a proof such as M(u,0,w) = M(u,1,w) is often a
+comparison of two references. Numbers are exact fractions; nothing is rounded in this module.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any, Final
+from weakref import WeakValueDictionary
+
+from pc2cad.errors import InputError
+
+Number = int | float | Fraction
+
+#: Constants must stay where floating point has room on both sides.
+LARGEST_CONSTANT: Final = Fraction(10) ** 60
+#: Powers of numbers are folded exactly only while they stay this small.
+LARGEST_FOLDED_BITS: Final = 512
+LARGEST_EXPONENT: Final = 1000
+
+_interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
+
+
+class ValueDomainError(InputError):
+    """A constant expression has no finite real value, or is out of the supported range."""
+
+
+class Expr:
+    """A node: an operation, its operands, and a payload for leaves.
+
+    ``op`` is ``"number"`` (payload: Fraction), ``"constant"`` (payload: ``pi`` or ``e``),
+    ``"symbol"`` (payload: name), one of ``add mul div pow neg``, a function name, or ``"pieces"``
+    (a piecewise polynomial, see `pieces`). Build nodes with the functions below, never directly.
+    """
+
+    __slots__ = ("__weakref__", "args", "op", "payload", "symbols")
+
+    op: str
+    args: tuple[Expr, ...]
+    payload: Any
+    symbols: frozenset[str]
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError("expression trees are frozen")
+
+    def __add__(self, other: Expr | Number) -> Expr:
+        return add(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __radd__(self, other: Number) -> Expr:
+        return add(as_expr(other), self)
+
+    def __sub__(self, other: Expr | Number) -> Expr:
+        return add(self, neg(as_expr(other))) if _is_scalar(other) else NotImplemented
+
+    def __rsub__(self, other: Number) -> Expr:
+        return add(as_expr(other), neg(self))
+
+    def __mul__(self, other: Expr | Number) -> Expr:
+        return mul(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __rmul__(self, other: Number) -> Expr:
+        return mul(as_expr(other), self)
+
+    def __truediv__(self, other: Expr | Number) -> Expr:
+        return div(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __rtruediv__(self, other: Number) -> Expr:
+        return div(as_expr(other), self)
+
+    def __pow__(self, other: Expr | Number) -> Expr:
+        return power(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __rpow__(self, other: Number) -> Expr:
+        return power(as_expr(other), self)
+
+    def __neg__(self) -> Expr:
+        return neg(self)
+
+    def __repr__(self) -> str:
+        from pc2cad.equation.printing import as_text
+
+        return as_text(self)
+
+
+def _is_scalar(value: object) -> bool:
+    return isinstance(value, (Expr, int, float, Fraction)) and not isinstance(value, bool)
+
+
+def _make(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
+    key = (op, args, payload)
+    node = _interned.get(key)
+    if node is None:
+        node = object.__new__(Expr)
+        symbols: frozenset[str] = frozenset((payload,)) if op == "symbol" else frozenset()
+        for arg in args:
+            if not arg.symbols <= symbols:
+                symbols |= arg.symbols
+        for name, value in (("op", op), ("args", args), ("payload", payload), ("symbols", symbols)):
+            object.__setattr__(node, name, value)
+        _interned[key] = node
+    return node
+
+
+def number(value: Number) -> Expr:
+    """Return the exact number; a float means the decimal it prints as (0.1 is 1/10)."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise ValueDomainError(f"{value} is not a finite number")
+        value = Fraction(repr(value))
+    value = Fraction(value)
+    if abs(value) > LARGEST_CONSTANT or 0 < abs(value) < 1 / LARGEST_CONSTANT:
+        raise ValueDomainError("a constant is outside the range 1e-60 to 1e60")
+    return _make("number", (), value)
+
+
+def as_expr(value: Expr | Number) -> Expr:
+    """Return `value` as a tree; numbers become exact constants."""
+    return value if isinstance(value, Expr) else number(value)
+
+
+def symbol(name: str) -> Expr:
+    """Return the symbol `name` (a parameter of the box or of the template)."""
+    return _make("symbol", (), name)
+
+
+PI: Final = _make("constant", (), "pi")
+E: Final = _make("constant", (), "e")
+ZERO: Final = number(0)
+ONE: Final = number(1)
+
+
+def add(a: Expr, b: Expr) -> Expr:
+    """Return a + b."""
+    if a is ZERO:
+        return b
+    if b is ZERO:
+        return a
+    if a.op == "number" and b.op == "number":
+        return number(a.payload + b.payload)
+    if (b.op == "neg" and b.args[0] is a) or (a.op == "neg" and a.args[0] is b):
+        return ZERO
+    return _make("add", (a, b))
+
+
+def neg(a: Expr) -> Expr:
+    """Return -a."""
+    if a.op == "number":
+        return number(-a.payload)
+    if a.op == "neg":
+        return a.args[0]
+    return _make("neg", (a,))
+
+
+def mul(a: Expr, b: Expr) -> Expr:
+    """Return a·b."""
+    if a is ZERO or b is ZERO:
+        return ZERO
+    if a is ONE:
+        return b
+    if b is ONE:
+        return a
+    if a.op == "number" and b.op == "number":
+        return number(a.payload * b.payload)
+    if a.op == "neg":
+        return neg(mul(a.args[0], b))
+    if b.op == "neg":
+        return neg(mul(a, b.args[0]))
+    return _make("mul", (a, b))
+
+
+def div(a: Expr, b: Expr) -> Expr:
+    """Return a/b; division by the constant 0 raises ValueDomainError."""
+    if b is ZERO:
+        raise ValueDomainError("division by zero")
+    if a is ZERO or b is ONE:
+        return a
+    if b.op == "number":
+        if a.op == "number":
+            return number(a.payload / b.payload)
+        return mul(number(1 / b.payload), a)
+    return _make("div", (a, b))
+
+
+def power(a: Expr, b: Expr) -> Expr:
+    """Return a**b; 0**0 is 1 only for an exponent written as the constant 0."""
+    if b.op == "number":
+        exponent: Fraction = b.payload
+        if abs(exponent) > LARGEST_EXPONENT:
+            raise ValueDomainError(f"the exponent {exponent} is larger than {LARGEST_EXPONENT}")
+        if exponent == 0:
+            return ONE
+        if exponent == 1:
+            return a
+        if exponent == Fraction(1, 2):
+            return call("sqrt", a)
+        if a.op == "number":
+            return _power_of_number(a, exponent, b)
+    return _make("pow", (a, b))
+
+
+def _power_of_number(a: Expr, exponent: Fraction, b: Expr) -> Expr:
+    base: Fraction = a.payload
+    if base == 0:
+        if exponent < 0:
+            raise ValueDomainError("division by zero")
+        return ZERO
+    if base < 0 and exponent.denominator != 1:
+        raise ValueDomainError(f"({base})**({exponent}) is not a real number")
+    bits = max(abs(base.numerator).bit_length(), base.denominator.bit_length())
+    if exponent.denominator == 1 and bits * abs(exponent.numerator) <= LARGEST_FOLDED_BITS:
+        return number(base**exponent.numerator)
+    return _make("pow", (a, b))
+
+
+def call(name: str, *args: Expr) -> Expr:
+    """Return the function `name` of `functions.FUNCTIONS` applied to `args`."""
+    from pc2cad.equation.functions import fold
+
+    folded = fold(name, args)
+    return folded if isinstance(folded, Expr) else _make(name, folded)
+
+
+def pieces(arg: Expr, breaks: tuple[Fraction, ...], rows: tuple[tuple[Expr, ...], ...],
+           smoothness: int) -> Expr:
+    """Return a closed piecewise polynomial of `arg`, of period breaks[-1] - breaks[0].
+
+    ``rows[i]`` holds the ascending coefficients on [breaks[i], breaks[i+1]] in the local variable
+    arg - breaks[i]; all rows have one length. `smoothness` is the order of continuity (0: value,
+    1: first derivative) at every break, the closing one included.
+    """
+    width = len(rows[0])
+    if all(c is ZERO for row in rows for c in row):
+        return ZERO
+    if arg.op == "number":
+        period = breaks[-1] - breaks[0]
+        t = (arg.payload - breaks[0]) % period + breaks[0]
+        index = max(i for i in range(len(rows)) if breaks[i] <= t)
+        value = ZERO
+        for coefficient in reversed(rows[index]):
+            value = value * (t - breaks[index]) + coefficient
+        return value
+    flat = tuple(c for row in rows for c in row)
+    return _make("pieces", (arg, *flat), (breaks, width, smoothness))
+
+
+def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
+    """Return the coefficient rows of a ``pieces`` node."""
+    _, width, _ = node.payload
+    flat = node.args[1:]
+    return tuple(flat[i : i + width] for i in range(0, len(flat), width))
+
+
+def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
+    """Return the node's operation applied to other operands, folded anew."""
+    if node.op == "add":
+        return add(*args)
+    if node.op == "mul":
+        return mul(*args)
+    if node.op == "div":
+        return div(*args)
+    if node.op == "pow":
+        return power(*args)
+    if node.op == "neg":
+        return neg(*args)
+    if node.op == "pieces":
+        breaks, width, smoothness = node.payload
+        rows = tuple(args[1 + i : 1 + i + width] for i in range(0, len(args) - 1, width))
+        return pieces(args[0], breaks, rows, smoothness)
+    return call(node.op, *args)
+
+
+def walk(roots: tuple[Expr, ...]) -> Iterator[Expr]:
+    """Yield every node below `roots` once, operands before the node that uses them."""
+    seen: set[int] = set()
+    stack: list[tuple[Expr, bool]] = [(root, False) for root in reversed(roots)]
+    while stack:
+        node, expanded = stack.pop()
+        if id(node) in seen:
+            continue
+        if expanded or not node.args:
+            seen.add(id(node))
+            yield node
+        else:
+            stack.append((node, True))
+            stack.extend((arg, False) for arg in reversed(node.args))
+
+
+def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:
+    """Return the trees with symbols replaced and everything folded anew."""
+    names = frozenset(values)
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots):
+        if node.op == "symbol":
+            done[node] = values.get(node.payload, node)
+        elif node.symbols.isdisjoint(names):
+            done[node] = node
+        else:
+            done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
+    return tuple(done[root] for root in roots)
