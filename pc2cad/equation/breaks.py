@@ -1,0 +1,82 @@
+"""Breaks of a parameter direction: where a piecewise function changes its piece."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, floor
+
+from pc2cad.equation.normal_form import normal_form
+from pc2cad.equation.point_equation import PARAMETERS
+from pc2cad.equation.scalar import evaluate
+from pc2cad.equation.tree import Expr, substitute, walk
+from pc2cad.errors import InputError
+
+#: positions nearer than this (of a direction of length 1) are one break
+SAME_POSITION = 1e-12
+
+
+class BreaksNotAlignedError(InputError):
+    """A piecewise function's breaks do not lie at constant values of one parameter."""
+
+
+@dataclass(frozen=True)
+class Break:
+    """A place in [0, 1] where only derivatives up to order `smoothness` are continuous."""
+
+    position: float
+    smoothness: int
+
+
+def find_breaks(roots: tuple[Expr, ...]) -> tuple[tuple[Break, ...], ...]:
+    """Return the breaks per direction (u, v, w), ascending, ends included where one lies there.
+
+    The trees are in local coordinates. Raises BreaksNotAlignedError for a piecewise function whose
+    argument is not an affine function of a single parameter.
+    """
+    found: tuple[dict[float, int], ...] = ({}, {}, {})
+    for node in walk(roots):
+        if node.op != "pieces":
+            continue
+        argument = node.args[0]
+        if len(argument.symbols) != 1 or not _is_affine(argument):
+            raise BreaksNotAlignedError(
+                f"a piecewise curve is taken at {argument!r}; its breaks are lines of the solid "
+                "only when that is a·v + b in one of the parameters"
+            )
+        (name,) = argument.symbols
+        breaks, _, smoothness = node.payload
+        for position in _positions(argument, name, [float(b) for b in breaks]):
+            table = found[PARAMETERS.index(name)]
+            same = next((p for p in table if abs(p - position) < SAME_POSITION), position)
+            table[same] = min(table.get(same, smoothness), smoothness)
+    return tuple(tuple(Break(p, s) for p, s in sorted(table.items())) for table in found)
+
+
+def _is_affine(argument: Expr) -> bool:
+    form = normal_form(argument, largest=50)
+    if form is None:
+        return False
+    for monomial in form:
+        free = [(atom, exponent) for atom, exponent in monomial if atom.symbols]
+        if len(free) > 1 or any(atom.op != "symbol" or e != 1 for atom, e in free):
+            return False
+    return True
+
+
+def _positions(argument: Expr, name: str, breaks: list[float]) -> list[float]:
+    at = [evaluate(argument, {name: x}) for x in (0.0, 1.0)]
+    slope = at[1] - at[0]
+    period = breaks[-1] - breaks[0]
+    low, high = min(at), max(at)
+    turns = range(floor((low - breaks[0]) / period), ceil((high - breaks[0]) / period) + 1)
+    places = [(b + k * period - at[0]) / slope for k in turns for b in breaks[:-1]]
+    inside = [p for p in places if -SAME_POSITION <= p <= 1 + SAME_POSITION]
+    return sorted(min(max(p, 0.0), 1.0) for p in inside)
+
+
+def is_periodic(roots: tuple[Expr, ...], name: str) -> bool:
+    """Return True when the trees are proved to have period 1 in a symbol of local coordinates."""
+    from pc2cad.equation.tree import ONE, symbol
+
+    shifted = substitute(roots, {name: symbol(name) + ONE})
+    return all(a is b for a, b in zip(shifted, roots, strict=True))

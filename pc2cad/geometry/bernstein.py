@@ -1,0 +1,153 @@
+"""Exact change of basis: trees that are polynomial in some parameters to Bernstein coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.equation.normal_form import NormalForm, normal_form
+from pc2cad.equation.scalar import evaluate
+from pc2cad.equation.tree import Expr, walk
+
+Array = NDArray[np.float64]
+
+#: the kernel's largest degree of a Bézier or B-spline
+LARGEST_DEGREE = 25
+
+
+def degree_in(roots: Sequence[Expr], name: str) -> int | None:
+    """Return the degree of the trees in one symbol, or None where they are not polynomial in it.
+
+    Terms that would cancel are counted. Piecewise polynomials count with the degree of their
+    pieces: whoever uses the degree must put knots at their breaks.
+    """
+    degrees: dict[Expr, int | None] = {}
+    for node in walk(tuple(roots)):
+        if name not in node.symbols:
+            degrees[node] = 0
+            continue
+        degrees[node] = _node_degree(node, [degrees[arg] for arg in node.args])
+    found = [degrees[root] for root in roots]
+    known = [d for d in found if d is not None]
+    return max(known) if len(known) == len(found) and max(known) <= LARGEST_DEGREE else None
+
+
+def _node_degree(node: Expr, degrees: list[int | None]) -> int | None:
+    known = [d for d in degrees if d is not None]
+    if len(known) < len(degrees):
+        return None
+    if node.op == "symbol":
+        return 1
+    if node.op in ("add", "neg"):
+        return max(known)
+    if node.op == "mul":
+        return sum(known)
+    if node.op == "div":
+        return known[0] if known[1] == 0 else None
+    if node.op == "pow" and node.args[1].op == "number":
+        exponent: Fraction = node.args[1].payload
+        whole = exponent.denominator == 1 and 0 < exponent <= LARGEST_DEGREE
+        return known[0] * int(exponent) if whole else None
+    if node.op == "pieces":
+        width = node.payload[1]
+        return known[0] * (width - 1) + max(known[1:])
+    return None
+
+
+def bernstein(roots: Sequence[Expr], names: Sequence[str]) -> Array | None:
+    """Return Bernstein coefficients of trees that are polynomial in `names` on the unit box.
+
+    Shape (n1 + 1, …, len(roots)), degrees n taken as low as the trees allow, at least 1.
+    Coefficients that are rational are converted exactly and rounded once. None where a tree is not
+    a polynomial, or has a degree above `LARGEST_DEGREE`.
+    """
+    tables = []
+    for root in roots:
+        form = normal_form(root)
+        table = None if form is None else _power_table(form, tuple(names))
+        if table is None:
+            return None
+        tables.append(table)
+    degrees = tuple(
+        max([1, *(powers[axis] for table in tables for powers in table)])
+        for axis in range(len(names))
+    )
+    if max(degrees) > LARGEST_DEGREE:
+        return None
+    result = np.empty((*(n + 1 for n in degrees), len(roots)))
+    for column, table in enumerate(tables):
+        result[..., column] = _change_of_basis(table, degrees)
+    return result
+
+
+_Table = dict[tuple[int, ...], Fraction | float]
+
+
+def _power_table(form: NormalForm, names: tuple[str, ...]) -> _Table | None:
+    """Collect a normal form by powers of the names; None where an atom depends on them."""
+    table: _Table = {}
+    for monomial, coefficient in form.items():
+        powers = [0] * len(names)
+        value: Fraction | float = coefficient
+        for atom, exponent in monomial:
+            if atom.op == "symbol" and atom.payload in names:
+                powers[names.index(atom.payload)] = exponent
+            elif atom.symbols:
+                return None
+            else:
+                value = float(value) * evaluate(atom, {}) ** exponent
+        key = tuple(powers)
+        table[key] = table.get(key, Fraction(0)) + value
+    return table
+
+
+def _change_of_basis(table: _Table, degrees: tuple[int, ...]) -> Array:
+    shape = tuple(n + 1 for n in degrees)
+    exact = all(isinstance(value, Fraction) for value in table.values())
+    values = np.zeros(shape, dtype=object if exact else float)
+    for powers, value in table.items():
+        values[powers] = value
+    for axis, n in enumerate(degrees):
+        matrix = np.array(
+            [
+                [Fraction(comb(j, i), comb(n, i)) if i <= j else Fraction(0) for i in range(n + 1)]
+                for j in range(n + 1)
+            ],
+            dtype=object,
+        )
+        if not exact:
+            matrix = matrix.astype(float)
+        values = np.moveaxis(np.tensordot(matrix, values, axes=(1, axis)), 0, axis)
+    return values.astype(float)
+
+
+def bezier_knots(degree: int) -> Array:
+    """Return the clamped knots of a single Bézier piece on [0, 1]."""
+    return np.repeat([0.0, 1.0], degree + 1)
+
+
+def linear_span(roots: Sequence[Expr]) -> Array | None:
+    """Return the coefficient vectors of the trees' non-constant parts, shape (k, len(roots)).
+
+    Each row belongs to one monomial in non-constant atoms; the vectors span the directions in
+    which the point can move. Rank 2 proves a planar face, whatever its functions are. None where
+    the normal form is too large.
+    """
+    rows: dict[object, list[float]] = {}
+    for column, root in enumerate(roots):
+        form = normal_form(root, largest=400)
+        if form is None:
+            return None
+        for monomial, coefficient in form.items():
+            key = tuple((atom, e) for atom, e in monomial if atom.symbols)
+            value = float(coefficient)
+            for atom, exponent in monomial:
+                if not atom.symbols:
+                    value *= evaluate(atom, {}) ** exponent
+            if key:
+                rows.setdefault(key, [0.0] * len(roots))[column] += value
+    return np.array(list(rows.values())).reshape(-1, len(roots))

@@ -1,0 +1,84 @@
+"""The map M of a point equation on arrays: points, tangents and the Jacobian determinant.
+
+Parameters are normalised: every function takes local coordinates in [0, 1] of the box and returns
+model units. Arrays are open grids in the sense of numpy.ix_, so that a sub-expression of one
+parameter is evaluated once per value of that parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pc2cad.equation.calculus import derivatives
+from pc2cad.equation.evaluation import Program
+from pc2cad.equation.point_equation import PARAMETERS, PointEquation
+from pc2cad.equation.tree import Expr, add, mul, substitute, symbol
+
+Array = NDArray[np.float64]
+
+
+def local_coordinates(equation: PointEquation) -> tuple[Expr, Expr, Expr]:
+    """Return the trees of x, y, z with u, v, w running over [0, 1]."""
+    change = {
+        name: add(low, mul(add(high, -low), symbol(name)))
+        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
+    }
+    x, y, z = substitute(equation.coordinates, change)
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class Mapping3:
+    """M(u,v,w) over the unit box with its first derivatives.
+
+    The programs are made on first use and kept; the trees themselves are never changed.
+    """
+
+    coordinates: tuple[Expr, Expr, Expr]
+    _programs: dict[str, Program] = field(default_factory=dict, compare=False, repr=False)
+
+    def points(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
+        """Return M, shape broadcast(u, v, w) + (3,)."""
+        return self._run("M", self.coordinates, u, v, w)
+
+    def tangent(self, direction: int, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
+        """Return the derivative of M in one direction (0: u, 1: v, 2: w); shape as `points`."""
+        name = PARAMETERS[direction]
+        return self._run(name, self.derivative_trees[direction], u, v, w)
+
+    def jacobian(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
+        """Return det J = M_u · (M_v × M_w), shape broadcast(u, v, w)."""
+        mu, mv, mw = (self.tangent(d, u, v, w) for d in range(3))
+        determinant: Array = np.einsum("...i,...i->...", mu, np.cross(mv, mw))
+        return determinant
+
+    @cached_property
+    def derivative_trees(self) -> tuple[tuple[Expr, ...], ...]:
+        """Trees of M_u, M_v and M_w."""
+        return tuple(derivatives(self.coordinates, name) for name in PARAMETERS)
+
+    def _run(
+        self, key: str, trees: tuple[Expr, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike
+    ) -> Array:
+        if key not in self._programs:
+            self._programs[key] = Program(trees)
+        values: Mapping[str, Array] = {
+            name: np.asarray(value, dtype=float)
+            for name, value in zip(PARAMETERS, (u, v, w), strict=True)
+        }
+        shape = np.broadcast_shapes(*(value.shape for value in values.values()))
+        result = np.empty((*shape, 3))
+        for axis, column in enumerate(self._programs[key](values)):
+            result[..., axis] = column
+        return result
+
+
+def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return u, v, w shaped (n,1,1), (1,m,1), (1,1,k) for evaluation on their product grid."""
+    a, b, c = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (u, v, w))
+    return a[:, None, None], b[None, :, None], c[None, None, :]

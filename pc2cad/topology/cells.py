@@ -1,0 +1,130 @@
+"""The cells of a parameter box and their incidence: pure tables.
+
+A direction with n pieces (n - 1 breaks) has 2n + 1 positions: even ones are limits or breaks, odd
+ones the open pieces between them. A cell is one position per direction; its dimension is the
+number of odd positions. Without breaks there are 27 cells: 8 corners, 12 edges, 6 sides and the
+interior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+#: one position per direction u, v, w
+Cell = tuple[int, int, int]
+#: printed limits and breaks per direction
+Labels = tuple[tuple[str, ...], ...]
+DIRECTIONS: Final = (0, 1, 2)
+
+
+def dimension(cell: Cell) -> int:
+    """Return the number of directions in which the cell extends."""
+    return sum(position % 2 for position in cell)
+
+
+def directions_of(cell: Cell) -> tuple[int, ...]:
+    """Return the directions in which the cell extends, ascending."""
+    return tuple(d for d in DIRECTIONS if cell[d] % 2)
+
+
+def neighbour(cell: Cell, direction: int, step: int) -> Cell:
+    """Return the cell moved by `step` positions along one direction."""
+    moved = list(cell)
+    moved[direction] += step
+    return moved[0], moved[1], moved[2]
+
+
+def boundary_patches(pieces: tuple[int, int, int]) -> tuple[Cell, ...]:
+    """Return the 2-cells on the six sides of a box with this many pieces per direction."""
+    return tuple(
+        cell
+        for cell in product(*(range(2 * n + 1) for n in pieces))
+        if dimension(cell) == 2 and all(p % 2 or p in (0, 2 * n) for p, n in zip(cell, pieces, strict=True))
+    )
+
+
+@dataclass(frozen=True)
+class PatchEdge:
+    """One of the four sides of a patch, walked anti-clockwise in its local (s, t)."""
+
+    cell: Cell
+    direction: int
+    #: False where the walk goes against the direction of the parameter
+    forward: bool
+
+
+def patch_edges(patch: Cell) -> tuple[PatchEdge, PatchEdge, PatchEdge, PatchEdge]:
+    """Return the edges of a patch in the order t=0, s=1, t=1, s=0 (anti-clockwise).
+
+    (s, t) are the patch's two directions in ascending order.
+    """
+    s, t = directions_of(patch)
+    return (
+        PatchEdge(neighbour(patch, t, -1), s, True),
+        PatchEdge(neighbour(patch, s, +1), t, True),
+        PatchEdge(neighbour(patch, t, +1), s, False),
+        PatchEdge(neighbour(patch, s, -1), t, False),
+    )
+
+
+def edge_ends(edge: Cell) -> tuple[Cell, Cell]:
+    """Return the corner cells at the start and the end of an edge."""
+    (d,) = directions_of(edge)
+    return neighbour(edge, d, -1), neighbour(edge, d, +1)
+
+
+def normal_direction(patch: Cell) -> int:
+    """Return the direction in which a patch does not extend."""
+    (d,) = (d for d in DIRECTIONS if patch[d] % 2 == 0)
+    return d
+
+
+def outward_sign(patch: Cell) -> int:
+    """Return +1 where M_s × M_t points out of a box mapped with det J > 0, else -1.
+
+    (s, t) ascend, so (v,w) and (u,v) are right-handed with u and w, and (u,w) is left-handed.
+    """
+    d = normal_direction(patch)
+    handed = -1 if d == 1 else 1
+    return handed if patch[d] > 0 else -handed
+
+
+def cell_name(cell: Cell, labels: Labels) -> str:
+    """Return a name such as ``u=0``, ``v=1, w=0`` or, with breaks, ``w=1 (piece 2 of v)``.
+
+    ``labels[d]`` holds the printed limits and breaks of direction d, in ascending order.
+    """
+    fixed, piece = [], []
+    for d, name in enumerate("uvw"):
+        if cell[d] % 2 == 0:
+            fixed.append(f"{name}={labels[d][cell[d] // 2]}")
+        elif len(labels[d]) > 2:
+            piece.append(f"piece {cell[d] // 2 + 1} of {name}")
+    return ", ".join(fixed) + (f" ({', '.join(piece)})" if piece else "")
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """One of the 8 symmetries of the unit square: swap s and t first, then reverse s, t."""
+
+    swap: bool
+    reverse_s: bool
+    reverse_t: bool
+
+    @property
+    def determinant(self) -> int:
+        """+1 for a rotation, -1 for a reflection."""
+        return -1 if (self.swap + self.reverse_s + self.reverse_t) % 2 else 1
+
+    def __str__(self) -> str:
+        """Show where (s, t) goes, for example ``(t, 1-s)``."""
+        names = ("t", "s") if self.swap else ("s", "t")
+        flags = (self.reverse_s, self.reverse_t)
+        shown = (f"1-{n}" if r else n for n, r in zip(names, flags, strict=True))
+        return f"({', '.join(shown)})"
+
+
+SYMMETRIES: Final = tuple(Symmetry(*flags) for flags in product((False, True), repeat=3))
+IDENTITY: Final = SYMMETRIES[0]

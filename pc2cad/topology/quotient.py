@@ -1,0 +1,228 @@
+"""Deriving the boundary complex: glue what coincides, drop what collapses, keep what bounds."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from itertools import combinations, product
+
+from pc2cad.equation.identity import Verdict
+from pc2cad.errors import NotASolidError
+from pc2cad.topology.cells import (
+    IDENTITY,
+    SYMMETRIES,
+    Cell,
+    Labels,
+    boundary_patches,
+    cell_name,
+    directions_of,
+    edge_ends,
+    outward_sign,
+    patch_edges,
+)
+from pc2cad.topology.complex import (
+    BoundaryComplex,
+    EdgeClass,
+    EdgeMember,
+    EdgeUse,
+    FaceCell,
+    Shell,
+    SideFate,
+    VertexClass,
+)
+from pc2cad.topology.questions import Questions
+
+
+class NoBoundaryFaceError(NotASolidError):
+    """Every side of the box collapses or lies inside: nothing bounds the image."""
+
+
+class SidesFoldedTogetherError(NotASolidError):
+    """Two sides coincide, but lie on the same side of the material."""
+
+
+class EdgeNotUsedTwiceError(NotASolidError):
+    """An edge of the boundary does not join exactly two face sides."""
+
+
+def derive_boundary(questions: Questions, labels: Labels) -> BoundaryComplex:
+    """Return the boundary complex of the map that answers the questions.
+
+    ``labels[d]`` names the limits and creases of direction d; one more than it has pieces.
+    Raises NotASolidError (a subclass that names the violated invariant) where the image has no
+    closed boundary.
+    """
+    pieces = tuple(len(names) - 1 for names in labels)
+    patches = boundary_patches((pieces[0], pieces[1], pieces[2]))
+    sides = _fates(patches, questions, labels)
+    kept = [side.patch for side in sides if side.fate == "face"]
+    if not kept:
+        raise NoBoundaryFaceError(
+            "every side of the parameter box collapses or lies inside: nothing bounds a solid; "
+            "check that u, v and w all move the point"
+        )
+    edge_cells = sorted({edge.cell for patch in kept for edge in patch_edges(patch)})
+    corners = sorted({corner for edge in edge_cells for corner in edge_ends(edge)})
+    vertices, vertex_of = _vertices(corners, questions)
+    edges, edge_of = _edges(edge_cells, vertex_of, questions)
+    faces = tuple(FaceCell(patch, _uses(patch, edge_of, vertex_of)) for patch in kept)
+    complex_ = BoundaryComplex(labels, sides, vertices, edges, faces, ())
+    _check_manifold(complex_)
+    return BoundaryComplex(labels, sides, vertices, edges, faces, _shells(complex_))
+
+
+def _fates(
+    patches: tuple[Cell, ...], questions: Questions, labels: Labels
+) -> tuple[SideFate, ...]:
+    fates = {patch: _collapse(patch, questions) for patch in patches}
+    candidates = [patch for patch, fate in fates.items() if fate is None]
+    for patch in candidates:
+        folded = _partner(patch, patch, questions, labels)
+        if folded:
+            fates[patch] = folded
+    for first, second in combinations(candidates, 2):
+        glued = _partner(first, second, questions, labels)
+        if glued is None:
+            continue
+        if fates[first] or fates[second]:
+            raise SidesFoldedTogetherError(
+                f"the sides {cell_name(first, labels)} and {cell_name(second, labels)} coincide "
+                "and one of them is glued to another side already; shorten the domain"
+            )
+        fates[first] = glued
+        fates[second] = _partner(second, first, questions, labels) or glued
+    return tuple(
+        fates[p] or SideFate(p, "face", Verdict.PROVED) for p in patches
+    )
+
+
+def _collapse(patch: Cell, questions: Questions) -> SideFate | None:
+    s, t = directions_of(patch)
+    over_s, over_t = questions.ignores(patch, s), questions.ignores(patch, t)
+    if over_s and over_t:
+        both = over_s if over_s is Verdict.UNDECIDED else over_t
+        return SideFate(patch, "point", both)
+    if over_s:
+        return SideFate(patch, "curve", over_s, along=t)
+    if over_t:
+        return SideFate(patch, "curve", over_t, along=s)
+    return None
+
+
+def _partner(first: Cell, second: Cell, questions: Questions, labels: Labels) -> SideFate | None:
+    """Return the gluing of `first` to `second`, if they coincide."""
+    for symmetry in SYMMETRIES:
+        if first == second and symmetry is IDENTITY:
+            continue
+        verdict = questions.coincide(first, second, symmetry)
+        if not verdict:
+            continue
+        if outward_sign(first) * outward_sign(second) * symmetry.determinant != -1:
+            raise SidesFoldedTogetherError(
+                f"the sides {cell_name(first, labels)} and {cell_name(second, labels)} cover the "
+                "same surface from the same side: the map is folded over itself"
+            )
+        return SideFate(first, "interface", verdict, partner=second, symmetry=symmetry)
+    return None
+
+
+def _group(items: list[Cell], same: Callable[[Cell, Cell], bool]) -> list[list[Cell]]:
+    groups: list[list[Cell]] = []
+    for item in items:
+        for group in groups:
+            if same(group[0], item):
+                group.append(item)
+                break
+        else:
+            groups.append([item])
+    return groups
+
+
+def _vertices(
+    corners: list[Cell], questions: Questions
+) -> tuple[tuple[VertexClass, ...], dict[Cell, int]]:
+    groups = _group(corners, questions.same_corner)
+    vertex_of = {corner: i for i, group in enumerate(groups) for corner in group}
+    return tuple(VertexClass(tuple(group)) for group in groups), vertex_of
+
+
+def _edges(
+    cells: list[Cell], vertex_of: dict[Cell, int], questions: Questions
+) -> tuple[tuple[EdgeClass, ...], dict[Cell, tuple[int | None, bool]]]:
+    """Return the edge classes and, per edge cell, its class (None: collapsed) and direction."""
+    classes: list[list[EdgeMember]] = []
+    found: dict[Cell, tuple[int | None, bool]] = {}
+    for cell in cells:
+        if questions.is_point(cell):
+            found[cell] = (None, False)
+            continue
+        for (index, members), reverse in product(enumerate(classes), (False, True)):
+            if questions.same_edge(members[0].cell, cell, reverse):
+                members.append(EdgeMember(cell, reverse))
+                found[cell] = (index, reverse)
+                break
+        else:
+            found[cell] = (len(classes), False)
+            classes.append([EdgeMember(cell, False)])
+    edges = []
+    for members in classes:
+        start, end = (vertex_of[corner] for corner in edge_ends(members[0].cell))
+        edges.append(EdgeClass(tuple(members), start, end))
+    return tuple(edges), found
+
+
+def _uses(
+    patch: Cell, edge_of: dict[Cell, tuple[int | None, bool]], vertex_of: dict[Cell, int]
+) -> tuple[EdgeUse, EdgeUse, EdgeUse, EdgeUse]:
+    uses = []
+    for side in patch_edges(patch):
+        edge, reverse = edge_of[side.cell]
+        start, end = edge_ends(side.cell)
+        vertex = vertex_of[start if side.forward else end]
+        uses.append(EdgeUse(side.cell, edge, side.forward != reverse, vertex))
+    return uses[0], uses[1], uses[2], uses[3]
+
+
+def _walk_sign(complex_: BoundaryComplex, face: int, use: EdgeUse) -> int:
+    """Return the direction of a use as seen from outside the solid."""
+    return outward_sign(complex_.faces[face].patch) * (1 if use.forward else -1)
+
+
+def _check_manifold(complex_: BoundaryComplex) -> None:
+    for edge, uses in complex_.edge_uses().items():
+        name = complex_.name(complex_.edges[edge].cell)
+        faces = ", ".join(complex_.name(complex_.faces[face].patch) for face, _ in uses)
+        if len(uses) != 2:
+            raise EdgeNotUsedTwiceError(
+                f"the edge {name} is used {len(uses)} times (by {faces}) where a closed boundary "
+                "uses each edge twice: the sides do not meet there in one common curve"
+            )
+        if sum(_walk_sign(complex_, face, use) for face, use in uses) != 0:
+            raise EdgeNotUsedTwiceError(
+                f"the faces {faces} meet along {name} with opposite orientations: the map turns "
+                "inside out there"
+            )
+
+
+def _shells(complex_: BoundaryComplex) -> tuple[Shell, ...]:
+    links: dict[int, set[int]] = defaultdict(set)
+    for uses in complex_.edge_uses().values():
+        (first, _), (second, _) = uses
+        links[first].add(second)
+        links[second].add(first)
+    shells, seen = [], set[int]()
+    for start in range(len(complex_.faces)):
+        if start in seen:
+            continue
+        component, stack = {start}, [start]
+        while stack:
+            for other in links[stack.pop()] - component:
+                component.add(other)
+                stack.append(other)
+        seen |= component
+        faces = tuple(sorted(component))
+        uses = [use for f in faces for use in complex_.faces[f].uses]
+        edges = {use.edge for use in uses if use.edge is not None}
+        vertices = {use.vertex for use in uses}
+        shells.append(Shell(faces, len(vertices) - len(edges) + len(faces)))
+    return tuple(shells)
