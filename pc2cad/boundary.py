@@ -1,0 +1,363 @@
+"""The represent stage: every face and edge of the boundary complex gets one carrier.
+
+Input: Analysis (map and boundary complex) and the orientation. Output: BoundaryModel. This is the
+one place where topology meets geometry: an edge is carried once, and every face that uses it takes
+its poles, so that there is nothing to sew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.analysis import Analysis
+from pc2cad.directions import (
+    CellFunction,
+    DirectionClasses,
+    Piece,
+    polynomial_space,
+    resolve,
+    sections,
+)
+from pc2cad.errors import InputError, ToleranceNotReachedError
+from pc2cad.geometry.bernstein import bernstein, bezier_knots, linear_span
+from pc2cad.geometry.carriers import (
+    CurveCarrier,
+    Evidence,
+    Line,
+    Plane,
+    SplineCurve,
+    SplineSurface,
+    SurfaceCarrier,
+    fit_plane,
+)
+from pc2cad.geometry.spline_space import SplineSpace
+from pc2cad.geometry.tensor import (
+    Deviation,
+    check_places,
+    curve_deviation,
+    fit_surface,
+    surface_deviation,
+)
+from pc2cad.topology.cells import directions_of, outward_sign
+from pc2cad.topology.complex import BoundaryComplex, EdgeUse
+
+Array = NDArray[np.float64]
+
+#: share of the tolerance that one direction's fit may use: two directions and a margin for the
+#: places between samples make up the whole
+DIRECTION_SHARE = 0.3
+#: what sampled deviations may use of the tolerance
+SAMPLED_SHARE = 0.8
+TRIES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class ModelEdge:
+    """An edge with its carrier; its parameter runs as the edge class's own direction."""
+
+    carrier: CurveCarrier
+    start: int
+    end: int
+    evidence: Evidence
+    deviation: float
+
+
+#: a closed walk of (edge, forward) with the material on the left, seen from outside
+Wire = tuple[tuple[int, bool], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFace:
+    """A face with its carrier.
+
+    A plane's normal points out of the solid and its boundary is `wires`, the outer one first. A
+    spline's boundary is its whole parameter rectangle; `reversed` says that its own normal points
+    inwards.
+    """
+
+    name: str
+    carrier: SurfaceCarrier
+    uses: tuple[EdgeUse, ...]
+    wires: tuple[Wire, ...]
+    reversed: bool
+    evidence: Evidence
+    deviation: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryModel:
+    """The boundary of the solid with coordinates: what the kernel is asked to build."""
+
+    complex: BoundaryComplex
+    vertices: Array
+    edges: tuple[ModelEdge, ...]
+    faces: tuple[ModelFace, ...]
+    #: index of the outer shell in the complex; the others are voids
+    outer_shell: int
+    tolerance: float
+    size: float
+
+
+def represent(
+    analysis: Analysis, orientation: int, tolerance: float | None = None, degree: int = 5
+) -> BoundaryModel:
+    """Return the boundary model within `tolerance` of the equation (a length, model units).
+
+    The default is 1e-7 of the part's size. Raises ToleranceNotReachedError.
+    """
+    if tolerance is None:
+        tolerance = 1e-7 * analysis.size
+    if not (np.isfinite(tolerance) and tolerance > 0):
+        raise InputError(f"the tolerance must be a positive length, not {tolerance}")
+    rounding = 64 * np.finfo(float).eps * (analysis.size + analysis.magnitude)
+    if tolerance < 4 * rounding:
+        raise ToleranceNotReachedError(
+            f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
+            f"({4 * rounding:.3g}); move it nearer to the origin or allow more"
+        )
+    return _Representation(analysis, orientation, tolerance, rounding, degree).model()
+
+
+class _Representation:
+    """Works out one model; lives for one call of `represent`."""
+
+    def __init__(
+        self, analysis: Analysis, orientation: int, tolerance: float, rounding: float, degree: int
+    ) -> None:
+        self._analysis = analysis
+        self._orientation = orientation
+        self._tolerance = tolerance
+        self._rounding = rounding
+        self._classes = DirectionClasses(analysis, degree)
+        self._boundary = analysis.boundary
+        self._faces = [CellFunction(analysis, face.patch) for face in self._boundary.faces]
+        self._edges = [CellFunction(analysis, edge.cell) for edge in self._boundary.edges]
+        self._planes = [self._plane(function) for function in self._faces]
+        self._face_exact = [
+            None if plane else self._exact_surface(function)
+            for function, plane in zip(self._faces, self._planes, strict=True)
+        ]
+        self._spaces: dict[Piece, SplineSpace] = {}
+        self.vertices = np.array([
+            CellFunction(analysis, vertex.corners[0])() for vertex in self._boundary.vertices
+        ])  # fmt: skip
+
+    def model(self) -> BoundaryModel:
+        target = DIRECTION_SHARE * self._tolerance
+        for _ in range(TRIES):
+            self._resolve_directions(target)
+            edges = [self._edge(i) for i in range(len(self._edges))]
+            faces = [self._face(i, edges) for i in range(len(self._faces))]
+            worst = max(item.deviation for item in (*edges, *faces))
+            if worst <= SAMPLED_SHARE * self._tolerance:
+                outer = self._outer_shell()
+                return BoundaryModel(
+                    self._boundary, self.vertices, tuple(edges), tuple(faces), outer,
+                    self._tolerance, self._analysis.size,
+                )  # fmt: skip
+            target *= 0.5 * min(1.0, self._tolerance / worst)
+        raise ToleranceNotReachedError(
+            f"the faces deviate by {worst:.3g} from the equation where {self._tolerance:.3g} was "
+            "asked; allow a larger --tolerance"
+        )
+
+    # -- what needs no spline ------------------------------------------------------------------
+
+    def _plane(self, function: CellFunction) -> tuple[Plane, Evidence] | None:
+        """Return the plane that carries a face, if one does, its normal pointing outwards."""
+        nodes = np.linspace(0.03, 0.97, 9)
+        points = function(nodes, nodes).reshape(-1, 3)
+        plane = fit_plane(points, 1e-12 * self._analysis.size + self._rounding)
+        if plane is None:
+            return None
+        span = linear_span(function.trees()[0])
+        proved = span is not None and _rank(span) <= 2
+        s, t = directions_of(function.cell)
+        places = [0.0, 0.0, 0.0]
+        for d in range(3):
+            low, high = self._analysis.span(d, function.cell[d])
+            places[d] = 0.45 * low + 0.55 * high
+        tangents = [self._analysis.map.tangent(d, *places) for d in (s, t)]
+        outward = self._sign(function.cell) * np.cross(*tangents)
+        normal = plane.normal if plane.normal @ outward > 0 else -plane.normal
+        return Plane(plane.origin, normal), "exact" if proved else "sampled"
+
+    def _sign(self, patch: tuple[int, int, int]) -> int:
+        return outward_sign(patch) * self._orientation
+
+    def _exact_surface(self, function: CellFunction) -> SplineSurface | None:
+        trees, names = function.trees()
+        poles = bernstein(trees, names)
+        if poles is None:
+            return None
+        degrees = (poles.shape[0] - 1, poles.shape[1] - 1)
+        return SplineSurface(degrees, (bezier_knots(degrees[0]), bezier_knots(degrees[1])), poles)
+
+    # -- directions ----------------------------------------------------------------------------
+
+    def _space(self, function: CellFunction, axis: int) -> SplineSpace:
+        piece = function.pieces[axis]
+        exact = polynomial_space(function, axis, self._classes.breaks(piece))
+        return exact or self._spaces[self._classes.owner(piece)]
+
+    def _resolve_directions(self, target: float) -> None:
+        """Choose the space of every direction class that some face or edge cannot do without."""
+        samplers: dict[Piece, list[tuple[CellFunction, int]]] = {}
+        splines = [
+            function
+            for function, plane, exact in zip(
+                self._faces, self._planes, self._face_exact, strict=True
+            )
+            if plane is None and exact is None
+        ]
+        for function in (*splines, *self._edges):
+            for axis, piece in enumerate(function.pieces):
+                if polynomial_space(function, axis, self._classes.breaks(piece)) is None:
+                    samplers.setdefault(self._classes.owner(piece), []).append((function, axis))
+        for owner, users in samplers.items():
+            columns = [self._column(function, axis) for function, axis in users]
+            self._spaces[owner] = resolve(
+                columns, self._classes.rules(owner), target, self._rounding
+            )
+
+    def _column(self, function: CellFunction, axis: int):  # type: ignore[no-untyped-def]
+        """Return the function of one axis alone, the other taken at its sections."""
+        if len(function.pieces) == 1:
+            return function
+        other_piece = function.pieces[1 - axis]
+        other = polynomial_space(function, 1 - axis, self._classes.breaks(other_piece))
+        across = sections(other or self._spaces.get(self._classes.owner(other_piece)))
+        if axis == 0:
+            return lambda t: function(t, across)
+        return lambda t: function(across, t).transpose(1, 0, 2)
+
+    # -- edges and faces -----------------------------------------------------------------------
+
+    def _edge(self, index: int) -> ModelEdge:
+        function, edge = self._edges[index], self._boundary.edges[index]
+        ends = self.vertices[edge.start], self.vertices[edge.end]
+        trees, names = function.trees()
+        exact = bernstein(trees, names)
+        if exact is not None:
+            return ModelEdge(self._exact_curve(index, exact), edge.start, edge.end, "exact", 0.0)
+        space = self._space(function, 0)
+        poles = space.fit(function(space.sites))
+        poles[0], poles[-1] = ends
+        deviation = curve_deviation(function(check_places(space)), space, poles)
+        carrier = SplineCurve(space.degree, space.knots, poles)
+        return ModelEdge(carrier, edge.start, edge.end, "sampled", deviation.largest)
+
+    def _exact_curve(self, index: int, poles: Array) -> CurveCarrier:
+        edge = self._boundary.edges[index]
+        poles = poles.copy()
+        poles[0], poles[-1] = self.vertices[edge.start], self.vertices[edge.end]
+        flat = all(self._planes[face] for face, _ in self._boundary.edge_uses()[index])
+        if len(poles) == 2 or (flat and _collinear(poles, self._rounding)):
+            return Line(poles[0], poles[-1])
+        return SplineCurve(len(poles) - 1, bezier_knots(len(poles) - 1), poles)
+
+    def _face(self, index: int, edges: list[ModelEdge]) -> ModelFace:
+        function, cell = self._faces[index], self._boundary.faces[index]
+        name = self._boundary.name(cell.patch)
+        inward = self._sign(cell.patch) < 0
+        plane = self._planes[index]
+        if plane is not None:
+            wires = _wires(cell.uses, inward, self._boundary, edges)
+            return ModelFace(name, plane[0], cell.uses, wires, False, plane[1], 0.0, 0)
+        exact = self._face_exact[index]
+        if exact is not None:
+            return ModelFace(name, exact, cell.uses, (), inward, "exact", 0.0, 0)
+        s, t = self._space(function, 0), self._space(function, 1)
+        poles = fit_surface(function, s, t)
+        self._take_edges(poles, cell.uses, edges)
+        deviation = self._deviation(function, s, t, poles)
+        carrier = SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
+        return ModelFace(name, carrier, cell.uses, (), inward, "sampled", deviation.largest,
+                         deviation.samples)  # fmt: skip
+
+    def _deviation(
+        self, function: CellFunction, s: SplineSpace, t: SplineSpace, poles: Array
+    ) -> Deviation:
+        return surface_deviation(function, s, t, poles)
+
+    def _take_edges(
+        self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]
+    ) -> None:
+        """Put the poles of the edges (and collapsed vertices) into the rows of a face."""
+        rows = (poles[:, 0], poles[-1], poles[:, -1], poles[0])
+        for row, use, anticlockwise in zip(rows, uses, (True, True, False, False), strict=True):
+            if use.edge is None:
+                row[...] = self.vertices[use.vertex]
+                continue
+            carrier = edges[use.edge].carrier
+            if isinstance(carrier, SplineCurve) and len(carrier.poles) == len(row):
+                row[...] = carrier.poles if use.forward == anticlockwise else carrier.poles[::-1]
+
+    def _outer_shell(self) -> int:
+        """Return the shell of largest extent: the others lie inside it."""
+        extents = []
+        nodes = np.linspace(0, 1, 9)
+        for shell in self._boundary.shells:
+            points = np.concatenate(
+                [self._faces[f](nodes, nodes).reshape(-1, 3) for f in shell.faces]
+            )
+            extents.append(float(np.linalg.norm(np.ptp(points, axis=0))))
+        return int(np.argmax(extents))
+
+
+def _rank(vectors: Array) -> int:
+    if len(vectors) == 0:
+        return 0
+    values = np.linalg.svd(vectors, compute_uv=False)
+    return int((values > 1e-13 * values[0]).sum())
+
+
+def _collinear(poles: Array, rounding: float) -> bool:
+    along = poles[-1] - poles[0]
+    across = np.cross(poles - poles[0], along)
+    length = np.linalg.norm(along)
+    return bool(np.sqrt((across * across).sum(axis=-1)).max() <= rounding * length)
+
+
+def _wires(
+    uses: tuple[EdgeUse, ...], inward: bool, boundary: BoundaryComplex, edges: list[ModelEdge]
+) -> tuple[Wire, ...]:
+    """Chain the edges that a plane face uses once into closed walks, the outer one first."""
+    counts = [use.edge for use in uses]
+    walk = [
+        (use.edge, use.forward)
+        for use in uses
+        if use.edge is not None and counts.count(use.edge) == 1
+    ]
+    if inward:
+        walk = [(edge, not forward) for edge, forward in reversed(walk)]
+    wires: list[Wire] = []
+    while walk:
+        chain = [walk.pop(0)]
+        first = _ends(boundary, chain[0])[0]
+        while _ends(boundary, chain[-1])[1] != first:
+            here = _ends(boundary, chain[-1])[1]
+            step = next(item for item in walk if _ends(boundary, item)[0] == here)
+            walk.remove(step)
+            chain.append(step)
+        wires.append(tuple(chain))
+    return tuple(sorted(wires, key=lambda wire: -_extent(wire, edges)))
+
+
+def _ends(boundary: BoundaryComplex, item: tuple[int, bool]) -> tuple[int, int]:
+    edge, forward = boundary.edges[item[0]], item[1]
+    return (edge.start, edge.end) if forward else (edge.end, edge.start)
+
+
+def _extent(wire: Wire, edges: list[ModelEdge]) -> float:
+    points = []
+    for edge, _ in wire:
+        carrier = edges[edge].carrier
+        points += (
+            [carrier.start, carrier.end] if isinstance(carrier, Line) else list(carrier.poles)
+        )
+    return float(np.linalg.norm(np.ptp(np.array(points), axis=0)))

@@ -1,0 +1,174 @@
+"""One spline space per direction, shared by all faces and edges that vary along it.
+
+Directions whose edges are glued to one another take the same space; a gluing that reverses a
+direction makes its knots symmetric.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.analysis import Analysis
+from pc2cad.equation.breaks import Break
+from pc2cad.equation.point_equation import PARAMETERS
+from pc2cad.equation.tree import Expr, number, substitute, symbol
+from pc2cad.geometry.bernstein import degree_in
+from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt
+from pc2cad.geometry.spline_space import SplineSpace, bezier_space
+from pc2cad.mapping import open_grid
+from pc2cad.topology.cells import Cell, directions_of
+
+Array = NDArray[np.float64]
+
+#: a direction (0, 1, 2) and the position of one of its pieces (odd)
+Piece = tuple[int, int]
+#: cross sections a direction is resolved on before the whole face is checked: ends and Gauss nodes
+_SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(13)[0] + 1) / 2, [1.0]))
+
+
+@dataclass(frozen=True, eq=False)
+class CellFunction:
+    """M restricted to a face or an edge of the box, in the cell's own coordinates on [0, 1]."""
+
+    analysis: Analysis
+    cell: Cell
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The direction pieces along which the cell extends."""
+        return tuple((d, self.cell[d]) for d in directions_of(self.cell))
+
+    def __call__(self, *local: Array) -> Array:
+        """Return M on the product of the local parameter arrays: shape (len, …, 3)."""
+        free = iter(local)
+        places = []
+        for d in range(3):
+            low, high = self.analysis.span(d, self.cell[d])
+            places.append(low + (high - low) * next(free) if self.cell[d] % 2 else np.array([low]))
+        values = self.analysis.map.points(*open_grid(*places))
+        keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
+        return np.asarray(values[keep])
+
+    def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
+        """Return the coordinate trees in local parameters, and the names of those."""
+        values: dict[str, Expr] = {}
+        for d, name in enumerate(PARAMETERS):
+            low, high = self.analysis.span(d, self.cell[d])
+            here = symbol(name) if self.cell[d] % 2 else number(0)
+            values[name] = number(low) + number(high - low) * here
+        names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
+        return substitute(self.analysis.map.coordinates, values), names
+
+
+class DirectionClasses:
+    """Which direction pieces share one space, and the rules that space has to respect."""
+
+    def __init__(self, analysis: Analysis, degree: int) -> None:
+        self._analysis = analysis
+        self._degree = degree
+        self._owner: dict[Piece, Piece] = {}
+        self._flipped: dict[Piece, bool] = {}
+        self._symmetric: set[Piece] = set()
+        for edge in analysis.boundary.edges:
+            first, *others = edge.members
+            for member in others:
+                self._join(_piece(first.cell), _piece(member.cell), member.reverse != first.reverse)
+
+    def owner(self, piece: Piece) -> Piece:
+        """Return the piece that stands for the class of this one."""
+        while self._owner.get(piece, piece) != piece:
+            piece = self._owner[piece]
+        return piece
+
+    def _join(self, a: Piece, b: Piece, reverse: bool) -> None:
+        first, second = self.owner(a), self.owner(b)
+        if first != second:
+            self._owner[second] = first
+        if reverse or first in self._symmetric or second in self._symmetric:
+            # a symmetric space serves both directions of travel
+            self._symmetric |= {first, second}
+
+    def rules(self, piece: Piece) -> DirectionRules:
+        """Return the rules of the class that a piece belongs to."""
+        owner = self.owner(piece)
+        members = [p for p in self._pieces() if self.owner(p) == owner]
+        breaks: dict[float, Break] = {}
+        symmetric = owner in self._symmetric
+        for member in members:
+            for b in self.breaks(member):
+                places = (b.position, 1 - b.position) if symmetric else (b.position,)
+                for place in places:
+                    breaks[place] = Break(place, b.smoothness)
+        periodic = all(self._is_periodic(d) for d, _ in members)
+        return DirectionRules(
+            self._degree, tuple(breaks[p] for p in sorted(breaks)), periodic, symmetric
+        )
+
+    def _pieces(self) -> list[Piece]:
+        bounds = self._analysis.bounds
+        return [(d, p) for d in range(3) for p in range(1, 2 * len(bounds[d]) - 1, 2)]
+
+    def breaks(self, piece: Piece) -> list[Break]:
+        """Return the breaks of a piece in its own coordinates, its ends included."""
+        low, high = self._analysis.span(*piece)
+        return [
+            Break((b.position - low) / (high - low), b.smoothness)
+            for b in self._analysis.breaks[piece[0]]
+            if low <= b.position <= high
+        ]
+
+    def _is_periodic(self, direction: int) -> bool:
+        """Say whether M continues beyond the end of a direction as it began (sampled)."""
+        if len(self._analysis.bounds[direction]) > 2:
+            return False
+        nodes = [_SECTIONS] * 3
+        here = self._analysis.map.points(*open_grid(*nodes))
+        nodes[direction] = _SECTIONS + 1
+        gap = np.abs(self._analysis.map.points(*open_grid(*nodes)) - here).max()
+        return bool(gap <= 1e-11 * self._analysis.size + 1e-13 * self._analysis.magnitude)
+
+
+def _piece(edge: Cell) -> Piece:
+    (d,) = directions_of(edge)
+    return d, edge[d]
+
+
+def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> SplineSpace | None:
+    """Return a space that holds the function exactly along one of its axes, or None."""
+    trees, names = function.trees()
+    degree = degree_in(trees, names[axis])
+    if degree is None:
+        return None
+    inner = [b for b in breaks if 0 < b.position < 1]
+    if not inner or not any(n.op == "pieces" for n in _nodes_along(trees, names[axis])):
+        return bezier_space(degree)
+    points = [0.0, *(b.position for b in inner), 1.0]
+    return SplineSpace(degree, points, [max(1, degree - b.smoothness) for b in inner])
+
+
+def _nodes_along(trees: tuple[Expr, ...], name: str) -> list[Expr]:
+    from pc2cad.equation.tree import walk
+
+    return [node for node in walk(trees) if name in node.symbols]
+
+
+def resolve(
+    samplers: list[Callable[[Array], Array]], rules: DirectionRules, target: float, floor: float
+) -> SplineSpace:
+    """Return a space that resolves several functions along one direction at once."""
+
+    def sample(t: Array) -> Array:
+        columns = [s(t).reshape(len(t), -1, 3) for s in samplers]
+        return np.concatenate(columns, axis=1)
+
+    single: Sampler = sample
+    return adapt(single, rules, target, floor)
+
+
+def sections(space: SplineSpace | None) -> Array:
+    """Return the cross sections on which a face is looked at: the sites of a known space."""
+    return _SECTIONS if space is None or space.size > 12 else space.sites

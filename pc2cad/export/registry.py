@@ -1,0 +1,101 @@
+"""The table of formats, and writing a file of any of them."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pc2cad.errors import InputError
+from pc2cad.export.files import check_target, write_atomically
+from pc2cad.export.model import Exportable, ExportOptions
+
+Encoder = Callable[[Exportable, ExportOptions], bytes]
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format: how it is recognised, where it is specified and what it keeps."""
+
+    name: str
+    #: lower-case endings, the usual one first
+    extensions: tuple[str, ...]
+    title: str
+    #: address of the format's specification
+    specification: str
+    #: what a reader gets back, in words
+    precision: str
+    #: module with ``encode(exportable, options) -> bytes``
+    module: str
+
+    def encoder(self) -> Encoder:
+        """Import the format's module and return its ``encode``."""
+        encode: Encoder = importlib.import_module(self.module).encode
+        return encode
+
+
+FORMATS: tuple[Format, ...] = (
+    Format(
+        name="step",
+        extensions=(".step", ".stp"),
+        title="STEP (ISO 10303-21, AP242 or AP214), exact boundary representation",
+        specification="https://www.iso.org/standard/63141.html",
+        precision="every number is written so that the same double comes back",
+        module="pc2cad.export.step",
+    ),
+    Format(
+        name="stl",
+        extensions=(".stl",),
+        title="STL (binary), triangles",
+        specification="https://www.loc.gov/preservation/digital/formats/fdd/fdd000505.shtml",
+        precision="chords within the deflection, single-precision coordinates (7 digits)",
+        module="pc2cad.export.stl",
+    ),
+)
+
+
+def format_for(path: str | os.PathLike[str]) -> Format:
+    """Return the format that the ending of `path` stands for.
+
+    Raises:
+        InputError: no format has that ending.
+
+    """
+    ending = Path(path).suffix.lower()
+    for candidate in FORMATS:
+        if ending in candidate.extensions:
+            return candidate
+    known = ", ".join(extension for entry in FORMATS for extension in entry.extensions)
+    has = f"the ending {ending!r}" if ending else "no ending"
+    raise InputError(f"The file name {os.fspath(path)[-80:]!r} has {has}; use one of {known}.")
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Find out before an expensive build whether a file can be written to `path`.
+
+    Raises:
+        InputError: no format has the ending of `path`.
+        FileNotWrittenError: the file could not be written there.
+
+    """
+    if os.fspath(path):
+        format_for(path)
+    check_target(path)
+
+
+def write(
+    exportable: Exportable, path: str | os.PathLike[str], options: ExportOptions | None = None
+) -> None:
+    """Write `exportable` to `path` in the format of its ending, whole or not at all.
+
+    Raises:
+        InputError: no format has the ending of `path`.
+        KernelError: the solid could not be encoded, or does not read back as it was.
+        FileNotWrittenError: the file could not be written; an old file is untouched.
+
+    """
+    check_writable(path)
+    encode = format_for(path).encoder()
+    write_atomically(path, encode(exportable, options or ExportOptions()))

@@ -1,0 +1,1 @@
+"""Meshes: triangles of the solid's boundary."""

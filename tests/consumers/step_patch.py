@@ -1,0 +1,214 @@
+"""Curved faces: the parameter rectangle inside their edges, and integrals over it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from .step_curves import gauss_rule
+from .step_edges import Edge
+from .step_parse import StepDefect, StepUnsupported, Vector
+from .step_surfaces import Surface
+
+_LOOSE = 1e-7
+_CHUNK = 200_000
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Integrals over a face with its normal n: first is n_i x_j about the face's own corner."""
+
+    area: float
+    vector: Vector
+    first: Vector
+    volume: float
+    moment: Vector
+
+
+@dataclass(frozen=True)
+class Trace:
+    """An edge in the parameter plane: it runs along one axis at a level of the other."""
+
+    axis: int
+    level: float
+    start: float
+    length: float
+
+
+def trace_edge(surface: Surface, edge: Edge, limit: float, face: str) -> tuple[Trace, float]:
+    """The edge in the parameter plane, and its largest distance from the surface."""
+    parameters = [np.asarray(part) for part in surface.locate(edge.samples)]
+    distance = np.linalg.norm(surface.at(*parameters)[0] - edge.samples, axis=1).max()
+    if not distance <= limit:
+        raise StepDefect(f"Edge {edge.ref} leaves the surface of face {face} by {distance:.2g}.")
+    inner = slice(1, -1)
+    widths = []
+    for axis in (0, 1):
+        period = surface.periods[axis]
+        if period is not None:
+            t = parameters[axis]
+            t[inner] = np.unwrap(t[inner], period=period)
+            for end, next_to in ((0, 1), (-1, -2)):
+                t[end] += period * np.round((t[next_to] - t[end]) / period)
+        widths.append(float(np.ptp(parameters[axis][inner])))
+    for axis in np.argsort(widths)[::-1].tolist():
+        other, t = 1 - axis, parameters[axis]
+        steps = np.diff(t)
+        scale = surface.periods[other] or max(1.0, float(np.abs(parameters[other][inner]).max()))
+        if widths[other] <= _LOOSE * scale and (np.all(steps > 0.0) or np.all(steps < 0.0)):
+            level = float(np.median(parameters[other][inner]))
+            return Trace(axis, level, float(t.min()), float(np.ptp(t))), float(distance)
+    raise StepUnsupported(f"Edge {edge.ref} trims face {face} askew: trimmed face not supported.")
+
+
+def rectangles(surface: Surface, traces: list[Trace]) -> Iterator[tuple[Span, Span]]:
+    """The parameter rectangles (from, to per axis) whose sides these edges can be."""
+    choices = [list(_spans(surface, traces, axis)) for axis in (0, 1)]
+    for u, v in product(*choices):
+        if _bounds(surface, traces, (u, v)):
+            yield u, v
+
+
+def _modulo(value: float, period: float | None) -> float:
+    if period is None:
+        return value
+    return value - period * float(np.round(value / period))
+
+
+def _levels(surface: Surface, traces: list[Trace], axis: int) -> list[float]:
+    """The distinct levels, along an axis, of the edges that run across it."""
+    found: list[float] = []
+    for trace in traces:
+        scale = surface.periods[axis] or max(1.0, abs(trace.level))
+        if trace.axis != axis and not any(
+            abs(_modulo(trace.level - level, surface.periods[axis])) <= _LOOSE * scale
+            for level in found
+        ):
+            found.append(trace.level)
+    return sorted(found)
+
+
+def _chain(pieces: list[Trace], period: float | None) -> Span:
+    """Where a row of edges on one level starts, and how long it is altogether."""
+    length = sum(piece.length for piece in pieces)
+    if period is not None and length >= period * (1.0 - _LOOSE):
+        return pieces[0].start, period
+    tight = _LOOSE * max(length, 1e-300)
+    for piece in pieces:
+        ends = (other.start + other.length for other in pieces if other is not piece)
+        if all(abs(_modulo(piece.start - end, period)) > tight for end in ends):
+            return piece.start, length
+    return pieces[0].start, length
+
+
+def _spans(surface: Surface, traces: list[Trace], axis: int) -> Iterator[Span]:
+    """Candidates for the range of one parameter."""
+    period, limits = surface.periods[axis], surface.limits[axis]
+    along = [trace for trace in traces if trace.axis == axis]
+    if along:
+        rows = [[t for t in along if _same(surface, t, along[0])]]
+        start, length = _chain(rows[0], period)
+        yield start, start + length
+        return
+    levels = _levels(surface, traces, axis)
+    if period is not None:
+        yield from zip(levels, [*levels[1:], levels[0] + period] if levels else [], strict=True)
+        if not levels:
+            yield 0.0 if not np.isfinite(limits[0]) else limits[0], period + max(limits[0], 0.0)
+        return
+    known = [limit for limit in limits if np.isfinite(limit)]
+    ends = sorted([*levels, *known])
+    yield from ((a, b) for a, b in product(ends, ends) if b > a + _LOOSE * max(1.0, abs(a)))
+
+
+def _same(surface: Surface, one: Trace, other: Trace) -> bool:
+    across = 1 - other.axis
+    scale = surface.periods[across] or max(1.0, abs(other.level))
+    return abs(_modulo(one.level - other.level, surface.periods[across])) <= _LOOSE * scale
+
+
+def _bounds(surface: Surface, traces: list[Trace], rectangle: tuple[Span, Span]) -> bool:
+    """Whether each edge is on a side, and each side is covered, collapsed or a free seam."""
+    for axis in (0, 1):
+        low, high = rectangle[axis]
+        period = surface.periods[axis]
+        length = rectangle[1 - axis][1] - rectangle[1 - axis][0]
+        across = [trace for trace in traces if trace.axis != axis]
+        scale = _LOOSE * (period or max(1.0, abs(low), abs(high)))
+        sides = [
+            [t for t in across if abs(_modulo(t.level - level, period)) <= scale]
+            for level in (low, high)
+        ]
+        if any(all(trace not in side for side in sides) for trace in across):
+            return False
+        full = period is not None and high - low >= period * (1.0 - _LOOSE)
+        for level, side in zip((low, high), sides, strict=True):
+            covered = abs(sum(t.length for t in side) - length) <= _LOOSE * length
+            free = not side and (full or _collapsed(surface, rectangle, axis, level))
+            if not covered and not free:
+                return False
+    return True
+
+
+def _collapsed(surface: Surface, rectangle: tuple[Span, Span], axis: int, level: float) -> bool:
+    t = np.linspace(*rectangle[1 - axis], 7)
+    fixed = np.full_like(t, level)
+    side = surface.at(*((fixed, t) if axis == 0 else (t, fixed)))[0]
+    middle = 0.5 * (rectangle[axis][0] + rectangle[axis][1])
+    fixed = np.full_like(t, middle)
+    inside = surface.at(*((fixed, t) if axis == 0 else (t, fixed)))[0]
+    return bool(np.ptp(side, axis=0).max() <= 1e-9 * np.ptp(inside, axis=0).max())
+
+
+def patch_moments(
+    surface: Surface, rectangle: tuple[Span, Span], origin: Vector, corner: Vector
+) -> Moments:
+    """Integrals over the rectangle by Gauss quadrature, refined until they settle."""
+    breaks = [surface.breaks(axis, *rectangle[axis]) for axis in (0, 1)]
+    previous: Moments | None = None
+    for extra in range(0, 60, 6):
+        counts = [points + extra for points in surface.points]
+        size = int(np.prod([(len(b) - 1) * n for b, n in zip(breaks, counts, strict=True)]))
+        if previous is not None and size > (300_000 if surface.exact else 3_000_000):
+            break
+        rules = [gauss_rule(b, n) for b, n in zip(breaks, counts, strict=True)]
+        moments = _integrate(surface, rules, origin, corner)
+        if previous is not None and _settled(previous, moments):
+            return moments
+        previous = moments
+    assert previous is not None
+    return previous
+
+
+def _settled(one: Moments, other: Moments) -> bool:
+    size = other.area**0.5
+    return (
+        abs(one.area - other.area) <= 1e-14 * other.area
+        and bool(np.abs(one.vector - other.vector).max() <= 1e-14 * other.area)
+        and bool(np.abs(one.first - other.first).max() <= 1e-14 * other.area * size)
+    )
+
+
+def _integrate(
+    surface: Surface, rules: list[tuple[Vector, Vector]], origin: Vector, corner: Vector
+) -> Moments:
+    (u, u_weights), (v, v_weights) = rules
+    total = np.zeros(17)
+    rows = max(1, _CHUNK // len(v))
+    for begin in range(0, len(u), rows):
+        part = slice(begin, begin + rows)
+        place, along_u, along_v = surface.grid(u[part], v)
+        weight = u_weights[part, None, None] * v_weights[None, :, None]
+        normal = (np.cross(along_u, along_v) * weight).reshape(-1, 3)
+        local, place = place.reshape(-1, 3) - corner, place.reshape(-1, 3) - origin
+        total[0] += np.linalg.norm(normal, axis=1).sum()
+        total[1:4] += normal.sum(axis=0)
+        total[4:13] += (normal.T @ local).ravel()
+        total[13] += (normal * place).sum() / 3.0
+        total[14:] += (normal * place**2).sum(axis=0) / 2.0
+    return Moments(total[0], total[1:4], total[4:13].reshape(3, 3), total[13], total[14:])

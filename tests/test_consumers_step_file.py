@@ -1,0 +1,247 @@
+"""The kernel-free check measures sound files exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi, sqrt
+from pathlib import Path
+
+import cadquery as cq
+import numpy as np
+import pytest
+from consumers.samples import AP214, SplineSolid, as_nurbs, write_step
+from consumers.step_file import StepSolid, StepUnsupported, check_step
+
+# STEP text of this kernel carries 13 significant digits. Where only lengths and whole numbers
+# enter, 1e-12 is left; a weight like sqrt(1/2) or the tangent of a half angle costs ten times it.
+DIGITS, ROUNDED = 1e-12, 1e-11
+
+Case = tuple[Callable[[], cq.Shape], float, float, tuple[float, float, float], float]
+
+
+def _on_axis(z: float) -> tuple[float, float, float]:
+    return (0.0, 0.0, z)
+
+
+def _full_sphere(turn: float = 360.0) -> cq.Shape:
+    return cq.Solid.makeSphere(5.0, angleDegrees1=-90.0, angleDegrees2=90.0, angleDegrees3=turn)
+
+
+def _hollow_sphere() -> cq.Shape:
+    return cq.Workplane().sphere(5.0).cut(cq.Workplane().sphere(3.0)).val()
+
+
+def _ellipsoid() -> cq.Shape:
+    half = cq.Workplane().ellipseArc(3.0, 5.0, -90.0, 90.0, startAtCurrent=False).close()
+    return half.revolve(360.0, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)).val()
+
+
+def _prism() -> cq.Shape:
+    corners = [(0.0, 0.0), (10.0, 0.0), (13.0, 7.0), (4.0, 9.0)]
+    return cq.Workplane().polyline(corners).close().extrude(8.0).val()
+
+
+def _ring() -> cq.Shape:
+    """A square ring, by revolving a square: planes and cylinders."""
+    square = cq.Workplane("XZ").center(6.0, 0.0).rect(2.0, 2.0)
+    return square.revolve(360.0, (-6.0, 0.0, 0.0), (-6.0, 1.0, 0.0)).val()
+
+
+def _octant() -> cq.Shape:
+    return cq.Solid.makeSphere(5.0, angleDegrees1=0.0, angleDegrees2=90.0, angleDegrees3=90.0)
+
+
+def _box() -> cq.Shape:
+    return cq.Solid.makeBox(10.0, 20.0, 30.0)
+
+
+def _rounded_volume(a: float, r: float) -> float:
+    """A cube with every edge rounded: core, slabs, quarter cylinders and eighths of a sphere."""
+    b = a - 2.0 * r
+    return b**3 + 6.0 * b**2 * r + 3.0 * b * pi * r**2 + 4.0 / 3.0 * pi * r**3
+
+
+PRISM_BASE = 79.5
+SLANT = sqrt(153.0)
+
+CASES: dict[str, Case] = {
+    "box": (_box, 6000.0, 2200.0, (5.0, 10.0, 15.0), DIGITS),
+    "box_nurbs": (lambda: as_nurbs(_box()), 6000.0, 2200.0, (5.0, 10.0, 15.0), DIGITS),
+    "cylinder": (
+        lambda: cq.Solid.makeCylinder(5.0, 12.0),
+        300.0 * pi,
+        170.0 * pi,
+        _on_axis(6.0),
+        DIGITS,
+    ),
+    "cylinder_nurbs": (
+        lambda: as_nurbs(cq.Solid.makeCylinder(5.0, 12.0)),
+        300.0 * pi,
+        170.0 * pi,
+        _on_axis(6.0),
+        DIGITS,
+    ),
+    "frustum": (
+        lambda: cq.Solid.makeCone(5.0, 2.0, 12.0),
+        156.0 * pi,
+        (29.0 + 7.0 * SLANT) * pi,
+        _on_axis(57.0 / 13.0),
+        ROUNDED,
+    ),
+    "cone": (
+        lambda: cq.Solid.makeCone(5.0, 0.0, 12.0),
+        100.0 * pi,
+        90.0 * pi,
+        _on_axis(3.0),
+        ROUNDED,
+    ),
+    "cone_nurbs": (
+        lambda: as_nurbs(cq.Solid.makeCone(0.0, 5.0, 12.0)),
+        100.0 * pi,
+        90.0 * pi,
+        _on_axis(9.0),
+        ROUNDED,
+    ),
+    "sphere": (_full_sphere, 500.0 / 3.0 * pi, 100.0 * pi, _on_axis(0.0), DIGITS),
+    "sphere_nurbs": (
+        lambda: as_nurbs(_full_sphere()),
+        500.0 / 3.0 * pi,
+        100.0 * pi,
+        _on_axis(0.0),
+        ROUNDED,
+    ),
+    "half_sphere": (
+        lambda: cq.Solid.makeSphere(5.0, angleDegrees1=0.0, angleDegrees2=90.0),
+        250.0 / 3.0 * pi,
+        75.0 * pi,
+        _on_axis(1.875),
+        DIGITS,
+    ),
+    "octant": (_octant, 125.0 / 6.0 * pi, 31.25 * pi, (1.875, 1.875, 1.875), DIGITS),
+    "octant_nurbs": (
+        lambda: as_nurbs(_octant()),
+        125.0 / 6.0 * pi,
+        31.25 * pi,
+        (1.875, 1.875, 1.875),
+        ROUNDED,
+    ),
+    "wide_wedge_of_sphere": (
+        lambda: _full_sphere(270.0),
+        125.0 * pi,
+        100.0 * pi,
+        (-0.625 * (0.75 + 0.25), 0.625, 0.0),
+        DIGITS,
+    ),
+    "torus": (
+        lambda: cq.Solid.makeTorus(10.0, 3.0),
+        180.0 * pi**2,
+        120.0 * pi**2,
+        _on_axis(0.0),
+        DIGITS,
+    ),
+    "torus_nurbs": (
+        lambda: as_nurbs(cq.Solid.makeTorus(10.0, 3.0)),
+        180.0 * pi**2,
+        120.0 * pi**2,
+        _on_axis(0.0),
+        ROUNDED,
+    ),
+    "hollow_sphere": (_hollow_sphere, 392.0 / 3.0 * pi, 136.0 * pi, _on_axis(0.0), DIGITS),
+    "tube": (
+        lambda: cq.Workplane().circle(5.0).circle(3.0).extrude(9.0).val(),
+        144.0 * pi,
+        176.0 * pi,
+        _on_axis(4.5),
+        DIGITS,
+    ),
+    "ring": (_ring, 48.0 * pi, 96.0 * pi, _on_axis(0.0), DIGITS),
+    "rounded_cube": (
+        lambda: cq.Workplane().box(10.0, 10.0, 10.0).edges().fillet(2.0).val(),
+        _rounded_volume(10.0, 2.0),
+        6.0 * 36.0 + 12.0 * 6.0 * pi + 16.0 * pi,
+        _on_axis(0.0),
+        DIGITS,
+    ),
+}
+
+
+def _measure(tmp_path: Path, shape: cq.Shape, **options: object) -> StepSolid:
+    return check_step(write_step(shape, tmp_path / "solid.step", **options))
+
+
+@pytest.mark.parametrize("name", list(CASES))
+def test_sound_files_are_measured_exactly(name: str, tmp_path: Path) -> None:
+    make, volume, area, centroid, accuracy = CASES[name]
+    found = _measure(tmp_path, make())
+    assert found.volume == pytest.approx(volume, rel=accuracy)
+    assert found.area == pytest.approx(area, rel=accuracy)
+    assert found.centroid == pytest.approx(centroid, rel=accuracy, abs=10.0 * accuracy)
+    assert found.unit_m == 0.001
+    assert found.max_stokes_residual < 2e-12
+    assert found.max_vertex_gap < 1e-11
+    assert found.max_edge_gap < 1e-11
+
+
+def test_prism(tmp_path: Path) -> None:
+    found = _measure(tmp_path, _prism())
+    assert found.volume == pytest.approx(8.0 * PRISM_BASE, rel=DIGITS)
+    assert (found.shells, len(found.faces), found.edges, found.vertices) == (1, 6, 12, 8)
+    assert {face.carrier for face in found.faces} == {"PLANE"}
+
+
+def test_surfaces_of_revolution_and_extrusion(tmp_path: Path) -> None:
+    turned = _measure(tmp_path, _ellipsoid())
+    assert turned.volume == pytest.approx(60.0 * pi, rel=DIGITS)
+    assert [face.carrier for face in turned.faces] == ["SURFACE_OF_REVOLUTION"]
+    pushed = _measure(tmp_path, cq.Workplane().ellipse(5.0, 3.0).extrude(9.0).val())
+    assert pushed.volume == pytest.approx(135.0 * pi, rel=DIGITS)
+    assert "SURFACE_OF_LINEAR_EXTRUSION" in {face.carrier for face in pushed.faces}
+
+
+def test_void_counts_as_second_shell(tmp_path: Path) -> None:
+    inner = cq.Workplane().cylinder(4.0, 3.0)
+    found = _measure(tmp_path, cq.Workplane().box(20.0, 20.0, 20.0).cut(inner).val())
+    assert found.shells == 2
+    assert found.volume == pytest.approx(8000.0 - 36.0 * pi, rel=DIGITS)
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("MM", 1e-3), ("INCH", 0.0254), ("M", 1.0)])
+@pytest.mark.parametrize("schema", [AP214, 5])
+def test_units(unit: str, metres: float, schema: int, tmp_path: Path) -> None:
+    found = _measure(tmp_path, _box(), unit=unit, schema=schema)
+    assert found.unit_m == pytest.approx(metres, rel=1e-15)
+    assert found.volume * metres**3 == pytest.approx(6e-6, rel=2e-12)  # 10/25.4 in 13 digits
+    assert found.area * metres**2 == pytest.approx(2.2e-3, rel=2e-12)
+
+
+def test_b_spline_solid_has_the_volume_of_its_map(tmp_path: Path) -> None:
+    sample = SplineSolid()
+    found = _measure(tmp_path, sample.solid())
+    assert found.volume == pytest.approx(sample.volume(), rel=DIGITS)
+    assert [face.carrier for face in found.faces] == ["B_SPLINE_SURFACE"] * 6
+    assert (found.edges, found.vertices) == (12, 8)
+    assert found.max_stokes_residual < 1e-12
+
+
+def test_part_of_a_b_spline_surface_between_its_parameter_lines(tmp_path: Path) -> None:
+    """Two quarters of a NURBS cylinder share one surface of a half turn."""
+    half = cq.Solid.makeCylinder(5.0, 12.0, angleDegrees=180.0)
+    cut = cq.Workplane(as_nurbs(half)).intersect(
+        cq.Workplane().box(20.0, 20.0, 6.0, centered=(True, True, False))
+    )
+    found = _measure(tmp_path, cut.val())
+    assert found.volume == pytest.approx(75.0 * pi, rel=1e-9)
+
+
+def test_askew_trimmed_faces_are_said_to_be_unsupported(tmp_path: Path) -> None:
+    plane = cq.Workplane().box(30.0, 30.0, 6.0).val().rotate((0, 0, 0), (1, 0, 0), 20.0)
+    shape = cq.Workplane().cylinder(40.0, 5.0).intersect(cq.Workplane(plane))
+    with pytest.raises(StepUnsupported, match="trimmed face not supported"):
+        _measure(tmp_path, shape.val())
+
+
+def test_large_b_spline_file_is_read_in_seconds(tmp_path: Path) -> None:
+    sample = SplineSolid(36)
+    found = _measure(tmp_path, sample.solid())
+    assert found.volume == pytest.approx(sample.volume(), rel=DIGITS)
+    assert np.isfinite(found.centroid).all()

@@ -1,0 +1,403 @@
+"""STEP: what goes in comes back, whatever unit, schema and name, and always as the same bytes."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+from OCP.gp import gp_Pnt, gp_Trsf, gp_Vec
+from OCP.GProp import GProp_GProps
+from OCP.Interface import Interface_Static
+from OCP.Message import Message
+from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Reader
+from OCP.STEPControl import STEPControl_Reader
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_LabelSequence
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Solid
+from OCP.XCAFDoc import XCAFDoc_Area, XCAFDoc_Centroid, XCAFDoc_DocumentTool, XCAFDoc_Volume
+from steputils import p21
+from test_export_shapes import SHAPES, exportable, faces_of, spline_poles
+
+from pc2cad import __version__
+from pc2cad.errors import InputError, KernelError
+from pc2cad.export import part21, step
+from pc2cad.export.model import UNITS_IN_MM, ExportOptions, GeometricProperties, NamedFace
+
+FIXED = ExportOptions(timestamp="2026-01-31T12:00:00Z")
+
+
+def read_mm(data: bytes):
+    """The shape in the file, in millimetres."""
+    with step.quiet_kernel():
+        reader = STEPControl_Reader()
+        reader.ReadStream("x", io.BytesIO(data))
+        reader.TransferRoots()
+        return reader.OneShape()
+
+
+def volume_of(shape) -> float:
+    found = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, found)
+    return found.Mass()
+
+
+class Document:
+    """The file as a reader with names and validation properties sees it, in millimetres."""
+
+    def __init__(self, data: bytes):
+        STEPCAFControl_Controller.Init_s()
+        with step.quiet_kernel(), step.kernel_parameters({"read.stepcaf.subshapes.name": 1}):
+            reader = STEPCAFControl_Reader()
+            reader.SetNameMode(True)
+            reader.SetPropsMode(True)
+            reader.ReadStream("x", io.BytesIO(data))
+            self.document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
+            XCAFDoc_DocumentTool.SetLengthUnit_s(self.document, 0.001)
+            reader.Transfer(self.document)
+        self.tool = XCAFDoc_DocumentTool.ShapeTool_s(self.document.Main())
+        labels = TDF_LabelSequence()
+        self.tool.GetFreeShapes(labels)
+        assert labels.Length() == 1
+        self.label = labels.Value(1)
+
+    def name(self, label=None) -> str:
+        found = TDataStd_Name()
+        assert (label or self.label).FindAttribute(TDataStd_Name.GetID_s(), found)
+        return found.Get().ToExtString()
+
+    def figures(self):
+        volume, area, centroid = XCAFDoc_Volume(), XCAFDoc_Area(), XCAFDoc_Centroid()
+        for attribute in (volume, area, centroid):
+            assert self.label.FindAttribute(type(attribute).GetID_s(), attribute)
+        return volume.Get(), area.Get(), centroid.Get().Coord()
+
+    def face_names(self) -> set[str]:
+        labels = TDF_LabelSequence()
+        self.tool.GetSubShapes_s(self.label, labels)
+        return {self.name(labels.Value(i)) for i in range(1, labels.Length() + 1)}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("schema", ["AP242", "AP214"])
+def test_reads_back_with_the_same_volume_and_faces(shape, schema):
+    item = exportable(shape)
+    back = read_mm(step.encode(item, ExportOptions(step_schema=schema)))
+    assert volume_of(back) == pytest.approx(volume_of(item.solid), rel=1e-12)
+    assert len(faces_of(back)) == len(faces_of(item.solid))
+
+
+def test_poles_come_back_bit_for_bit():
+    item = exportable("spline box")
+    back = read_mm(step.encode(item, FIXED))
+    assert np.array_equal(spline_poles(back), spline_poles(item.solid))
+
+
+@pytest.mark.parametrize(
+    "offset", [(1000.0, -2000.0, 500.0), (1e6 / 3, 0.1, -1e5 / 7)], ids=["near", "far"]
+)
+def test_poles_far_from_the_origin_come_back_bit_for_bit(offset):
+    move = gp_Trsf()
+    move.SetTranslation(gp_Vec(*offset))
+    solid = exportable("spline box").solid
+    moved = TopoDS.Solid_s(BRepBuilderAPI_Transform(solid, move, True).Shape())
+    item = dataclasses.replace(exportable("spline box"), solid=moved, faces=())
+    assert np.array_equal(spline_poles(read_mm(step.encode(item, FIXED))), spline_poles(moved))
+
+
+@pytest.mark.parametrize("schema", ["AP242", "AP214"])
+@pytest.mark.parametrize("unit", UNITS_IN_MM)
+def test_a_unit_cube_is_one_unit_large_in_millimetres(unit, schema):
+    cube = BRepPrimAPI_MakeBox(1.0, 1.0, 1.0).Solid()
+    figures = GeometricProperties(1.0, 6.0, (0.5, 0.25, 0.5))
+    item = dataclasses.replace(
+        exportable("box"), solid=cube, units=unit, faces=(), properties=figures
+    )
+    data = step.encode(item, dataclasses.replace(FIXED, step_schema=schema))
+    size = UNITS_IN_MM[unit]
+    assert volume_of(read_mm(data)) == pytest.approx(size**3, rel=1e-14)
+    volume, area, centroid = Document(data).figures()
+    assert volume == pytest.approx(size**3, rel=1e-14)
+    assert area == pytest.approx(6.0 * size**2, rel=1e-14)
+    assert centroid == pytest.approx((size / 2, size / 4, size / 2), rel=1e-14)
+    # the numbers of the file are those of the model
+    points = re.findall(rb"CARTESIAN_POINT\('',\(([^,)]*),([^,)]*),([^,)]*)\)", data)
+    assert {number.strip() for point in points for number in point} == {b"0.", b"1."}
+
+
+def test_units_of_one_file_do_not_leak_into_the_next():
+    metre = dataclasses.replace(exportable("box"), units="m")
+    first = step.encode(exportable("box"), FIXED)
+    step.encode(metre, FIXED)
+    assert step.encode(exportable("box"), FIXED) == first
+
+
+@pytest.mark.parametrize(
+    ("schema", "text"),
+    [("AP242", "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING"), ("AP214", "AUTOMOTIVE_DESIGN")],
+)
+def test_header(schema, text):
+    item = dataclasses.replace(exportable("box"), description="first line\nsecond line")
+    data = step.encode(item, dataclasses.replace(FIXED, step_schema=schema)).decode("ascii")
+    header = p21.loads(data).header
+    assert header["FILE_SCHEMA"].params[0][0].startswith(text)
+    description, level = header["FILE_DESCRIPTION"].params
+    assert description[:2] == ("first line", "second line")
+    assert "1e-07 mm" in description[2]
+    assert level == "2;1"
+    name, time, author, organisation, preprocessor, system, _ = header["FILE_NAME"].params
+    assert (name, time) == ("box", "2026-01-31T12:00:00Z")
+    assert (author[0], organisation[0]) == ("", "")
+    assert preprocessor.startswith("OCCT 7.")
+    assert system == f"pc2cad {__version__}"
+    assert "Open CASCADE" not in data
+
+
+def test_product_and_body_carry_the_name_and_faces_theirs():
+    data = step.encode(exportable("box"), FIXED)
+    assert b"PRODUCT('box','box','',(" in data
+    assert b"MANIFOLD_SOLID_BREP('box'," in data
+    assert re.findall(rb"ADVANCED_FACE\('([^']*)'", data) == [b"side=%d" % i for i in range(6)]
+    document = Document(data)
+    assert document.name() == "box"
+    assert {f"side={i}" for i in range(6)} <= document.face_names()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "d'eau",
+        "5'",
+        "a','b",
+        "a')",
+        "''",
+        "back\\slash",
+        "\\X2\\00FC\\X0\\",
+        "Größe Δ 体",
+        "smile \U0001f600 end",
+        "mixed Ü\U0001f600'ß')",
+        "a;b /*c*/ #12=ENDSEC;",
+        "%d %s \"quoted\" @F0@ '@P@'",
+    ],
+)
+def test_names_come_back_unchanged(name):
+    item = exportable("box")
+    faces = (dataclasses.replace(item.faces[0], name=name), *item.faces[1:])
+    data = step.encode(dataclasses.replace(item, name=name, faces=faces), FIXED)
+    assert data.isascii()
+    document = Document(data)
+    assert document.name() == name
+    assert name in document.face_names()
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("two\nlines\r\n\tand tab", "two lines and tab"),
+        ("bell\x07nul\x00end", "bell nul end"),
+        ("half a pair \ud800", "half a pair \ufffd"),
+        ("  ", "unnamed"),
+        ("x" * 5000, "x" * 199 + "…"),
+    ],
+)
+def test_unprintable_and_long_names_are_made_printable(name, shown):
+    data = step.encode(dataclasses.replace(exportable("box"), name=name), FIXED)
+    assert Document(data).name() == shown
+
+
+def test_a_long_description_is_cut_into_header_strings():
+    item = dataclasses.replace(exportable("box"), description="word " * 1000 + "\n" + "y" * 600)
+    data = step.encode(item, FIXED).decode("ascii")
+    description = p21.loads(data).header["FILE_DESCRIPTION"].params[0]
+    assert max(map(len, description)) <= 250
+    assert " ".join(description).count("word") == 1000
+    assert "".join(description).count("y" * 100) == 6
+
+
+def test_colours_are_written_without_noise():
+    item = exportable("box")
+    faces = (dataclasses.replace(item.faces[2], colour=(1.0, 0.5, 0.1)),)
+    data = step.encode(dataclasses.replace(item, faces=faces), FIXED)
+    assert re.findall(rb"COLOUR_RGB\('',([^)]*)\)", data) == [b"1.,0.5,0.1"]
+
+
+def test_parameters_of_the_process_and_printers_are_put_back():
+    STEPCAFControl_Controller.Init_s()
+    names = (*step._PARAMETERS, "write.step.schema", "write.step.unit")
+    Interface_Static.SetIVal_s("write.step.schema", 3)
+    Interface_Static.SetCVal_s("write.step.unit", "FT")
+    Interface_Static.SetIVal_s("write.surfacecurve.mode", 0)
+    printers = Message.DefaultMessenger_s().Printers().Size()
+    try:
+        before = {name: Interface_Static.CVal_s(name) for name in names}
+        step.encode(dataclasses.replace(exportable("box"), units="in"), FIXED)
+        assert {name: Interface_Static.CVal_s(name) for name in names} == before
+        bad = dataclasses.replace(
+            exportable("box"), faces=(NamedFace("x", exportable("torus").faces[0].face),)
+        )
+        with pytest.raises(KernelError, match="not a face of the solid"):
+            step.encode(bad, FIXED)
+        assert {name: Interface_Static.CVal_s(name) for name in names} == before
+        assert Message.DefaultMessenger_s().Printers().Size() == printers
+    finally:
+        Interface_Static.SetIVal_s("write.step.schema", 4)
+        Interface_Static.SetCVal_s("write.step.unit", "MM")
+        Interface_Static.SetIVal_s("write.surfacecurve.mode", 1)
+
+
+def test_an_unknown_parameter_is_refused():
+    with (
+        pytest.raises(KernelError, match=r"no\.such\.parameter"),
+        step.kernel_parameters({"no.such.parameter": 1}),
+    ):
+        pass
+
+
+def test_the_fifth_file_of_a_process_equals_the_first():
+    files = {step.encode(exportable("hollow sphere"), FIXED) for _ in range(5)}
+    assert len(files) == 1
+
+
+SCRIPT = """
+import sys
+from pc2cad.export import step
+from pc2cad.export.model import ExportOptions
+from test_export_shapes import exportable
+ballast = [bytearray(n) for n in range(int(sys.argv[1]))]
+for other in sys.argv[2:]:
+    step.encode(exportable(other), ExportOptions())
+sys.stdout.buffer.write(b"BEGIN" + step.encode(exportable("spline box"), ExportOptions()))
+"""
+
+
+def test_every_process_writes_the_same_bytes_and_nothing_to_stdout():
+    root = Path(__file__).parents[1]
+    environment = {"SOURCE_DATE_EPOCH": "1700000000", "PYTHONPATH": f"{root}:{root / 'tests'}"}
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", SCRIPT, *arguments],
+            cwd=root,
+            env=environment,
+            capture_output=True,
+            check=True,
+        )
+        for arguments in (["0"], ["5000", "torus", "box"])
+    ]
+    assert outputs[0].stdout == outputs[1].stdout
+    assert outputs[0].stdout.startswith(b"BEGINISO-10303-21;")
+    assert b"'2023-11-14T22:13:20Z'" in outputs[0].stdout
+    assert outputs[0].stderr == b""
+
+
+def test_the_solid_is_not_changed():
+    item = exportable("spline box")
+    before = spline_poles(item.solid).copy()
+    step.encode(item, FIXED)
+    assert np.array_equal(spline_poles(item.solid), before)
+
+
+@pytest.mark.parametrize("null", [None, TopoDS_Solid()], ids=["None", "null"])
+def test_a_missing_solid_is_refused(null):
+    with pytest.raises(KernelError, match="no solid"):
+        step.encode(dataclasses.replace(exportable("box"), solid=null), FIXED)
+
+
+def test_another_kind_of_shape_is_refused():
+    face = exportable("box").faces[0].face
+    with pytest.raises(KernelError, match="the shape is a face"):
+        step.encode(dataclasses.replace(exportable("box"), solid=face, faces=()), FIXED)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_coordinates_that_are_not_finite_are_refused(bad):
+    solid = BRepPrimAPI_MakeBox(gp_Pnt(bad, 0.0, 0.0), 1.0, 1.0, 1.0).Solid()
+    with pytest.raises(KernelError):
+        step.encode(dataclasses.replace(exportable("box"), solid=solid, faces=()), FIXED)
+
+
+def test_an_inside_out_solid_is_refused():
+    solid = TopoDS.Solid_s(exportable("spline box").solid.Reversed())
+    item = dataclasses.replace(exportable("spline box"), solid=solid, faces=())
+    with pytest.raises(KernelError, match="volume"):
+        step.encode(item, FIXED)
+
+
+def test_a_face_named_twice_is_refused():
+    item = exportable("box")
+    with pytest.raises(KernelError):
+        step.encode(dataclasses.replace(item, faces=(item.faces[0],) * 2), FIXED)
+
+
+def test_a_solid_with_a_location_is_refused():
+    move = gp_Trsf()
+    move.SetTranslation(gp_Vec(5.0, 6.0, 7.0))
+    solid = TopoDS.Solid_s(exportable("box").solid.Moved(TopLoc_Location(move)))
+    with pytest.raises(KernelError, match="location"):
+        step.encode(dataclasses.replace(exportable("box"), solid=solid, faces=()), FIXED)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [0.1, 1 / 3, -2.5e-7, 1e22, 6e-17, 123456.789, 1e5, 0.0, -1e-300, 1.7e308, 5e-324, 60.0],
+)
+def test_numbers_keep_every_bit(value):
+    short = part21.real(b"%.17E" % value)
+    assert float(short) == value
+    assert re.fullmatch(rb"-?\d+\.\d*(E[+-]?\d+)?", short)
+    assert len(short) <= 24
+
+
+def test_a_text_without_data_is_refused():
+    header = part21.Header("n", [""], "t", "s")
+    with pytest.raises(KernelError, match="no data section"):
+        part21.finish(b"ISO-10303-21;", {}, header)
+
+
+@pytest.mark.parametrize("number", [b"NAN", b"-INF", b"1.E+308"])
+def test_a_text_with_a_number_that_is_not_finite_is_refused(number):
+    text = b"FILE_SCHEMA(('X'));DATA;\n#1 = POINT('',(0.," + number + b"));\nENDSEC;"
+    with pytest.raises(KernelError, match="not finite"):
+        part21.finish(text, {}, part21.Header("n", [""], "t", "s"))
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"), [("@other@", "unknown mark"), ("plain", "did not write these names")]
+)
+def test_lost_and_unknown_marks_are_refused(mark, message):
+    text = f"FILE_SCHEMA(('X'));DATA;\n#1 = FACE('{mark}');\nENDSEC;".encode()
+    with pytest.raises(KernelError, match=message):
+        part21.finish(text, {"P": "part"}, part21.Header("n", [""], "t", "s"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        ((b"ISO-10303-21;", b""), "cannot read"),
+        ((b"MANIFOLD_SOLID_BREP(", b"SHELL_BASED_SURFACE_MODEL("), "0 solids"),
+        ((b"CARTESIAN_POINT('',(10.,", b"CARTESIAN_POINT('',(10.001,"), "reads back"),
+        ((b"ADVANCED_FACE(", b"ADVANCED_FACT("), "faces"),
+    ],
+)
+def test_a_damaged_text_is_refused(monkeypatch, damage, message):
+    finish = part21.finish
+    monkeypatch.setattr(part21, "finish", lambda *args: finish(*args).replace(*damage, 1))
+    with pytest.raises(KernelError, match=message):
+        step.encode(exportable("box"), FIXED)
+
+
+def test_a_bad_source_date_epoch_is_named(monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    with pytest.raises(InputError, match="SOURCE_DATE_EPOCH"):
+        step.encode(exportable("box"), ExportOptions())
