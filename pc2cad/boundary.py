@@ -48,9 +48,9 @@ Array = NDArray[np.float64]
 
 #: share of the tolerance that one direction's fit may use: two directions and a margin for the
 #: places between samples make up the whole
-DIRECTION_SHARE = 0.3
+DIRECTION_SHARE = 0.1
 #: what sampled deviations may use of the tolerance
-SAMPLED_SHARE = 0.8
+SAMPLED_SHARE = 0.5
 TRIES = 6
 
 

@@ -18,10 +18,15 @@ from OCP.Geom import Geom_BSplineSurface
 from OCP.gp import gp_Pnt
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
+from OCP.STEPCAFControl import STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Controller, STEPControl_Writer
 from OCP.TColgp import TColgp_Array2OfPnt
+from OCP.TCollection import TCollection_ExtendedString
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
+from OCP.TDocStd import TDocStd_Document
 from OCP.TopoDS import TopoDS
+from OCP.XCAFApp import XCAFApp_Application
+from OCP.XCAFDoc import XCAFDoc_Area, XCAFDoc_Centroid, XCAFDoc_DocumentTool, XCAFDoc_Volume
 from scipy.interpolate import BSpline
 
 AP214, AP242 = 4, 5
@@ -46,17 +51,34 @@ def write_step(shape: cq.Shape, path: Path, *, unit: str = "MM", schema: int = A
     return path
 
 
+def write_with_properties(shape: cq.Shape, path: Path, volume: float) -> Path:
+    """Write one shape with a stated volume, and the kernel's own area and centroid."""
+    application = XCAFApp_Application.GetApplication_s()
+    document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
+    application.InitDocument(document)
+    label = XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).AddShape(shape.wrapped, False)
+    XCAFDoc_Volume.Set_s(label, volume)
+    XCAFDoc_Area.Set_s(label, shape.Area())
+    XCAFDoc_Centroid.Set_s(label, shape.Center().toPnt())
+    writer = STEPCAFControl_Writer()
+    writer.SetPropsMode(True)
+    writer.Transfer(document, STEPControl_AsIs)
+    assert writer.Write(str(path)) == IFSelect_RetDone
+    return path
+
+
 def as_nurbs(shape: cq.Shape) -> cq.Shape:
     """The same shape on (rational) B-spline surfaces."""
     return cq.Shape.cast(BRepBuilderAPI_NurbsConvert(shape.wrapped).Shape())
 
 
 class SplineSolid:
-    """A cubic B-spline map of the unit cube, its exact volume, and its six faces as a solid."""
+    """A cubic B-spline map of the unit cube up to w = top, its volume, and its six faces."""
 
     degree = 3
 
-    def __init__(self, count: int = 6) -> None:
+    def __init__(self, count: int = 6, top: float = 1.0) -> None:
+        self.top = top
         inner = np.linspace(0.0, 1.0, count - self.degree + 1)
         self.knots = np.concatenate([np.zeros(self.degree), inner, np.ones(self.degree)])
         greville = np.array([self.knots[i + 1 : i + 4].mean() for i in range(count)])
@@ -72,25 +94,39 @@ class SplineSolid:
 
     def volume(self) -> float:
         """The integral of the Jacobian determinant over the cube, by exact Gauss quadrature."""
-        breaks = np.unique(self.knots)
+        (value, slope, weight), (value_w, slope_w, weight_w) = self._rule(1.0), self._rule(self.top)
+        columns = [
+            np.einsum("ai,bj,ck,ijkd->abcd", *bases, self.poles, optimize=True)
+            for bases in (
+                (slope, value, value_w),
+                (value, slope, value_w),
+                (value, value, slope_w),
+            )
+        ]
+        determinant = np.linalg.det(np.stack(columns, axis=-1))
+        return float(np.einsum("abc,a,b,c->", determinant, weight, weight, weight_w))
+
+    def _rule(self, end: float) -> tuple[Any, Any, Any]:
+        """Values and slopes of the B-splines at the Gauss nodes up to a parameter; weights."""
+        inner = np.unique(self.knots)
+        breaks = np.append(inner[inner < end], end)
         nodes, weights = np.polynomial.legendre.leggauss(2 * self.degree)
         half = 0.5 * np.diff(breaks)[:, None]
         t = (breaks[:-1, None] + half * (1.0 + nodes)).ravel()
-        weight = (half * weights).ravel()
-        spline = BSpline(self.knots, np.eye(len(self.poles)), self.degree)
-        value, slope = spline(t), spline(t, 1)
-        columns = [
-            np.einsum("ai,bj,ck,ijkd->abcd", *bases, self.poles, optimize=True)
-            for bases in ((slope, value, value), (value, slope, value), (value, value, slope))
-        ]
-        determinant = np.linalg.det(np.stack(columns, axis=-1))
-        return float(np.einsum("abc,a,b,c->", determinant, weight, weight, weight))
+        return self._splines()(t), self._splines()(t, 1), (half * weights).ravel()
+
+    def _splines(self) -> BSpline:
+        return BSpline(self.knots, np.eye(len(self.poles)), self.degree)
 
     def solid(self) -> cq.Shape:
-        """Six untrimmed faces, sewn."""
+        """The six faces, sewn; the four sides end at w = top on surfaces that go on to 1."""
         p = self.poles
+        lid = np.tensordot(p, self._splines()(self.top), axes=(2, 0))
         sewing = BRepBuilderAPI_Sewing(1e-6)
-        for net in (p[0], p[-1], p[:, 0], p[:, -1], p[:, :, 0], p[:, :, -1]):
+        for net in (p[0], p[-1], p[:, 0], p[:, -1]):
+            side = BRepBuilderAPI_MakeFace(self._surface(net), 0.0, 1.0, 0.0, self.top, 1e-7)
+            sewing.Add(side.Face())
+        for net in (p[:, :, 0], lid):
             sewing.Add(BRepBuilderAPI_MakeFace(self._surface(net), 1e-7).Face())
         sewing.Perform()
         solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(sewing.SewedShape())).Solid()

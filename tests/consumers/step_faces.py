@@ -11,7 +11,7 @@ from .step_bsplines import BSplineSurface
 from .step_edges import EdgeReader, Wire
 from .step_parse import StepDefect, StepGraph, StepUnsupported, Vector, is_true
 from .step_patch import Moments, patch_moments, rectangles, trace_edge
-from .step_surfaces import Surface, read_surface
+from .step_surfaces import Spun, Surface, read_surface
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,11 @@ def _require_stokes(face: Face, moments: Moments, residual: float, limit: float)
 
 
 def _judge_patch(surface: Surface, face: Face, origin: Vector, limits: Limits) -> FaceResult:
+    if isinstance(surface, Spun) and surface.crosses_axis():
+        raise StepUnsupported(
+            f"The swept curve of face {face.ref} crosses its axis: "
+            "which of the two coinciding parts is meant is not said."
+        )
     edges = {edge.ref: edge for wire in face.wires for edge, _ in wire.edges}
     traced = [trace_edge(surface, edge, limits.gap, face.ref) for edge in edges.values()]
     gaps = [gap for _, gap in traced]

@@ -131,6 +131,13 @@ class Spun:
         sine = (np.cross(start, out) * self.axis).sum(axis=1)
         return np.arctan2(sine, (start * out).sum(axis=1)), v
 
+    def crosses_axis(self) -> bool:
+        """Whether the curve passes to the other side of the axis."""
+        samples = self.curve.sampling(self.centre[None])[0]
+        out = self._meridian(self.curve.at(samples)[0])[1]
+        far = out[np.linalg.norm(out, axis=1).argmax()]
+        return bool((out @ far).min() < -1e-9 * (far @ far))
+
     def breaks(self, axis: int, a: float, b: float) -> Vector:
         return _turn_breaks(a, b) if axis == 0 else self.curve.breaks(a, b)
 

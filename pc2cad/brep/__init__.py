@@ -1,0 +1,1 @@
+"""The brep room: our plain data to kernel objects. Every call into the kernel's modelling is here."""

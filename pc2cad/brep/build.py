@@ -1,0 +1,172 @@
+"""The build stage: a boundary model to one solid of the kernel.
+
+Input: BoundaryModel. Output: BuiltSolid. Each vertex and edge is made once and shared by the faces
+that meet there, seams carry two pcurves, and sides that collapse become degenerated edges: nothing
+is sewn and nothing is healed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.BRep import BRep_Builder
+from OCP.gp import gp_Pnt
+from OCP.Standard import Standard_Failure
+from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import (
+    TopoDS_Edge,
+    TopoDS_Face,
+    TopoDS_Shape,
+    TopoDS_Shell,
+    TopoDS_Solid,
+    TopoDS_Vertex,
+    TopoDS_Wire,
+)
+
+from pc2cad.boundary import BoundaryModel, ModelFace
+from pc2cad.brep import geometry
+from pc2cad.errors import KernelError
+from pc2cad.geometry.carriers import Plane
+
+#: the kernel's own confusion distance; what it is given is exact to far less
+KERNEL_TOLERANCE = 1e-7
+
+
+class PartTooSmallError(KernelError):
+    """An edge or the part is so small that the kernel takes its ends for one point."""
+
+
+@dataclass(frozen=True)
+class BuiltSolid:
+    """The solid and, in the order of the model, the face of each side."""
+
+    solid: TopoDS_Solid
+    faces: tuple[TopoDS_Face, ...]
+
+
+def build(model: BoundaryModel) -> BuiltSolid:
+    """Return the kernel's solid of a boundary model; raise KernelError where it refuses."""
+    try:
+        return _Build(model).solid()
+    except Standard_Failure as failure:
+        raise KernelError(f"the CAD kernel refused the boundary: {failure}") from failure
+
+
+class _Build:
+    def __init__(self, model: BoundaryModel) -> None:
+        self._model = model
+        self._builder = BRep_Builder()
+        self._check_size()
+        self._vertices = [self._vertex(position) for position in model.vertices]
+        self._ranges: list[float] = []
+        self._edges = [self._edge(index) for index in range(len(model.edges))]
+
+    def _check_size(self) -> None:
+        for edge in self._model.edges:
+            a, b = self._model.vertices[edge.start], self._model.vertices[edge.end]
+            gap = float(np.linalg.norm(a - b))
+            if edge.start != edge.end and gap < 10 * KERNEL_TOLERANCE:
+                raise PartTooSmallError(
+                    f"two vertices are {gap:.3g} units apart and the kernel takes points within "
+                    f"{KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead of m), so "
+                    "that numbers grow"
+                )
+
+    def _vertex(self, position: np.ndarray) -> TopoDS_Vertex:  # type: ignore[type-arg]
+        geometry.check_finite(position, "a vertex")
+        vertex = TopoDS_Vertex()
+        self._builder.MakeVertex(vertex, gp_Pnt(*map(float, position)), KERNEL_TOLERANCE)
+        return vertex
+
+    def _edge(self, index: int) -> TopoDS_Edge:
+        data = self._model.edges[index]
+        curve, end = geometry.curve(data.carrier)
+        edge = TopoDS_Edge()
+        self._builder.MakeEdge(edge, curve, KERNEL_TOLERANCE)
+        self._bound(edge, data.start, data.end, end)
+        self._ranges.append(end)
+        return edge
+
+    def _bound(self, edge: TopoDS_Edge, start: int, end: int, range_end: float) -> None:
+        self._builder.Add(edge, self._vertices[start].Oriented(TopAbs_FORWARD))
+        self._builder.Add(edge, self._vertices[end].Oriented(TopAbs_REVERSED))
+        self._builder.Range(edge, 0.0, range_end)
+
+    def _face(self, data: ModelFace) -> TopoDS_Face:
+        face = TopoDS_Face()
+        self._builder.MakeFace(face, geometry.surface(data.carrier), KERNEL_TOLERANCE)
+        if isinstance(data.carrier, Plane):
+            for wire in data.wires:
+                self._builder.Add(face, self._wire([
+                    self._edges[edge].Oriented(TopAbs_FORWARD if forward else TopAbs_REVERSED)
+                    for edge, forward in wire
+                ]))  # fmt: skip
+            return face
+        self._builder.Add(face, self._wire(self._rectangle(face, data)))
+        self._builder.NaturalRestriction(face, True)
+        return face.Reversed() if data.reversed else face  # type: ignore[no-any-return]
+
+    def _wire(self, edges: list[TopoDS_Shape]) -> TopoDS_Wire:
+        wire = TopoDS_Wire()
+        self._builder.MakeWire(wire)
+        for edge in edges:
+            self._builder.Add(wire, edge)
+        wire.Closed(True)
+        return wire
+
+    def _rectangle(self, face: TopoDS_Face, data: ModelFace) -> list[TopoDS_Shape]:
+        """Return the four sides of a spline face, with their pcurves set."""
+        sides: list[TopoDS_Shape] = []
+        counts = [use.edge for use in data.uses]
+        for side, use in enumerate(data.uses):
+            if use.edge is None:
+                sides.append(self._degenerated(face, side, use.vertex))
+                continue
+            edge = self._edges[use.edge]
+            if counts.count(use.edge) == 1:
+                pcurve = geometry.boundary_pcurve(side, use.forward, self._ranges[use.edge])
+                self._builder.UpdateEdge(edge, pcurve, face, KERNEL_TOLERANCE)
+            elif use.forward:
+                self._seam(face, data, use.edge)
+            sides.append(edge.Oriented(TopAbs_FORWARD if use.forward else TopAbs_REVERSED))
+        return sides
+
+    def _seam(self, face: TopoDS_Face, data: ModelFace, edge: int) -> None:
+        """Give a seam its two pcurves: that of the forward use first."""
+        pcurves = {
+            use.forward: geometry.boundary_pcurve(side, use.forward, self._ranges[edge])
+            for side, use in enumerate(data.uses)
+            if use.edge == edge
+        }
+        self._builder.UpdateEdge(
+            self._edges[edge], pcurves[True], pcurves[False], face, KERNEL_TOLERANCE
+        )
+
+    def _degenerated(self, face: TopoDS_Face, side: int, vertex: int) -> TopoDS_Shape:
+        edge = TopoDS_Edge()
+        self._builder.MakeEdge(edge)
+        self._builder.UpdateEdge(
+            edge, geometry.boundary_pcurve(side, True, 1.0), face, KERNEL_TOLERANCE
+        )
+        self._bound(edge, vertex, vertex, 1.0)
+        self._builder.Range(edge, face, 0.0, 1.0)
+        self._builder.Degenerated(edge, True)
+        return edge
+
+    def solid(self) -> BuiltSolid:
+        faces = [self._face(data) for data in self._model.faces]
+        solid = TopoDS_Solid()
+        self._builder.MakeSolid(solid)
+        shells = self._model.complex.shells
+        order = sorted(range(len(shells)), key=lambda i: i != self._model.outer_shell)
+        for index in order:
+            shell = TopoDS_Shell()
+            self._builder.MakeShell(shell)
+            for face in shells[index].faces:
+                self._builder.Add(shell, faces[face])
+            shell.Closed(True)
+            self._builder.Add(solid, shell)
+        solid.Location(TopLoc_Location())
+        return BuiltSolid(solid, tuple(faces))

@@ -1,0 +1,103 @@
+"""What the kernel says of a solid: validity, counts, tolerances and integrals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from OCP.BRep import BRep_Tool
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import (
+    TopAbs_EDGE,
+    TopAbs_FACE,
+    TopAbs_SHELL,
+    TopAbs_VERTEX,
+    TopAbs_WIRE,
+)
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+
+
+@dataclass(frozen=True)
+class KernelFindings:
+    """Counts without degenerated edges; lengths in model units."""
+
+    valid: bool
+    shells: int
+    faces: int
+    edges: int
+    vertices: int
+    #: edges that do not bound exactly two face sides
+    free_edges: int
+    #: V - E + F - (inner wires), which is the Euler number of the surface
+    euler: int
+    largest_tolerance: float
+
+
+def inspect(solid: TopoDS_Shape) -> KernelFindings:
+    """Return what the kernel's own checker and maps say of a solid."""
+    counts = {}
+    for kind in (TopAbs_SHELL, TopAbs_FACE, TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE):
+        shapes = TopTools_IndexedMapOfShape()
+        TopExp.MapShapes_s(solid, kind, shapes)
+        counts[kind] = shapes
+    edges, free = _edges(solid)
+    faces, wires = counts[TopAbs_FACE].Size(), counts[TopAbs_WIRE].Size()
+    vertices = counts[TopAbs_VERTEX].Size()
+    return KernelFindings(
+        bool(BRepCheck_Analyzer(solid).IsValid()), counts[TopAbs_SHELL].Size(), faces, edges,
+        vertices, free, vertices - edges + faces - (wires - faces), _largest_tolerance(counts),
+    )  # fmt: skip
+
+
+def _edges(solid: TopoDS_Shape) -> tuple[int, int]:
+    """Return the number of edges and of those not used exactly twice (degenerated ones left out)."""
+    parents = TopTools_IndexedDataMapOfShapeListOfShape()
+    TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, parents)
+    uses: dict[int, int] = {}
+    explorer = TopExp_Explorer(solid, TopAbs_EDGE)
+    while explorer.More():
+        index = parents.FindIndex(explorer.Current())
+        uses[index] = uses.get(index, 0) + 1
+        explorer.Next()
+    real = [
+        i for i in uses if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(parents.FindKey(i)))
+    ]
+    return len(real), sum(uses[i] != 2 for i in real)
+
+
+def _largest_tolerance(counts: dict[object, TopTools_IndexedMapOfShape]) -> float:
+    largest = 0.0
+    for kind, cast in (
+        (TopAbs_FACE, TopoDS.Face_s), (TopAbs_EDGE, TopoDS.Edge_s), (TopAbs_VERTEX, TopoDS.Vertex_s),
+    ):  # fmt: skip
+        shapes = counts[kind]
+        for i in range(1, shapes.Size() + 1):
+            largest = max(largest, BRep_Tool.Tolerance_s(cast(shapes.FindKey(i))))
+    return largest
+
+
+@dataclass(frozen=True)
+class KernelProperties:
+    """Volume, area and centroid as the kernel integrates them."""
+
+    volume: float
+    area: float
+    centroid: tuple[float, float, float]
+
+
+def kernel_properties(solid: TopoDS_Shape, accuracy: float = 1e-9) -> KernelProperties:
+    """Integrate with the kernel's Gauss-Kronrod rule.
+
+    Its plain rule is off by 1e-3 on spline faces, and its adaptive one by any amount where a wavy
+    edge bounds a plane, whatever error it claims.
+    """
+    volume, area = GProp_GProps(), GProp_GProps()
+    BRepGProp.VolumePropertiesGK_s(solid, volume, accuracy, True, False, True, False, False)
+    BRepGProp.SurfaceProperties_s(solid, area, accuracy)
+    centre = volume.CentreOfMass()
+    return KernelProperties(
+        volume.Mass(), area.Mass(), (centre.X(), centre.Y(), centre.Z())
+    )

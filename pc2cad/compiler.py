@@ -1,0 +1,79 @@
+"""The pipeline: one point equation in, one part out.
+
+    PointEquation  ─analyse→    Analysis       which sides collapse, coincide, bound
+                   ─integrate→  Properties     volume, area, centroid of the equation; orientation
+                   ─represent→  BoundaryModel  a carrier for every face and edge
+                   ─build→      BuiltSolid     the kernel's solid
+                   ─validate→   Report         held against the equation, or refused
+
+Each stage takes the results before it and returns one frozen value.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from pc2cad.analysis import analyse
+from pc2cad.boundary import represent
+from pc2cad.brep.build import build
+from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
+from pc2cad.part import Part
+from pc2cad.properties import integrate
+from pc2cad.validation import validate
+
+#: told the name of each stage as it begins
+Progress = Callable[[str], None]
+Result = TypeVar("Result")
+
+
+def compile_equation(
+    equation: PointEquation,
+    tolerance: float | None = None,
+    degree: int = 5,
+    progress: Progress | None = None,
+) -> Part:
+    """Compile a point equation into a validated part.
+
+    `tolerance` is the largest distance, in model units, that a face may have from the equation;
+    None means 1e-7 of the part's size. `degree` is that of splines where one is needed. Raises
+    NotASolidError, ToleranceNotReachedError or KernelError; nothing doubtful is returned.
+    """
+    times: dict[str, float] = {}
+
+    def stage(name: str, run: Callable[[], Result]) -> Result:
+        if progress is not None:
+            progress(name)
+        start = time.perf_counter()
+        result = run()
+        times[name] = time.perf_counter() - start
+        return result
+
+    analysis = stage("analyse", lambda: analyse(equation))
+    properties = stage("integrate", lambda: integrate(analysis))
+    model = stage(
+        "represent", lambda: represent(analysis, properties.orientation, tolerance, degree)
+    )
+    built = stage("build", lambda: build(model))
+    report = stage("validate", lambda: validate(analysis, properties, model, built, times))
+    return Part(equation, model, built, report)
+
+
+def compile_part(
+    equation: Equation,
+    domain: Domain | None = None,
+    tolerance: float | None = None,
+    *,
+    name: str = "part",
+    units: str = "mm",
+    degree: int = 5,
+) -> Part:
+    """Compile a Python point equation (or its three coordinates) over a box into a part.
+
+    `domain` maps ``u``, ``v``, ``w`` to ``(lower, upper)``; what is missing runs from 0 to 1. See
+    `compile_equation` for the rest.
+    """
+    return compile_equation(
+        point_equation(equation, domain, name=name, units=units), tolerance, degree
+    )

@@ -1,0 +1,88 @@
+"""A compiled part: the solid, the report on it, and the ways out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pc2cad.boundary import BoundaryModel
+from pc2cad.brep.build import BuiltSolid
+from pc2cad.equation.point_equation import PointEquation
+from pc2cad.export.model import Exportable, ExportOptions, GeometricProperties, NamedFace
+from pc2cad.export.registry import write
+from pc2cad.report import Report
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
+
+#: one colour per side, u=0, u=1, v=0 …: distinguishable also for colour-blind eyes (Okabe, Ito)
+SIDE_COLOURS = {
+    "u": ((0.90, 0.62, 0.00), (0.84, 0.37, 0.00)),
+    "v": ((0.34, 0.71, 0.91), (0.00, 0.45, 0.70)),
+    "w": ((0.00, 0.62, 0.45), (0.80, 0.47, 0.65)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One validated solid of one point equation."""
+
+    equation: PointEquation
+    model: BoundaryModel
+    built: BuiltSolid
+    report: Report
+
+    @property
+    def shape(self) -> TopoDS_Solid:
+        """The kernel's solid, in the equation's units."""
+        return self.built.solid
+
+    @property
+    def faces(self) -> dict[str, TopoDS_Face]:
+        """The kernel's faces by the name of their side."""
+        return {f.name: k for f, k in zip(self.model.faces, self.built.faces, strict=True)}
+
+    def to_cadquery(self) -> Any:
+        """Return the solid as a `cadquery.Solid` (imports CadQuery)."""
+        from cadquery import Solid
+
+        return Solid(self.built.solid)
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        colours: bool = False,
+        options: ExportOptions | None = None,
+    ) -> None:
+        """Write a file, its format by the name's ending; it appears whole or not at all.
+
+        `colours` paints each side of the box its own colour. Raises InputError for an unknown
+        ending, FileNotWrittenError or KernelError.
+        """
+        write(self.exportable(colours), path, options)
+
+    def exportable(self, colours: bool = False) -> Exportable:
+        """Return what the writers take."""
+        return Exportable(
+            solid=self.built.solid,
+            name=self.equation.title or self.equation.name,
+            description=self.equation.about.strip(),
+            units=self.equation.units,
+            faces=tuple(
+                NamedFace(name, face, _colour(name) if colours else None)
+                for name, face in self.faces.items()
+            ),
+            properties=GeometricProperties(
+                self.report.equation.volume,
+                self.report.equation.area,
+                self.report.equation.centroid,
+            ),
+            tolerance=self.report.tolerance,
+        )
+
+
+def _colour(name: str) -> tuple[float, float, float]:
+    lower = name.partition("=")[2].startswith("0") and not name[2:3].isdigit()
+    return SIDE_COLOURS[name[0]][0 if lower else 1]

@@ -1,0 +1,97 @@
+"""The report: what was derived, what is exact, how far the rest deviates, what was checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class SideReport:
+    """The fate of one side of the parameter box."""
+
+    name: str
+    #: face, curve, point or interface
+    fate: str
+    #: proved or sampled
+    verdict: str
+    #: for a curve the parameter along it; for an interface the partner and how it is turned
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class FaceReport:
+    """One face: its carrier and how it compares with the equation (lengths in model units)."""
+
+    name: str
+    carrier: str
+    #: exact or sampled
+    evidence: str
+    #: largest distance to the equation at equal parameters, over `samples` places
+    deviation: float
+    samples: int
+    degrees: tuple[int, ...]
+    poles: tuple[int, ...]
+    area: float
+
+
+@dataclass(frozen=True)
+class Integrals:
+    """Volume, area and centroid in model units, and where they come from."""
+
+    source: str
+    volume: float
+    area: float
+    centroid: tuple[float, float, float]
+    #: estimate of the relative error; None where the source gives none
+    relative_error: float | None = None
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything that is known of a compiled part; lengths are in `units`."""
+
+    name: str
+    title: str
+    units: str
+    parameters: Mapping[str, float]
+    size: float
+    tolerance: float
+    sides: tuple[SideReport, ...]
+    faces: tuple[FaceReport, ...]
+    #: edges between different faces, and their ends
+    edges: int
+    vertices: int
+    #: genus of each shell, the outer one first
+    genus: tuple[int, ...]
+    euler: int
+    equation: Integrals
+    solid: Integrals
+    #: largest tolerance of a vertex, edge or face of the kernel's solid
+    kernel_tolerance: float
+    #: seconds per stage
+    times: Mapping[str, float]
+
+    @property
+    def shells(self) -> int:
+        """Number of shells: 1, and 1 more for each void."""
+        return len(self.genus)
+
+    @property
+    def deviation(self) -> float:
+        """Largest deviation of any face from the equation."""
+        return max(face.deviation for face in self.faces)
+
+    @property
+    def evidence(self) -> str:
+        """``exact`` when every face is, else ``sampled``."""
+        return "exact" if all(f.evidence == "exact" for f in self.faces) else "sampled"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain data for JSON."""
+        data = asdict(self)
+        data["shells"] = self.shells
+        data["deviation"] = self.deviation
+        data["evidence"] = self.evidence
+        return data

@@ -1,0 +1,180 @@
+"""The validate stage: the kernel's solid is held against the equation, or refused.
+
+Input: everything before. Output: Report. The kernel's checker alone passes inside-out, folded and
+badly closed solids, so its verdict is one of several: edge uses, counts and Euler number of the
+derived complex, tolerances, and volume, area and centroid of what was built against the same
+integrals taken from the equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pc2cad.analysis import Analysis
+from pc2cad.boundary import BoundaryModel, ModelFace
+from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
+from pc2cad.brep.inspect import KernelFindings, inspect
+from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
+from pc2cad.equation.point_equation import PARAMETERS, Expectations
+from pc2cad.errors import KernelError, NotASolidError
+from pc2cad.geometry.carriers import SplineSurface, surface_kind
+from pc2cad.properties import Properties
+from pc2cad.report import FaceReport, Integrals, Report, SideReport
+from pc2cad.topology.cells import IDENTITY
+from pc2cad.topology.complex import BoundaryComplex, SideFate
+
+
+class SolidNotValidError(KernelError):
+    """The kernel's solid fails one of the checks."""
+
+
+class IntegralsDisagreeError(NotASolidError):
+    """The solid that was built does not have the volume, area or centroid of the equation."""
+
+
+class ExpectationNotMetError(NotASolidError):
+    """A figure that the template states is not the solid's."""
+
+
+def validate(
+    analysis: Analysis,
+    properties: Properties,
+    model: BoundaryModel,
+    built: BuiltSolid,
+    times: Mapping[str, float],
+) -> Report:
+    """Return the report of a solid that passes every check; raise for one that does not."""
+    findings = inspect(built.solid)
+    _check_kernel(findings, model)
+    integrals = solid_integrals(built.solid)
+    _check_integrals(integrals, properties, model)
+    report = _report(analysis, properties, model, integrals, findings, times)
+    check_expectations(analysis.equation.expectations, report)
+    return report
+
+
+def _check_kernel(findings: KernelFindings, model: BoundaryModel) -> None:
+    if not findings.valid:
+        raise SolidNotValidError("the kernel's checker finds the solid invalid")
+    if findings.free_edges:
+        raise SolidNotValidError(
+            f"{findings.free_edges} edges do not bound exactly two faces: the boundary is open"
+        )
+    expected = (len(model.complex.shells), len(model.faces), model.complex.euler)
+    found = (findings.shells, findings.faces, findings.euler)
+    if found != expected:
+        raise SolidNotValidError(
+            "the kernel's solid has (shells, faces, Euler number) = "
+            f"{found} where the equation has {expected}"
+        )
+    allowed = max(KERNEL_TOLERANCE, model.tolerance)
+    if findings.largest_tolerance > allowed * (1 + 1e-9):
+        raise SolidNotValidError(
+            f"the kernel raised a tolerance to {findings.largest_tolerance:.3g}, above "
+            f"{allowed:.3g}"
+        )
+
+
+def _check_integrals(solid: SolidIntegrals, true: Properties, model: BoundaryModel) -> None:
+    deviation = max(face.deviation for face in model.faces)
+    slack = 1e-11 + 10 * true.relative_error
+    volume_gap = abs(solid.volume - true.volume)
+    if volume_gap > 2 * true.area * deviation + slack * (true.volume + true.area * model.size):
+        raise IntegralsDisagreeError(
+            f"the solid's volume is {solid.volume:.12g} and the equation's {true.volume:.12g}: "
+            "the map folds or overlaps itself, or a face is wrong"
+        )
+    area_gap = abs(solid.area - true.area)
+    if area_gap > (100 * deviation / model.size + 10 * slack) * true.area:
+        raise IntegralsDisagreeError(
+            f"the solid's area is {solid.area:.12g} and the equation's {true.area:.12g}"
+        )
+    shift = float(np.linalg.norm(np.subtract(solid.centroid, true.centroid)))
+    if shift * true.volume > (4 * true.area * deviation + 10 * slack * true.volume) * model.size:
+        raise IntegralsDisagreeError(
+            f"the solid's centroid is {shift:.3g} away from the equation's"
+        )
+
+
+def check_expectations(expected: Expectations, report: Report) -> None:
+    """Raise ExpectationNotMetError for the first figure of a template that is not met."""
+    counts = {
+        "faces": len(report.faces), "edges": report.edges, "vertices": report.vertices,
+        "shells": report.shells, "euler": report.euler,
+    }  # fmt: skip
+    for name, found in counts.items():
+        stated = getattr(expected, name)
+        if stated is not None and stated != found:
+            raise ExpectationNotMetError(f"[expect] {name} = {stated}, but there are {found}")
+    slack = 1e-9 + 10 * (report.equation.relative_error or 0.0)
+    for name in ("volume", "area"):
+        stated, value = getattr(expected, name), getattr(report.equation, name)
+        if stated is not None and not abs(stated - value) <= slack * abs(value):
+            raise ExpectationNotMetError(
+                f"[expect] {name} = {stated:.12g}, but the equation gives {value:.12g}"
+            )
+    if expected.centroid is not None:
+        gap = np.linalg.norm(np.subtract(expected.centroid, report.equation.centroid))
+        if not gap <= slack * report.size:
+            shown = ", ".join(f"{x:.12g}" for x in report.equation.centroid)
+            raise ExpectationNotMetError(
+                f"[expect] the centroid is {gap:.3g} away from the equation's ({shown})"
+            )
+
+
+def _report(
+    analysis: Analysis,
+    properties: Properties,
+    model: BoundaryModel,
+    integrals: SolidIntegrals,
+    findings: KernelFindings,
+    times: Mapping[str, float],
+) -> Report:
+    equation, boundary = analysis.equation, model.complex
+    shells = sorted(range(len(boundary.shells)), key=lambda i: i != model.outer_shell)
+    return Report(
+        name=equation.name,
+        title=equation.title,
+        units=equation.units,
+        parameters=dict(equation.parameters),
+        size=model.size,
+        tolerance=model.tolerance,
+        sides=tuple(_side(side, boundary) for side in boundary.sides),
+        faces=tuple(
+            _face(face, area)
+            for face, area in zip(model.faces, properties.face_areas, strict=True)
+        ),
+        edges=len(boundary.creases()),
+        vertices=len(boundary.crease_vertices()),
+        genus=tuple(boundary.shells[i].genus for i in shells),
+        euler=boundary.euler,
+        equation=Integrals(
+            "equation (Gauss quadrature)", properties.volume, properties.area,
+            properties.centroid, properties.relative_error,
+        ),
+        solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,
+                        integrals.centroid),
+        kernel_tolerance=findings.largest_tolerance,
+        times=dict(times),
+    )  # fmt: skip
+
+
+def _side(side: SideFate, boundary: BoundaryComplex) -> SideReport:
+    detail = ""
+    if side.along is not None:
+        detail = f"along {PARAMETERS[side.along]}"
+    if side.partner is not None:
+        detail = f"glued to {boundary.name(side.partner)}"
+        if side.symmetry is not None and side.symmetry != IDENTITY:
+            detail += f", (s, t) to {side.symmetry}"
+    return SideReport(boundary.name(side.patch), side.fate, side.verdict.value, detail)
+
+
+def _face(face: ModelFace, area: float) -> FaceReport:
+    spline = face.carrier if isinstance(face.carrier, SplineSurface) else None
+    return FaceReport(
+        face.name, surface_kind(face.carrier), face.evidence, face.deviation, face.samples,
+        spline.degrees if spline else (), spline.poles.shape[:2] if spline else (), area,
+    )  # fmt: skip

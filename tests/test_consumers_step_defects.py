@@ -1,0 +1,194 @@
+"""Negative controls: the kernel-free check refuses files with one thing wrong in their text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import cadquery as cq
+import pytest
+from consumers.samples import SplineSolid, write_step, write_with_properties
+from consumers.step_file import StepDefect, check_step
+
+
+@pytest.fixture(scope="module")
+def texts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The text of sound files, one instance a line."""
+    folder = tmp_path_factory.mktemp("sound")
+    sphere = cq.Workplane().sphere(5.0)
+    shapes = {
+        "box": cq.Solid.makeBox(10.0, 20.0, 30.0),
+        "cylinder": cq.Solid.makeCylinder(5.0, 12.0),
+        "sphere": sphere.val(),
+        "torus": cq.Solid.makeTorus(10.0, 3.0),
+        "hollow": sphere.cut(cq.Workplane().sphere(3.0)).val(),
+        "drilled": cq.Workplane().box(10.0, 10.0, 10.0).faces(">Z").hole(3.0).val(),
+        "spline": SplineSolid().solid(),
+    }
+    paths = {name: write_step(shape, folder / f"{name}.step") for name, shape in shapes.items()}
+    paths["stated"] = write_with_properties(shapes["box"], folder / "stated.step", 6000.1)
+    return {name: re.sub(r"\s*\n\s*", "", path.read_text()) for name, path in paths.items()}
+
+
+def _instance(text: str, keyword: str, number: int = 0) -> re.Match[str]:
+    """The given occurrence of an instance: reference, keyword, parameters."""
+    return list(re.finditer(rf"(#\d+) = ({keyword})\((.*?)\);", text))[number]
+
+
+def _edit(text: str, found: re.Match[str], old: str, new: str) -> str:
+    """Replace the last occurrence of old in one instance."""
+    head, middle, tail = found.group(0).rpartition(old)
+    assert middle
+    return text.replace(found.group(0), head + new + tail, 1)
+
+
+def _flip(text: str, keyword: str, number: int = 0) -> str:
+    """Turn the last logical flag of an instance round."""
+    found = _instance(text, keyword, number)
+    old = found.group(3)[-3:]
+    return _edit(text, found, old, {".T.": ".F.", ".F.": ".T."}[old])
+
+
+def _flip_on(text: str, carrier: str) -> str:
+    """Turn the same_sense of the first face on a surface of this kind round."""
+    surfaces = {found.group(1) for found in re.finditer(rf"(#\d+) = {carrier}\(", text)}
+    faces = list(re.finditer(r"(#\d+) = (ADVANCED_FACE)\((.*?)\);", text))
+    number = next(i for i, f in enumerate(faces) if f.group(3).split(",")[-2] in surfaces)
+    return _flip(text, "ADVANCED_FACE", number)
+
+
+def _move(text: str, ref: str, by: float = 0.01) -> str:
+    """Move one point along x."""
+    found = re.search(rf"({ref}) = (CARTESIAN_POINT)\('',\((.*?),(.*?),(.*?)\)\);", text)
+    assert found
+    return _edit(text, found, f"({found.group(3)},", f"({float(found.group(3)) + by:.13E},")
+
+
+def _pole(text: str, row: int, column: int) -> str:
+    """The reference of a pole of the first B-spline surface."""
+    found = _instance(text, "B_SPLINE_SURFACE_WITH_KNOTS")
+    net = re.findall(r"\((#[#\d,]*)\)", found.group(3))
+    return net[row].split(",")[column]
+
+
+def _curve_pole(text: str) -> str:
+    found = _instance(text, "B_SPLINE_CURVE_WITH_KNOTS")
+    poles = re.search(r"\((#[#\d,]*)\)", found.group(3))
+    assert poles
+    return poles.group(1).split(",")[2]
+
+
+def _without_face(text: str) -> str:
+    found = _instance(text, "CLOSED_SHELL")
+    return _edit(text, found, "," + found.group(3).rstrip(")").split(",")[-1] + ")", ")")
+
+
+def _move_plane(text: str) -> str:
+    plane = _instance(text, "PLANE").group(3).split(",")[-1]
+    placement = re.search(rf"{plane} = AXIS2_PLACEMENT_3D\('',(#\d+)", text)
+    assert placement
+    return _move(text, placement.group(1))
+
+
+def _inside_out(text: str) -> str:
+    """Turn every face and every wire round: consistent, but the volume is negative."""
+    swap = {".T.": ".F.", ".F.": ".T."}
+    pattern = r"(#\d+ = (?:ADVANCED_FACE|FACE_BOUND)\([^;]*)(\.[TF]\.)\);"
+    return re.sub(pattern, lambda found: f"{found[1]}{swap[found[2]]});", text)
+
+
+def _one_shell(text: str) -> str:
+    """Put the face of the void into the outer shell."""
+    outer, void = (_instance(text, "CLOSED_SHELL", number).group(3) for number in (0, 1))
+    joined = outer.replace("))", ")").rstrip(")") + "," + void.partition("(")[2]
+    return text.replace(outer, joined, 1)
+
+
+Edit = Callable[[str], str]
+CONTROLS: dict[str, tuple[str, Edit, str]] = {
+    "pole on a side": (
+        "spline",
+        lambda t: _move(t, _pole(t, 0, 2)),
+        "leaves the surface of face",
+    ),
+    "corner pole": ("spline", lambda t: _move(t, _pole(t, 0, 0)), "leaves the surface of face"),
+    "pole of an edge": (
+        "spline",
+        lambda t: _move(t, _curve_pole(t)),
+        "leaves the surface of face",
+    ),
+    "vertex": (
+        "spline",
+        lambda t: _move(t, _instance(t, "VERTEX_POINT").group(3).split(",")[-1]),
+        "misses its vertex",
+    ),
+    "flipped plane": ("box", lambda t: _flip(t, "ADVANCED_FACE"), "is flipped"),
+    "flipped plane with a hole": ("drilled", lambda t: _flip_on(t, "PLANE"), "is flipped"),
+    "flipped spline": ("spline", lambda t: _flip(t, "ADVANCED_FACE", 2), "is flipped"),
+    "flipped full cylinder": (
+        "cylinder",
+        lambda t: _flip_on(t, "CYLINDRICAL_SURFACE"),
+        "theorem of Stokes fails",
+    ),
+    "flipped sphere": ("sphere", lambda t: _flip(t, "ADVANCED_FACE"), "inside out"),
+    "flipped torus": ("torus", lambda t: _flip(t, "ADVANCED_FACE"), "inside out"),
+    "flipped void": ("hollow", lambda t: _flip(t, "ORIENTED_CLOSED_SHELL"), "void shell"),
+    "flipped edge": ("box", lambda t: _flip(t, "ORIENTED_EDGE", 5), "is not closed"),
+    "flipped closed edge": (
+        "cylinder",
+        lambda t: _flip(t, "ORIENTED_EDGE", -1),
+        "is not consistently oriented",
+    ),
+    "flipped seam": ("torus", lambda t: _flip(t, "ORIENTED_EDGE"), "not consistently oriented"),
+    "flipped curve": ("box", lambda t: _flip(t, "EDGE_CURVE"), "does not run from its start"),
+    "flipped circle": (
+        "cylinder",
+        lambda t: _flip(t, "EDGE_CURVE"),
+        "is flipped|theorem of Stokes fails",
+    ),
+    "flipped wire": ("box", lambda t: _flip(t, "FACE_BOUND"), "not consistently oriented"),
+    "all flipped": ("box", _inside_out, "inside out"),
+    "face removed": ("box", _without_face, "is open"),
+    "spline face removed": ("spline", _without_face, "is open"),
+    "void without own shell": ("hollow", _one_shell, "unconnected pieces"),
+    "plane moved": ("box", _move_plane, "leaves the plane of face"),
+    "radius": (
+        "cylinder",
+        lambda t: _edit(t, _instance(t, "CYLINDRICAL_SURFACE"), ",5.", ",5.01"),
+        "leaves the surface of face",
+    ),
+    "dangling reference": (
+        "box",
+        lambda t: t.replace(_instance(t, "VERTEX_POINT").group(0), "", 1),
+        "does not contain",
+    ),
+    "broken text": ("box", lambda t: t[: len(t) // 2], "not Part 21"),
+    "stated volume": ("stated", lambda t: t, "states the volume 6000.1"),
+}
+
+
+@pytest.mark.parametrize("name", list(CONTROLS))
+def test_one_wrong_thing_is_refused(name: str, texts: dict[str, str], tmp_path: Path) -> None:
+    source, edit, sentence = CONTROLS[name]
+    path = tmp_path / "wrong.step"
+    path.write_text(edit(texts[source]))
+    with pytest.raises(StepDefect, match=sentence):
+        check_step(path)
+
+
+def test_the_texts_themselves_are_sound(texts: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "sound.step"
+    for name, text in texts.items():
+        if name != "stated":
+            path.write_text(text)
+            assert check_step(path).volume > 0.0
+
+
+def test_pole_inside_a_face_shows_in_the_volume_only(texts: dict[str, str], tmp_path: Path) -> None:
+    """No border sees it: the volume must be compared with what is known of the solid."""
+    path = tmp_path / "moved.step"
+    path.write_text(_move(texts["spline"], _pole(texts["spline"], 2, 2)))
+    moved = check_step(path)
+    assert moved.max_stokes_residual < 1e-12
+    assert abs(moved.volume - SplineSolid().volume()) > 1e-3
