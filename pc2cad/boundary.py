@@ -46,9 +46,9 @@ from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 Array = NDArray[np.float64]
 
-#: share of the tolerance that one direction's fit may use: two directions and a margin for the
-#: places between samples make up the whole
-DIRECTION_SHARE = 0.1
+#: share of the tolerance that one direction's fit aims at. A tolerance bounds a distance, but area
+#: follows with curvature times distance: at the default tolerance this share keeps 1e-7 of it
+DIRECTION_SHARE = 0.03
 #: what sampled deviations may use of the tolerance
 SAMPLED_SHARE = 0.5
 TRIES = 6
@@ -181,7 +181,7 @@ class _Representation:
         for d in range(3):
             low, high = self._analysis.span(d, function.cell[d])
             places[d] = 0.45 * low + 0.55 * high
-        tangents = [self._analysis.map.tangent(d, *places) for d in (s, t)]
+        tangents = self._analysis.map.tangents((s, t), *places)
         outward = self._sign(function.cell) * np.cross(*tangents)
         normal = plane.normal if plane.normal @ outward > 0 else -plane.normal
         return Plane(plane.origin, normal), "exact" if proved else "sampled"

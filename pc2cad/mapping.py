@@ -40,42 +40,50 @@ class Mapping3:
     """
 
     coordinates: tuple[Expr, Expr, Expr]
-    _programs: dict[str, Program] = field(default_factory=dict, compare=False, repr=False)
+    _programs: dict[tuple[str, ...], Program] = field(default_factory=dict, compare=False, repr=False)
 
     def points(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
         """Return M, shape broadcast(u, v, w) + (3,)."""
-        return self._run("M", self.coordinates, u, v, w)
+        return self._run(("M",), u, v, w)[0]
 
-    def tangent(self, direction: int, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
-        """Return the derivative of M in one direction (0: u, 1: v, 2: w); shape as `points`."""
-        name = PARAMETERS[direction]
-        return self._run(name, self.derivative_trees[direction], u, v, w)
+    def tangents(
+        self, directions: tuple[int, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike
+    ) -> list[Array]:
+        """Return the derivatives of M in some directions (0: u, 1: v, 2: w); shapes as `points`."""
+        return self._run(tuple(PARAMETERS[d] for d in directions), u, v, w)
 
-    def jacobian(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
-        """Return det J = M_u · (M_v × M_w), shape broadcast(u, v, w)."""
-        mu, mv, mw = (self.tangent(d, u, v, w) for d in range(3))
-        determinant: Array = np.einsum("...i,...i->...", mu, np.cross(mv, mw))
-        return determinant
+    def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        """Return M, M_u, M_v and M_w, evaluated together; shapes as `points`."""
+        return self._run(("M", *PARAMETERS), u, v, w)
 
     @cached_property
-    def derivative_trees(self) -> tuple[tuple[Expr, ...], ...]:
-        """Trees of M_u, M_v and M_w."""
-        return tuple(derivatives(self.coordinates, name) for name in PARAMETERS)
+    def _trees(self) -> dict[str, tuple[Expr, ...]]:
+        """Trees of M and, by the parameter's name, of its derivatives."""
+        trees = {name: derivatives(self.coordinates, name) for name in PARAMETERS}
+        return {"M": self.coordinates, **trees}
 
     def _run(
-        self, key: str, trees: tuple[Expr, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike
-    ) -> Array:
-        if key not in self._programs:
-            self._programs[key] = Program(trees)
+        self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike
+    ) -> list[Array]:
+        if keys not in self._programs:
+            roots = tuple(tree for key in keys for tree in self._trees_of(key))
+            self._programs[keys] = Program(roots)
         values: Mapping[str, Array] = {
             name: np.asarray(value, dtype=float)
             for name, value in zip(PARAMETERS, (u, v, w), strict=True)
         }
         shape = np.broadcast_shapes(*(value.shape for value in values.values()))
-        result = np.empty((*shape, 3))
-        for axis, column in enumerate(self._programs[key](values)):
-            result[..., axis] = column
-        return result
+        columns = self._programs[keys](values)
+        results = []
+        for i in range(0, len(columns), 3):
+            result = np.empty((*shape, 3))
+            for axis in range(3):
+                result[..., axis] = columns[i + axis]
+            results.append(result)
+        return results
+
+    def _trees_of(self, key: str) -> tuple[Expr, ...]:
+        return self.coordinates if key == "M" else self._trees[key]
 
 
 def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:

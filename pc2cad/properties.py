@@ -97,13 +97,13 @@ class _Densities:
         """Return det J and (M - centre) det J; the sign of det J is noted on the way."""
         nodes = tuple(rule[0] for rule in rules)
         grid = open_grid(*nodes)
-        tangents = [self.analysis.map.tangent(d, *grid) for d in range(3)]
+        points, *tangents = self.analysis.map.frame(*grid)
         determinant = np.einsum(
             "...i,...i->...", tangents[0], np.cross(tangents[1], tangents[2])
         )
-        product = np.prod([np.sqrt((m * m).sum(axis=-1)) for m in tangents], axis=0)
+        product = np.sqrt(np.prod([np.einsum("...i,...i->...", m, m) for m in tangents], axis=0))
         self.signs.see(determinant, product, nodes)
-        offset = self.analysis.map.points(*grid) - self.centre
+        offset = points - self.centre
         return np.concatenate(
             (determinant[..., None], offset * determinant[..., None]), axis=-1
         )
@@ -114,9 +114,7 @@ class _Densities:
 
         def area(rules: _Rules) -> Array:
             grid = open_grid(*(rule[0] for rule in rules))
-            normal = np.cross(
-                self.analysis.map.tangent(s, *grid), self.analysis.map.tangent(t, *grid)
-            )
+            normal = np.cross(*self.analysis.map.tangents((s, t), *grid))
             return np.sqrt((normal * normal).sum(axis=-1))[..., None]
 
         return area
@@ -256,11 +254,15 @@ def _rule(
     limits = _limits(analysis, direction, position)
     if limits[0] == limits[-1]:
         return np.array(limits[:1]), np.ones(1)
-    x, weight = _gauss(count)
-    pairs = list(pairwise(limits))
-    nodes = [(a + b) / 2 + (b - a) / 2 * x for a, b in pairs]
-    weights = [(b - a) / 2 * weight for a, b in pairs]
-    return np.concatenate(nodes), np.concatenate(weights)
+    # many nodes are spread over panels: high Gauss orders are slow to make and gain nothing
+    panels = max(1, count // 24)
+    spans = np.concatenate(
+        [np.linspace(a, b, panels + 1)[:-1] for a, b in pairwise(limits)] + [limits[-1:]]
+    )
+    x, weight = _gauss(-(-count // panels))
+    half = np.diff(spans)[:, None] / 2
+    nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
+    return nodes.ravel(), (half * weight).ravel()
 
 
 @lru_cache(maxsize=64)

@@ -215,8 +215,9 @@ def test_void_counts_as_second_shell(tmp_path: Path) -> None:
 def test_units(unit: str, metres: float, schema: int, tmp_path: Path) -> None:
     found = _measure(tmp_path, _box(), unit=unit, schema=schema)
     assert found.unit_m == pytest.approx(metres, rel=1e-15)
-    assert found.volume * metres**3 == pytest.approx(6e-6, rel=2e-12)  # 10/25.4 in 13 digits
-    assert found.area * metres**2 == pytest.approx(2.2e-3, rel=2e-12)
+    assert found.volume_mm3 == pytest.approx(6000.0, rel=2e-12)  # 10/25.4 in 13 digits
+    assert found.area_mm2 == pytest.approx(2200.0, rel=2e-12)
+    assert found.centroid_mm == pytest.approx((5.0, 10.0, 15.0), rel=2e-12)
 
 
 def test_b_spline_solid_has_the_volume_of_its_map(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import (
+    TopoDS,
     TopoDS_Edge,
     TopoDS_Face,
     TopoDS_Shape,
@@ -106,7 +107,7 @@ class _Build:
             return face
         self._builder.Add(face, self._wire(self._rectangle(face, data)))
         self._builder.NaturalRestriction(face, True)
-        return face.Reversed() if data.reversed else face  # type: ignore[no-any-return]
+        return TopoDS.Face_s(face.Reversed()) if data.reversed else face
 
     def _wire(self, edges: list[TopoDS_Shape]) -> TopoDS_Wire:
         wire = TopoDS_Wire()

@@ -19,6 +19,7 @@ from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from scipy.interpolate import BSpline
+from scipy.sparse import csr_array, diags_array
 
 from pc2cad.errors import KernelError
 
@@ -94,20 +95,15 @@ def _flat_knots(values: list[float], counts: list[int]) -> Array:
     return np.repeat(values, counts)
 
 
-def _design(t: Array, knots: Array, degree: int, order: int) -> Array:
-    """Return values (order 0) or first derivatives of the basis at t, dense (len(t), n)."""
-    matrix = BSpline.design_matrix(t, knots, degree - order).toarray()
+def _design(t: Array, knots: Array, degree: int, order: int) -> csr_array:
+    """Return values (order 0) or first derivatives of the basis at t, (len(t), n)."""
     if order == 0:
-        return np.asarray(matrix)
-    # B_i' = p (B_i,p-1 / (t_i+p - t_i) - B_i+1,p-1 / (t_i+p+1 - t_i+1))
+        return csr_array(BSpline.design_matrix(t, knots, degree))
+    # the derivative's control points are p (P_i+1 - P_i) / (t_i+p+1 - t_i+1)
     n = len(knots) - degree - 1
-    lower = np.zeros((len(t), n + 1))
-    widths = knots[degree : degree + n + 1] - knots[: n + 1]
-    inner = BSpline.design_matrix(t, knots[1:-1], degree - 1).toarray()
-    lower[:, 1:n] = inner
-    scaled = np.where(widths > 0, degree / np.where(widths > 0, widths, 1.0), 0.0)
-    lower *= scaled
-    return lower[:, :n] - lower[:, 1:]
+    scale = degree / (knots[degree + 1 : degree + n] - knots[1:n])
+    difference = diags_array([-scale, scale], offsets=[0, 1], shape=(n - 1, n))
+    return csr_array(BSpline.design_matrix(t, knots[1:-1], degree - 1) @ difference)
 
 
 def _spline(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Array:
@@ -124,22 +120,67 @@ def _spline(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Array:
                     [surface.UMultiplicity(i + 1) for i in range(surface.NbUKnots())])  # fmt: skip
     v = _flat_knots([surface.VKnot(i + 1) for i in range(surface.NbVKnots())],
                     [surface.VMultiplicity(i + 1) for i in range(surface.NbVKnots())])  # fmt: skip
-    (s, ws), (t, wt) = (
-        _gauss_on(knots, degree + 2)
-        for knots, degree in ((u, surface.UDegree()), (v, surface.VDegree()))
-    )
-    across = [_design(t, v, surface.VDegree(), k) for k in (0, 1)]
-    total = np.zeros(5)
-    step = max(1, 200_000 // len(t))
-    for i in range(0, len(s), step):
-        along = [_design(s[i : i + step], u, surface.UDegree(), k) for k in (0, 1)]
+    patch = _Patch(poles, (u, v), (surface.UDegree(), surface.VDegree()), sign)
+    return patch.integrate()
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """A tensor-product spline: poles (n, m, 3), flat knots and degrees along s and t."""
+
+    poles: Array
+    knots: tuple[Array, Array]
+    degrees: tuple[int, int]
+    sign: float
+
+    def integrate(self) -> Array:
+        """Return the flux integrals with as many Gauss nodes per span as they need."""
+        rules = [_gauss_on(self.knots[d], self._count(d)) for d in (0, 1)]
+        total = np.zeros(5)
+        step = max(1, 200_000 // len(rules[1][0]))
+        for i in range(0, len(rules[0][0]), step):
+            part = (rules[0][0][i : i + step], rules[0][1][i : i + step])
+            total += self._flux((part, rules[1]))
+        return total
+
+    def _count(self, direction: int) -> int:
+        """Return the nodes per span along one direction, found on a few lines across it.
+
+        Only the area needs a search: its square root is no polynomial.
+        """
+        ends = self.knots[1 - direction][0], self.knots[1 - direction][-1]
+        lines = ends[0] + (ends[1] - ends[0]) * np.array([0.083, 0.311, 0.547, 0.719, 0.934])
+        known = None
+        count = 3
+        while True:
+            along = _gauss_on(self.knots[direction], count)
+            across = (lines, np.ones_like(lines))
+            values = self._flux((along, across) if direction == 0 else (across, along))
+            if known is not None and abs(values[1] - known) <= 1e-11 * abs(values[1]):
+                return count
+            if count > 40:
+                return count
+            known, count = values[1], count + 3
+
+    def _flux(self, rules: tuple[tuple[Array, Array], tuple[Array, Array]]) -> Array:
+        along, across = (
+            [_design(rule[0], knots, degree, order) for order in (0, 1)]
+            for rule, knots, degree in zip(rules, self.knots, self.degrees, strict=True)
+        )
         point, ds, dt = (
-            np.einsum("ai,ijk,bj->abk", a, poles, b, optimize=True).reshape(-1, 3)
+            _tensor(a, self.poles, b)
             for a, b in ((along[0], across[0]), (along[1], across[0]), (along[0], across[1]))
         )
-        weights = (ws[i : i + step, None] * wt).ravel()
-        total += _flux(point, sign * np.cross(ds, dt), weights)
-    return total
+        weights = (rules[0][1][:, None] * rules[1][1]).ravel()
+        return _flux(point, self.sign * np.cross(ds, dt), weights)
+
+
+def _tensor(a: csr_array, poles: Array, b: csr_array) -> Array:
+    """Return the values (len(a)·len(b), 3) of Σ a_i b_j P_ij."""
+    n, m, _ = poles.shape
+    rows = (a @ poles.reshape(n, -1)).reshape(-1, m, 3).transpose(1, 0, 2)
+    values = (b @ rows.reshape(m, -1)).reshape(b.shape[0], -1, 3)
+    return np.ascontiguousarray(values.transpose(1, 0, 2)).reshape(-1, 3)
 
 
 def _plane(surface: Geom_Plane, face: TopoDS_Face, sign: float, origin: Array) -> Array:

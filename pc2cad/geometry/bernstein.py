@@ -65,6 +65,8 @@ def bernstein(roots: Sequence[Expr], names: Sequence[str]) -> Array | None:
     Coefficients that are rational are converted exactly and rounded once. None where a tree is not
     a polynomial, or has a degree above `LARGEST_DEGREE`.
     """
+    if any(degree_in(roots, name) is None for name in names):
+        return None
     tables = []
     for root in roots:
         form = normal_form(root)

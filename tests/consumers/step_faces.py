@@ -10,7 +10,7 @@ import numpy as np
 from .step_bsplines import BSplineSurface
 from .step_edges import EdgeReader, Wire
 from .step_parse import StepDefect, StepGraph, StepUnsupported, Vector, is_true
-from .step_patch import Moments, patch_moments, rectangles, trace_edge
+from .step_patch import Moments, patch_moments, rectangles, trace_edge, winding
 from .step_surfaces import Spun, Surface, read_surface
 
 
@@ -111,8 +111,8 @@ def _judge_patch(surface: Surface, face: Face, origin: Vector, limits: Limits) -
             "which of the two coinciding parts is meant is not said."
         )
     edges = {edge.ref: edge for wire in face.wires for edge, _ in wire.edges}
-    traced = [trace_edge(surface, edge, limits.gap, face.ref) for edge in edges.values()]
-    gaps = [gap for _, gap in traced]
+    traced = {ref: trace_edge(surface, edge, limits.gap, face.ref) for ref, edge in edges.items()}
+    gaps = [gap for _, gap in traced.values()]
     for wire in face.wires:
         if wire.vertex is not None:
             u, v = surface.locate(wire.vertex[None])
@@ -121,7 +121,7 @@ def _judge_patch(surface: Surface, face: Face, origin: Vector, limits: Limits) -
         raise StepDefect(f"The vertex of face {face.ref} is {max(gaps):.2g} off its surface.")
     corner, best = _corner(face), None
     sign = 1.0 if face.same_sense else -1.0
-    for rectangle in rectangles(surface, [trace for trace, _ in traced]):
+    for rectangle in rectangles(surface, [trace for trace, _ in traced.values()]):
         plain = patch_moments(surface, rectangle, origin, corner)
         moments = Moments(
             plain.area,
@@ -139,6 +139,13 @@ def _judge_patch(surface: Surface, face: Face, origin: Vector, limits: Limits) -
             "of its surface: trimmed face not supported."
         )
     _require_stokes(face, best.moments, best.stokes, limits.stokes)
+    for wire in face.wires:
+        around = winding([(traced[edge.ref][0], forward) for edge, forward in wire.edges])
+        if sign * around < 0.0:
+            raise StepDefect(
+                f"A wire of face {face.ref} ({face.carrier}) is flipped: it runs clockwise "
+                "around the normal in the parameter plane."
+            )
     return best
 
 

@@ -53,6 +53,22 @@ class StepSolid:
     max_vertex_gap: float
     max_edge_gap: float
 
+    @property
+    def volume_mm3(self) -> float:
+        """The volume in cubic millimetres, as the other readers of this package report it."""
+        return self.volume * (self.unit_m * 1e3) ** 3
+
+    @property
+    def area_mm2(self) -> float:
+        """The area in square millimetres."""
+        return self.area * (self.unit_m * 1e3) ** 2
+
+    @property
+    def centroid_mm(self) -> tuple[float, float, float]:
+        """The centroid in millimetres."""
+        x, y, z = (part * self.unit_m * 1e3 for part in self.centroid)
+        return x, y, z
+
 
 @dataclass(frozen=True)
 class _Shell:
@@ -100,9 +116,9 @@ def check_step(
         vertices=len(edges.vertices),
         unit_m=metres,
         properties=properties,
-        max_stokes_residual=max(result.stokes for result in results),
+        max_stokes_residual=float(max(result.stokes for result in results)),
         max_vertex_gap=max([edge.gap for edge in edges.edges.values()], default=0.0),
-        max_edge_gap=max(result.edge_gap for result in results),
+        max_edge_gap=float(max(result.edge_gap for result in results)),
     )
 
 
@@ -243,7 +259,7 @@ def _require_properties(
 
 def _step_faces(shells: list[_Shell], judged: list[list[FaceResult]]) -> list[StepFace]:
     return [
-        StepFace(face.name, face.carrier, result.moments.area)
+        StepFace(face.name, face.carrier, float(result.moments.area))
         for shell, results in zip(shells, judged, strict=True)
         for face, result in zip(shell.faces, results, strict=True)
     ]

@@ -38,6 +38,7 @@ class Trace:
     level: float
     start: float
     length: float
+    rising: bool
 
 
 def trace_edge(surface: Surface, edge: Edge, limit: float, face: str) -> tuple[Trace, float]:
@@ -62,8 +63,23 @@ def trace_edge(surface: Surface, edge: Edge, limit: float, face: str) -> tuple[T
         scale = surface.periods[other] or max(1.0, float(np.abs(parameters[other][inner]).max()))
         if widths[other] <= _LOOSE * scale and (np.all(steps > 0.0) or np.all(steps < 0.0)):
             level = float(np.median(parameters[other][inner]))
-            return Trace(axis, level, float(t.min()), float(np.ptp(t))), float(distance)
+            rising = bool(steps[0] > 0.0)
+            return Trace(axis, level, float(t.min()), float(np.ptp(t)), rising), float(distance)
     raise StepUnsupported(f"Edge {edge.ref} trims face {face} askew: trimmed face not supported.")
+
+
+def winding(steps: list[tuple[Trace, bool]]) -> float:
+    """The area a wire runs around in the parameter plane; 0 if a collapsed side opens it there."""
+    moves = np.zeros((len(steps), 2))
+    for move, (trace, forward) in zip(moves, steps, strict=True):
+        move[trace.axis] = trace.length if trace.rising == forward else -trace.length
+    corners = np.cumsum(moves, axis=0)
+    size = np.abs(moves).max(axis=0, initial=0.0)
+    if np.any(np.abs(corners[-1:]) > _LOOSE * size):
+        return 0.0
+    following = np.roll(corners, -1, axis=0)
+    cross = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
+    return 0.5 * float(cross.sum())
 
 
 def rectangles(surface: Surface, traces: list[Trace]) -> Iterator[tuple[Span, Span]]:

@@ -1,0 +1,92 @@
+"""Definitions of a template as LaTeX, with points and operators as they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from pc2cad.coordinates import Opaque, Symbols
+from pc2cad.equation.functions import PUBLIC_FUNCTIONS
+from pc2cad.equation.language import CONSTANTS
+from pc2cad.equation.printing import name_latex
+from pc2cad.equation.syntax import (
+    BinaryNode,
+    CallNode,
+    NameNode,
+    NegationNode,
+    Node,
+    NumberNode,
+    TripleNode,
+    parse,
+)
+from pc2cad.equation.tree import Expr, call, number, symbol
+
+_OPERATIONS: Final[dict[str, Callable[[Expr, Expr], Expr]]] = {
+    "+": lambda a, b: a + b, "-": lambda a, b: a - b, "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b, "^": lambda a, b: a**b,
+}  # fmt: skip
+#: operators of points and vectors that have a sign of their own
+_FORMS: Final = {
+    "length": r"\left|{}\right|",
+    "distance": r"\left|{}\,{}\right|",
+    "dot": r"\left({}\right) \cdot \left({}\right)",
+    "cross": r"\left({}\right) \times \left({}\right)",
+    "point": r"\left({},\; {},\; {}\right)",
+    "vector": r"\left({},\; {},\; {}\right)",
+}
+
+
+def definition_latex(text: str) -> str:
+    """Return the LaTeX of a definition's right side; the text is known to be an expression."""
+    return _Typesetter().latex(parse(text))
+
+
+class _Typesetter:
+    def __init__(self) -> None:
+        self._symbols = Symbols()
+
+    def latex(self, node: Node) -> str:
+        return self._symbols.latex(self._tree(node))
+
+    def _tree(self, node: Node) -> Expr:
+        """Return a tree in which a point is a symbol like any other."""
+        match node:
+            case NumberNode():
+                return number(node.value)
+            case NameNode():
+                return CONSTANTS.get(node.name) or symbol(node.name)
+            case NegationNode():
+                return -self._tree(node.operand)
+            case BinaryNode():
+                return self._binary(node)
+            case TripleNode():
+                return self._special("point", node.operands)
+            case CallNode():
+                if node.name in PUBLIC_FUNCTIONS:
+                    return call(node.name, *(self._tree(x) for x in node.operands))
+                return self._special(node.name, node.operands)
+        raise AssertionError(node)
+
+    def _binary(self, node: BinaryNode) -> Expr:
+        # a sum of a thousand terms leans to the left: walk down its spine without recursion
+        spine = [node]
+        while isinstance(spine[-1].left, BinaryNode):
+            spine.append(spine[-1].left)
+        value = self._tree(spine[-1].left)
+        for step in reversed(spine):
+            value = _OPERATIONS[step.operator](value, self._tree(step.right))
+        return value
+
+    def _special(self, name: str, operands: tuple[Node, ...]) -> Expr:
+        parts = [self.latex(operand) for operand in operands]
+        if name == "diff":
+            order = f"^{{{parts[2]}}}" if len(parts) == 3 and parts[2] != "1" else ""
+            inner = parts[0] if isinstance(operands[0], NameNode) else rf"\left({parts[0]}\right)"
+            latex = rf"\frac{{\partial{order}}}{{\partial {parts[1]}{order}}} {inner}"
+        elif name in _FORMS:
+            latex = _FORMS[name].format(*parts)
+        else:
+            head = name_latex(name) if "_x" in name or "_y" in name else name.replace("_", r"\_")
+            head = head if "_x" in name or "_y" in name else rf"\operatorname{{{head}}}"
+            latex = rf"{head}\left({', '.join(parts)}\right)"
+        return self._symbols.make(f"{name}({', '.join(parts)})", Opaque(latex))
