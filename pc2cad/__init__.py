@@ -18,70 +18,29 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from pc2cad.compiler import compile_equation, compile_part
-    from pc2cad.equation.template_file import read_template
-    from pc2cad.part import Part
-    from pc2cad.python import (
-        acos,
-        acosh,
-        asin,
-        asinh,
-        atan,
-        atan2,
-        atanh,
-        contour,
-        cos,
-        cosh,
-        cross,
-        det,
-        diff,
-        distance,
-        dot,
-        e,
-        exit_from_plane,
-        exp,
-        length,
-        log,
-        metric,
-        parameters,
-        pi,
-        point,
-        points,
-        sin,
-        sine_wave,
-        sinh,
-        sqrt,
-        tan,
-        tanh,
-        translate,
-        unit,
-        vector,
-    )
+    from pc2cad.compiler import compile_equation as compile_equation
+    from pc2cad.compiler import compile_part as compile_part
+    from pc2cad.equation.template_file import read_template as read_template
+    from pc2cad.part import Part as Part
+    from pc2cad.python import *  # noqa: F403
 
-#: public name -> module that holds it
 _HOMES = {
     "Part": "pc2cad.part",
     "compile_equation": "pc2cad.compiler",
     "compile_part": "pc2cad.compiler",
     "read_template": "pc2cad.equation.template_file",
-    **dict.fromkeys(
-        (
-            "acos acosh asin asinh atan atan2 atanh contour cos cosh cross det diff distance dot e "
-            "exit_from_plane exp length log metric parameters pi point points sin sine_wave sinh "
-            "sqrt tan tanh translate unit vector"
-        ).split(),
-        "pc2cad.python",
-    ),
 }
-
-__all__ = ["__version__", *_HOMES]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
+    if not name.startswith("_"):
+        language = import_module("pc2cad.python")
+        if name in language.__all__:
+            return getattr(language, name)
     raise AttributeError(f"module 'pc2cad' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(["__version__", *_HOMES, *import_module("pc2cad.python").__all__])

@@ -225,9 +225,5 @@ class MapQuestions:
 
 
 def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:
-    proved = all(
-        a is b or is_identically_zero(a - b) for a, b in zip(first, second, strict=True)
-    )
+    proved = all(a is b or is_identically_zero(a - b) for a, b in zip(first, second, strict=True))
     return Verdict.PROVED if proved else Verdict.UNDECIDED
-
-

@@ -33,9 +33,9 @@ from pc2cad.geometry.carriers import (
     SurfaceCarrier,
     fit_plane,
 )
+from pc2cad.geometry.refinement import Sampler
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.geometry.tensor import (
-    Deviation,
     check_places,
     curve_deviation,
     fit_surface,
@@ -152,7 +152,7 @@ class _Representation:
             self._resolve_directions(target)
             edges = [self._edge(i) for i in range(len(self._edges))]
             faces = [self._face(i, edges) for i in range(len(self._faces))]
-            worst = max(item.deviation for item in (*edges, *faces))
+            worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
                 outer = self._outer_shell()
                 return BoundaryModel(
@@ -181,8 +181,8 @@ class _Representation:
         for d in range(3):
             low, high = self._analysis.span(d, function.cell[d])
             places[d] = 0.45 * low + 0.55 * high
-        tangents = self._analysis.map.tangents((s, t), *places)
-        outward = self._sign(function.cell) * np.cross(*tangents)
+        along_s, along_t = self._analysis.map.tangents((s, t), *places)
+        outward = self._sign(function.cell) * np.cross(along_s, along_t)
         normal = plane.normal if plane.normal @ outward > 0 else -plane.normal
         return Plane(plane.origin, normal), "exact" if proved else "sampled"
 
@@ -224,7 +224,7 @@ class _Representation:
                 columns, self._classes.rules(owner), target, self._rounding
             )
 
-    def _column(self, function: CellFunction, axis: int):  # type: ignore[no-untyped-def]
+    def _column(self, function: CellFunction, axis: int) -> Sampler:
         """Return the function of one axis alone, the other taken at its sections."""
         if len(function.pieces) == 1:
             return function
@@ -274,19 +274,12 @@ class _Representation:
         s, t = self._space(function, 0), self._space(function, 1)
         poles = fit_surface(function, s, t)
         self._take_edges(poles, cell.uses, edges)
-        deviation = self._deviation(function, s, t, poles)
+        deviation = surface_deviation(function, s, t, poles)
         carrier = SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
         return ModelFace(name, carrier, cell.uses, (), inward, "sampled", deviation.largest,
                          deviation.samples)  # fmt: skip
 
-    def _deviation(
-        self, function: CellFunction, s: SplineSpace, t: SplineSpace, poles: Array
-    ) -> Deviation:
-        return surface_deviation(function, s, t, poles)
-
-    def _take_edges(
-        self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]
-    ) -> None:
+    def _take_edges(self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]) -> None:
         """Put the poles of the edges (and collapsed vertices) into the rows of a face."""
         rows = (poles[:, 0], poles[-1], poles[:, -1], poles[0])
         for row, use, anticlockwise in zip(rows, uses, (True, True, False, False), strict=True):
@@ -357,7 +350,5 @@ def _extent(wire: Wire, edges: list[ModelEdge]) -> float:
     points = []
     for edge, _ in wire:
         carrier = edges[edge].carrier
-        points += (
-            [carrier.start, carrier.end] if isinstance(carrier, Line) else list(carrier.poles)
-        )
+        points += [carrier.start, carrier.end] if isinstance(carrier, Line) else list(carrier.poles)
     return float(np.linalg.norm(np.ptp(np.array(points), axis=0)))

@@ -289,7 +289,9 @@ def _times(coordinate: Expr, factor: Expr) -> Expr:
         factor = factor.args[0]
     for f in (factor, *reversed(factors)):
         if f.op == "div":
-            coordinate = div(coordinate if f.args[0] is ONE else mul(coordinate, f.args[0]), f.args[1])
+            coordinate = div(
+                coordinate if f.args[0] is ONE else mul(coordinate, f.args[0]), f.args[1]
+            )
         else:
             coordinate = mul(f, coordinate) if f.op == "number" else mul(coordinate, f)
     return coordinate

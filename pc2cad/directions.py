@@ -6,7 +6,6 @@ direction makes its knots symmetric.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from pc2cad.analysis import Analysis
 from pc2cad.equation.breaks import Break
 from pc2cad.equation.point_equation import PARAMETERS
-from pc2cad.equation.tree import Expr, number, substitute, symbol
+from pc2cad.equation.tree import Expr, number, substitute, symbol, walk
 from pc2cad.geometry.bernstein import degree_in
 from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt
 from pc2cad.geometry.spline_space import SplineSpace, bezier_space
@@ -144,20 +143,15 @@ def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> 
     if degree is None:
         return None
     inner = [b for b in breaks if 0 < b.position < 1]
-    if not inner or not any(n.op == "pieces" for n in _nodes_along(trees, names[axis])):
+    piecewise = any(n.op == "pieces" and names[axis] in n.symbols for n in walk(trees))
+    if not inner or not piecewise:
         return bezier_space(degree)
     points = [0.0, *(b.position for b in inner), 1.0]
     return SplineSpace(degree, points, [max(1, degree - b.smoothness) for b in inner])
 
 
-def _nodes_along(trees: tuple[Expr, ...], name: str) -> list[Expr]:
-    from pc2cad.equation.tree import walk
-
-    return [node for node in walk(trees) if name in node.symbols]
-
-
 def resolve(
-    samplers: list[Callable[[Array], Array]], rules: DirectionRules, target: float, floor: float
+    samplers: list[Sampler], rules: DirectionRules, target: float, floor: float
 ) -> SplineSpace:
     """Return a space that resolves several functions along one direction at once."""
 
@@ -165,8 +159,7 @@ def resolve(
         columns = [s(t).reshape(len(t), -1, 3) for s in samplers]
         return np.concatenate(columns, axis=1)
 
-    single: Sampler = sample
-    return adapt(single, rules, target, floor)
+    return adapt(sample, rules, target, floor)
 
 
 def sections(space: SplineSpace | None) -> Array:

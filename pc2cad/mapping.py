@@ -40,7 +40,9 @@ class Mapping3:
     """
 
     coordinates: tuple[Expr, Expr, Expr]
-    _programs: dict[tuple[str, ...], Program] = field(default_factory=dict, compare=False, repr=False)
+    _programs: dict[tuple[str, ...], Program] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     def points(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
         """Return M, shape broadcast(u, v, w) + (3,)."""
@@ -62,9 +64,7 @@ class Mapping3:
         trees = {name: derivatives(self.coordinates, name) for name in PARAMETERS}
         return {"M": self.coordinates, **trees}
 
-    def _run(
-        self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike
-    ) -> list[Array]:
+    def _run(self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         if keys not in self._programs:
             roots = tuple(tree for key in keys for tree in self._trees_of(key))
             self._programs[keys] = Program(roots)

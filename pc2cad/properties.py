@@ -80,9 +80,8 @@ def integrate(analysis: Analysis) -> Properties:
 
 def _centre(analysis: Analysis) -> Array:
     """Return a point amid the solid: moments about it lose no digits far from the origin."""
-    return analysis.map.points(*open_grid([0.21, 0.74], [0.23, 0.71], [0.26, 0.77])).mean(
-        axis=(0, 1, 2)
-    )
+    inside = open_grid([0.21, 0.74], [0.23, 0.71], [0.26, 0.77])
+    return np.asarray(analysis.map.points(*inside).mean(axis=(0, 1, 2)))
 
 
 @dataclass(frozen=True)
@@ -98,15 +97,11 @@ class _Densities:
         nodes = tuple(rule[0] for rule in rules)
         grid = open_grid(*nodes)
         points, *tangents = self.analysis.map.frame(*grid)
-        determinant = np.einsum(
-            "...i,...i->...", tangents[0], np.cross(tangents[1], tangents[2])
-        )
+        determinant = np.einsum("...i,...i->...", tangents[0], np.cross(tangents[1], tangents[2]))
         product = np.sqrt(np.prod([np.einsum("...i,...i->...", m, m) for m in tangents], axis=0))
         self.signs.see(determinant, product, nodes)
         offset = points - self.centre
-        return np.concatenate(
-            (determinant[..., None], offset * determinant[..., None]), axis=-1
-        )
+        return np.concatenate((determinant[..., None], offset * determinant[..., None]), axis=-1)
 
     def area_of(self, patch: Cell) -> Callable[[_Rules], Array]:
         """Return the function that gives |M_s × M_t| on a patch."""
@@ -114,8 +109,9 @@ class _Densities:
 
         def area(rules: _Rules) -> Array:
             grid = open_grid(*(rule[0] for rule in rules))
-            normal = np.cross(*self.analysis.map.tangents((s, t), *grid))
-            return np.sqrt((normal * normal).sum(axis=-1))[..., None]
+            along_s, along_t = self.analysis.map.tangents((s, t), *grid)
+            normal = np.cross(along_s, along_t)
+            return np.asarray(np.sqrt((normal * normal).sum(axis=-1))[..., None])
 
         return area
 
@@ -140,9 +136,7 @@ class _Signs:
             known = self.positive if sign > 0 else self.negative
             if extreme > known:
                 index = np.unravel_index(np.argmax(sign * sine), sine.shape)
-                self.places[sign] = tuple(
-                    float(x[i]) for x, i in zip(nodes, index, strict=True)
-                )
+                self.places[sign] = tuple(float(x[i]) for x, i in zip(nodes, index, strict=True))
                 if sign > 0:
                     self.positive = float(extreme)
                 else:

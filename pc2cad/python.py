@@ -37,13 +37,13 @@ e = E
 
 
 def parameters() -> tuple[Expr, Expr, Expr]:
-    """Return the current parameters u, v and w."""
+    """Return the three current parameters of a point equation, u, v and w."""
     u, v, w = (symbol(name) for name in PARAMETERS)
     return u, v, w
 
 
 def points(**coordinates: Sequence[Expr | Number]) -> tuple[Combination, ...]:
-    """Return one point per keyword, in their order: ``A, B = points(A=(4, 0, 0), B=(1, 5, 1))``."""
+    """Return one point per keyword, in order: ``A, B = points(A=(4, 0, 0), B=(1, 5, 1))``."""
     for name, given in coordinates.items():
         if len(given) != 3:
             raise InputError(f"the point {name} has {len(given)} coordinates instead of 3")
@@ -51,7 +51,7 @@ def points(**coordinates: Sequence[Expr | Number]) -> tuple[Combination, ...]:
 
 
 def diff(value: Value, parameter: Expr, order: int = 1) -> Value:
-    """Return the derivative of a scalar, point or vector in u, v or w; that of a point is a vector."""
+    """Return the derivative in u, v or w; that of a point is a free vector."""
     if parameter.op != "symbol" or parameter.payload not in PARAMETERS:
         raise InputError("diff takes the derivative in one of the parameters u, v and w")
     return derivative(value, parameter.payload, order)

@@ -1,1 +1,1 @@
-"""The brep room: our plain data to kernel objects. Every call into the kernel's modelling is here."""
+"""The brep room: our plain data to kernel objects, and what the kernel says of them."""

@@ -29,7 +29,7 @@ from OCP.TopoDS import (
 from pc2cad.boundary import BoundaryModel, ModelFace
 from pc2cad.brep import geometry
 from pc2cad.errors import KernelError
-from pc2cad.geometry.carriers import Plane
+from pc2cad.geometry.carriers import Array, Plane
 
 #: the kernel's own confusion distance; what it is given is exact to far less
 KERNEL_TOLERANCE = 1e-7
@@ -75,7 +75,7 @@ class _Build:
                     "that numbers grow"
                 )
 
-    def _vertex(self, position: np.ndarray) -> TopoDS_Vertex:  # type: ignore[type-arg]
+    def _vertex(self, position: Array) -> TopoDS_Vertex:
         geometry.check_finite(position, "a vertex")
         vertex = TopoDS_Vertex()
         self._builder.MakeVertex(vertex, gp_Pnt(*map(float, position)), KERNEL_TOLERANCE)

@@ -53,7 +53,7 @@ def inspect(solid: TopoDS_Shape) -> KernelFindings:
 
 
 def _edges(solid: TopoDS_Shape) -> tuple[int, int]:
-    """Return the number of edges and of those not used exactly twice (degenerated ones left out)."""
+    """Return the number of edges, and of those not used twice; degenerated ones do not count."""
     parents = TopTools_IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, parents)
     uses: dict[int, int] = {}
@@ -62,21 +62,21 @@ def _edges(solid: TopoDS_Shape) -> tuple[int, int]:
         index = parents.FindIndex(explorer.Current())
         uses[index] = uses.get(index, 0) + 1
         explorer.Next()
-    real = [
-        i for i in uses if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(parents.FindKey(i)))
-    ]
+    real = [i for i in uses if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(parents.FindKey(i)))]
     return len(real), sum(uses[i] != 2 for i in real)
 
 
 def _largest_tolerance(counts: dict[object, TopTools_IndexedMapOfShape]) -> float:
-    largest = 0.0
-    for kind, cast in (
-        (TopAbs_FACE, TopoDS.Face_s), (TopAbs_EDGE, TopoDS.Edge_s), (TopAbs_VERTEX, TopoDS.Vertex_s),
-    ):  # fmt: skip
-        shapes = counts[kind]
-        for i in range(1, shapes.Size() + 1):
-            largest = max(largest, BRep_Tool.Tolerance_s(cast(shapes.FindKey(i))))
-    return largest
+    casts = {
+        TopAbs_FACE: TopoDS.Face_s,
+        TopAbs_EDGE: TopoDS.Edge_s,
+        TopAbs_VERTEX: TopoDS.Vertex_s,
+    }
+    return max(
+        BRep_Tool.Tolerance_s(cast(counts[kind].FindKey(i)))
+        for kind, cast in casts.items()
+        for i in range(1, counts[kind].Size() + 1)
+    )
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,4 @@ def kernel_properties(solid: TopoDS_Shape, accuracy: float = 1e-9) -> KernelProp
     BRepGProp.VolumePropertiesGK_s(solid, volume, accuracy, True, False, True, False, False)
     BRepGProp.SurfaceProperties_s(solid, area, accuracy)
     centre = volume.CentreOfMass()
-    return KernelProperties(
-        volume.Mass(), area.Mass(), (centre.X(), centre.Y(), centre.Z())
-    )
+    return KernelProperties(volume.Mass(), area.Mass(), (centre.X(), centre.Y(), centre.Z()))

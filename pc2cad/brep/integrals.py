@@ -71,7 +71,7 @@ def _reference(faces: list[TopoDS_Face]) -> Array:
         surface = BRep_Tool.Surface_s(face)
         p = surface.Location() if isinstance(surface, Geom_Plane) else surface.Pole(1, 1)
         points.append((p.X(), p.Y(), p.Z()))
-    return np.mean(points, axis=0)
+    return np.asarray(np.mean(points, axis=0))
 
 
 def _flux(points: Array, normals: Array, weights: Array) -> Array:
@@ -187,9 +187,7 @@ def _plane(surface: Geom_Plane, face: TopoDS_Face, sign: float, origin: Array) -
     """Integrate over a plane region by Green's theorem along its edges."""
     place, frame = surface.Location(), surface.Position()
     base = np.array([place.X(), place.Y(), place.Z()]) - origin
-    axes = np.array(
-        [[d.X(), d.Y(), d.Z()] for d in (frame.XDirection(), frame.YDirection())]
-    )
+    axes = np.array([[d.X(), d.Y(), d.Z()] for d in (frame.XDirection(), frame.YDirection())])
     normal = sign * np.cross(axes[0], axes[1])
     if not frame.Direct():
         raise KernelError("a plane is left-handed")

@@ -8,7 +8,7 @@ from math import ceil, floor
 from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import Expr, substitute, walk
+from pc2cad.equation.tree import Expr, walk
 from pc2cad.errors import InputError
 
 #: positions nearer than this (of a direction of length 1) are one break
@@ -72,11 +72,3 @@ def _positions(argument: Expr, name: str, breaks: list[float]) -> list[float]:
     places = [(b + k * period - at[0]) / slope for k in turns for b in breaks[:-1]]
     inside = [p for p in places if -SAME_POSITION <= p <= 1 + SAME_POSITION]
     return sorted(min(max(p, 0.0), 1.0) for p in inside)
-
-
-def is_periodic(roots: tuple[Expr, ...], name: str) -> bool:
-    """Return True when the trees are proved to have period 1 in a symbol of local coordinates."""
-    from pc2cad.equation.tree import ONE, symbol
-
-    shifted = substitute(roots, {name: symbol(name) + ONE})
-    return all(a is b for a, b in zip(shifted, roots, strict=True))

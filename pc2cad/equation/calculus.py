@@ -50,9 +50,7 @@ def _power_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
 def _pieces_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
     breaks, width, smoothness = node.payload
     rows = piece_rows(node)
-    along = tuple(
-        tuple(row[k] * number(k) for k in range(1, width)) or (ZERO,) for row in rows
-    )
+    along = tuple(tuple(row[k] * number(k) for k in range(1, width)) or (ZERO,) for row in rows)
     result = pieces(node.args[0], breaks, along, max(smoothness - 1, 0)) * done[node.args[0]]
     # the coefficients may depend on the parameters as well
     across = tuple(tuple(done[c] for c in row) for row in rows)

@@ -68,7 +68,7 @@ _AT_ZERO: Final = {
     **dict.fromkeys(("cos", "cosh", "exp"), ONE),
 }
 #: cos(r·pi) for r in [0, 2): the values that are rational
-_COSINES: Final = {
+_COSINES: Final[dict[Fraction, Fraction | int]] = {
     Fraction(0): 1, Fraction(1, 3): Fraction(1, 2), Fraction(1, 2): 0,
     Fraction(2, 3): Fraction(-1, 2), Fraction(1): -1, Fraction(4, 3): Fraction(-1, 2),
     Fraction(3, 2): 0, Fraction(5, 3): Fraction(1, 2),

@@ -112,9 +112,7 @@ class _Reader:
         if node.name in CONSTANTS:
             return CONSTANTS[node.name]
         if node.name in FUNCTION_NAMES or node.name in self._curves:
-            raise UnknownNameError(
-                f"{node.name} is a function; write {node.name}(…)", node.column
-            )
+            raise UnknownNameError(f"{node.name} is a function; write {node.name}(…)", node.column)
         known = [*self._names, *CONSTANTS]
         raise UnknownNameError(f"unknown name '{node.name}'{nearest(node.name, known)}",
                                node.column)  # fmt: skip

@@ -109,7 +109,9 @@ def _join(left: Monomial, right: Monomial) -> list[tuple[Monomial, int]]:
     return [(_ordered(powers), factor) for powers, factor in terms]
 
 
-def _without_square(term: tuple[dict[Expr, int], int], sine: Expr) -> list[tuple[dict[Expr, int], int]]:
+def _without_square(
+    term: tuple[dict[Expr, int], int], sine: Expr
+) -> list[tuple[dict[Expr, int], int]]:
     powers, factor = term
     if powers.get(sine, 0) < 2:
         return [term]

@@ -56,8 +56,9 @@ def _terminates(denominator: int) -> bool:
     return denominator == 1
 
 
-def _subtrahend(node: Expr, parts: dict[Expr, _Part],
-                form: Callable[[Expr, dict[Expr, _Part]], _Part]) -> _Part | None:
+def _subtrahend(
+    node: Expr, parts: dict[Expr, _Part], form: Callable[[Expr, dict[Expr, _Part]], _Part]
+) -> _Part | None:
     """Return x when the node is printed as "- x" behind another term, else None."""
     if node.op == "neg":
         return parts[node.args[0]]
@@ -93,7 +94,7 @@ def _text(node: Expr, parts: dict[Expr, _Part]) -> _Part:
 
 _GREEK = frozenset(
     "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi "
-    "omega Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega".split()
+    "omega Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega".split()  # noqa: SIM905
 )
 _LATEX_FUNCTIONS = {
     "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan", "log": r"\ln",
@@ -102,7 +103,7 @@ _LATEX_FUNCTIONS = {
 
 
 def name_latex(name: str) -> str:
-    """Return a name as LaTeX: Greek letters by name, what follows the first ``_`` or digit below."""
+    """Return a name as LaTeX: Greek letters by name, a tail after ``_`` or of digits below."""
     head, _, tail = name.partition("_")
     if not tail:
         stem = head.rstrip("0123456789")

@@ -172,8 +172,11 @@ class _Parser:
         node = self._expression(0)
         if self._next.kind != "end":
             token = self._next
-            hint = "; write * for a product" if token.kind in ("number", "name") or (
-                token.text in "([") else ""
+            hint = (
+                "; write * for a product"
+                if token.kind in ("number", "name") or (token.text in "([")
+                else ""
+            )
             raise ExpressionSyntaxError(
                 f"expected an operator or the end, found {_shown(token)}{hint}", token.column
             )

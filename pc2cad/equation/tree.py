@@ -225,8 +225,9 @@ def call(name: str, *args: Expr) -> Expr:
     return folded if isinstance(folded, Expr) else _make(name, folded)
 
 
-def pieces(arg: Expr, breaks: tuple[Fraction, ...], rows: tuple[tuple[Expr, ...], ...],
-           smoothness: int) -> Expr:
+def pieces(
+    arg: Expr, breaks: tuple[Fraction, ...], rows: tuple[tuple[Expr, ...], ...], smoothness: int
+) -> Expr:
     """Return a closed piecewise polynomial of `arg`, of period breaks[-1] - breaks[0].
 
     ``rows[i]`` holds the ascending coefficients on [breaks[i], breaks[i+1]] in the local variable

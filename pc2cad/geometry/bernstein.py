@@ -33,7 +33,10 @@ def degree_in(roots: Sequence[Expr], name: str) -> int | None:
         degrees[node] = _node_degree(node, [degrees[arg] for arg in node.args])
     found = [degrees[root] for root in roots]
     known = [d for d in found if d is not None]
-    return max(known) if len(known) == len(found) and max(known) <= LARGEST_DEGREE else None
+    if len(known) < len(found) or max(known) > LARGEST_DEGREE:
+        return None
+    largest: int = max(known)
+    return largest
 
 
 def _node_degree(node: Expr, degrees: list[int | None]) -> int | None:

@@ -56,9 +56,7 @@ def surface_kind(carrier: SurfaceCarrier) -> str:
     """Return what a report calls the carrier."""
     if isinstance(carrier, Plane):
         return "plane"
-    single = all(
-        len(k) == 2 * (p + 1) for k, p in zip(carrier.knots, carrier.degrees, strict=True)
-    )
+    single = all(len(k) == 2 * (p + 1) for k, p in zip(carrier.knots, carrier.degrees, strict=True))
     return "Bézier surface" if single else "B-spline surface"
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,7 @@ def _interval_errors(sample: Sampler, space: SplineSpace) -> Array:
     truth = sample(t)
     values = (space.basis(t) @ poles.reshape(len(poles), -1)).reshape(truth.shape)
     gap = np.sqrt(((values - truth) ** 2).sum(axis=-1)).max(axis=-1)
-    return gap.reshape(-1, len(_CHECKS)).max(axis=1)
+    return np.asarray(gap.reshape(-1, len(_CHECKS)).max(axis=1))
 
 
 def _equidistribute(
@@ -131,7 +132,7 @@ def _equidistribute(
         density = np.maximum(density, density[::-1])
     result = [np.zeros(1)]
     pieces = rules.pieces
-    for low, high in zip(pieces[:-1], pieces[1:], strict=True):
+    for low, high in pairwise(pieces):
         inside = (points[:-1] >= low - 1e-15) & (points[1:] <= high + 1e-15)
         share = np.concatenate(([0.0], np.cumsum(density[inside] * lengths[inside])))
         count = max(1, int(np.ceil(share[-1] / target ** (1 / order))))

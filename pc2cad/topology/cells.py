@@ -38,11 +38,13 @@ def neighbour(cell: Cell, direction: int, step: int) -> Cell:
 
 def boundary_patches(pieces: tuple[int, int, int]) -> tuple[Cell, ...]:
     """Return the 2-cells on the six sides of a box with this many pieces per direction."""
-    return tuple(
-        cell
-        for cell in product(*(range(2 * n + 1) for n in pieces))
-        if dimension(cell) == 2 and all(p % 2 or p in (0, 2 * n) for p, n in zip(cell, pieces, strict=True))
-    )
+    ranges = [range(2 * n + 1) for n in pieces]
+    cells = [(i, j, k) for i in ranges[0] for j in ranges[1] for k in ranges[2]]
+
+    def bounds(cell: Cell) -> bool:
+        return all(p % 2 or p in (0, 2 * n) for p, n in zip(cell, pieces, strict=True))
+
+    return tuple(cell for cell in cells if dimension(cell) == 2 and bounds(cell))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -121,15 +120,11 @@ class BoundaryComplex:
     def creases(self) -> tuple[int, ...]:
         """Return the edges between two different faces (seams are left out)."""
         return tuple(
-            edge
-            for edge, uses in self.edge_uses().items()
-            if len({face for face, _ in uses}) == 2
+            edge for edge, uses in self.edge_uses().items() if len({face for face, _ in uses}) == 2
         )
 
     def crease_vertices(self) -> frozenset[int]:
         """Return the vertices at which edges between different faces begin or end."""
-        return frozenset(v for e in self.creases() for v in (self.edges[e].start, self.edges[e].end))
-
-    def collapsed_sides(self) -> Iterator[SideFate]:
-        """Yield the sides that are a curve or a point."""
-        return (side for side in self.sides if side.fate in ("curve", "point"))
+        return frozenset(
+            v for e in self.creases() for v in (self.edges[e].start, self.edges[e].end)
+        )

@@ -71,9 +71,7 @@ def derive_boundary(questions: Questions, labels: Labels) -> BoundaryComplex:
     return BoundaryComplex(labels, sides, vertices, edges, faces, _shells(complex_))
 
 
-def _fates(
-    patches: tuple[Cell, ...], questions: Questions, labels: Labels
-) -> tuple[SideFate, ...]:
+def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> tuple[SideFate, ...]:
     fates = {patch: _collapse(patch, questions) for patch in patches}
     candidates = [patch for patch, fate in fates.items() if fate is None]
     for patch in candidates:
@@ -91,9 +89,7 @@ def _fates(
             )
         fates[first] = glued
         fates[second] = _partner(second, first, questions, labels) or glued
-    return tuple(
-        fates[p] or SideFate(p, "face", Verdict.PROVED) for p in patches
-    )
+    return tuple(fates[p] or SideFate(p, "face", Verdict.PROVED) for p in patches)
 
 
 def _collapse(patch: Cell, questions: Questions) -> SideFate | None:
@@ -221,8 +217,8 @@ def _shells(complex_: BoundaryComplex) -> tuple[Shell, ...]:
                 stack.append(other)
         seen |= component
         faces = tuple(sorted(component))
-        uses = [use for f in faces for use in complex_.faces[f].uses]
-        edges = {use.edge for use in uses if use.edge is not None}
-        vertices = {use.vertex for use in uses}
+        walks = [use for f in faces for use in complex_.faces[f].uses]
+        edges = {use.edge for use in walks if use.edge is not None}
+        vertices = {use.vertex for use in walks}
         shells.append(Shell(faces, len(vertices) - len(edges) + len(faces)))
     return tuple(shells)
