@@ -20,6 +20,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from pc2cad.compiler import compile_equation as compile_equation
     from pc2cad.compiler import compile_part as compile_part
+    from pc2cad.equation.sympy_bridge import from_sympy as from_sympy
+    from pc2cad.equation.sympy_bridge import to_sympy as to_sympy
     from pc2cad.equation.template_file import read_template as read_template
     from pc2cad.part import Part as Part
     from pc2cad.python import *  # noqa: F403
@@ -28,7 +30,9 @@ _HOMES = {
     "Part": "pc2cad.part",
     "compile_equation": "pc2cad.compiler",
     "compile_part": "pc2cad.compiler",
+    "from_sympy": "pc2cad.equation.sympy_bridge",
     "read_template": "pc2cad.equation.template_file",
+    "to_sympy": "pc2cad.equation.sympy_bridge",
 }
 
 

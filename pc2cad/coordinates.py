@@ -61,6 +61,7 @@ class Symbols:
         self._made: dict[str, Opaque] = {}
 
     def make(self, text: str, opaque: Opaque) -> Expr:
+        """Return the symbol that prints as `text`."""
         self._made.setdefault(text, opaque)
         return symbol(text)
 
@@ -74,9 +75,10 @@ class Symbols:
         return result
 
     def latex(self, root: Expr) -> str:
+        """Return a tree as LaTeX, with the forms of the symbols that were made here."""
         # printed first with a word for each symbol, because the printer typesets plain names
-        words = {name: f"zq{_letters(i)}" for i, name in enumerate(sorted(root.symbols))
-                 if name in self._made}  # fmt: skip
+        made = sorted(root.symbols & self._made.keys())
+        words = {name: f"?{_letters(i)}" for i, name in enumerate(made)}
         forms = {word: self._made[name].latex for name, word in words.items()}
         text = as_latex(substitute((root,), {n: symbol(w) for n, w in words.items()})[0])
 
@@ -84,7 +86,7 @@ class Symbols:
             found = forms[match[1]]
             return rf"\left({found}\right)^" if match[2] else found
 
-        return re.sub(r"\\mathrm\{(zq[a-z]+)\}(\^)?", form, text)
+        return re.sub(r"\\mathrm\{(\?[a-z]+)\}(\^)?", form, text)
 
 
 def _letters(index: int) -> str:
@@ -258,28 +260,41 @@ def _as_written(node: Expr, axis: str) -> Expr:
     A combination multiplies its coordinates from the left, (1 - w)*(v*(u*x_A)); an equation is
     written with its points in front, x_A*u*v*(1 - w).
     """
-    terms, factors = [], []
-    while node.op == "add":
-        terms.append(node.args[1])
-        node = node.args[0]
+    terms = _terms(node)
+    if len(terms) > 1:
+        result = _as_written(terms[0], axis)
+        for term in terms[1:]:
+            result = result + _as_written(term, axis)
+        return result
+    if node.op == "neg":
+        return -_as_written(node.args[0], axis)
+    factors = []
     while node.op == "mul" and _is_coordinate(node.args[1], axis):
         factors.append(node.args[0])
         node = node.args[1]
-    if node.op == "neg":
-        result = -_as_written(node.args[0], axis)
-    elif node.op == "add":
-        result = _as_written(node, axis)
-    else:
-        result = node
+    if not factors:
+        return node
+    result = _as_written(node, axis)
     for factor in reversed(factors):
         result = _times(result, factor)
-    for term in reversed(terms):
-        result = result + _as_written(term, axis)
     return result
 
 
+def _terms(node: Expr) -> list[Expr]:
+    """Return the terms of a sum, sums within it taken apart."""
+    terms, stack = [], [node]
+    while stack:
+        node = stack.pop()
+        if node.op == "add":
+            stack += reversed(node.args)
+        else:
+            terms.append(node)
+    return terms
+
+
 def _is_coordinate(node: Expr, axis: str) -> bool:
-    return any(name.lstrip("dif(").startswith(f"{axis}_") for name in node.symbols)
+    """Say whether the tree has symbols of this axis, x_A or diff(x_N, u)."""
+    return any(re.match(rf"(diff\()*{axis}_", name) for name in node.symbols)
 
 
 def _times(coordinate: Expr, factor: Expr) -> Expr:

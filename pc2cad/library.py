@@ -46,8 +46,8 @@ def find_template(file_or_name: str) -> Path:
     stem = path.name.removesuffix(".toml")
     shown = file_or_name if len(file_or_name) <= 200 else f"{file_or_name[:200]}…"
     raise UnknownTemplateError(
-        f"there is no file and no shipped template '{shown}'{nearest(stem, shipped)}; "
-        "'pc2cad templates' lists those that are shipped"
+        f"there is no file and no shipped template '{shown}' ('pc2cad templates' lists those)"
+        f"{nearest(stem, shipped)}"
     )
 
 

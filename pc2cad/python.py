@@ -43,7 +43,10 @@ def parameters() -> tuple[Expr, Expr, Expr]:
 
 
 def points(**coordinates: Sequence[Expr | Number]) -> tuple[Combination, ...]:
-    """Return one point per keyword, in order: ``A, B = points(A=(4, 0, 0), B=(1, 5, 1))``."""
+    """Return one point per keyword, in order.
+
+    For example ``A, B = points(A=(4, 0, 0), B=(1, 5, 1))``.
+    """
     for name, given in coordinates.items():
         if len(given) != 3:
             raise InputError(f"the point {name} has {len(given)} coordinates instead of 3")

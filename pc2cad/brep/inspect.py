@@ -72,11 +72,12 @@ def _largest_tolerance(counts: dict[object, TopTools_IndexedMapOfShape]) -> floa
         TopAbs_EDGE: TopoDS.Edge_s,
         TopAbs_VERTEX: TopoDS.Vertex_s,
     }
-    return max(
+    largest: float = max(
         BRep_Tool.Tolerance_s(cast(counts[kind].FindKey(i)))
         for kind, cast in casts.items()
         for i in range(1, counts[kind].Size() + 1)
     )
+    return largest
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from fractions import Fraction
+from typing import Any, Final
 
 from pc2cad.equation.points import Combination, Kind, kind_of, point
 from pc2cad.equation.scalar import evaluate
@@ -65,7 +66,8 @@ class PointEquation:
         return tuple((evaluate(lo, {}), evaluate(hi, {})) for lo, hi in self.domain)
 
 
-Equation = Combination | Sequence[Expr | Number]
+#: a point, or its three coordinates: trees, numbers or SymPy expressions
+Equation = Combination | Sequence[Any]
 Domain = Mapping[str, Sequence[Expr | Number]]
 
 
@@ -83,7 +85,7 @@ def point_equation(
             raise NotAPointEquationError(
                 f"a solid needs the three coordinates x, y and z; here are {len(coordinates)}"
             )
-        equation = point(*coordinates)
+        equation = point(*(_coordinate(c) for c in coordinates))
     check_point(equation)
     if units not in UNITS:
         raise InputError(f"unknown units '{units}'; use one of {', '.join(UNITS)}")
@@ -97,6 +99,16 @@ def point_equation(
         name=name,
         units=units,
     )
+
+
+def _coordinate(value: Any) -> Expr | Number:
+    if type(value).__module__.partition(".")[0] == "sympy":
+        from pc2cad.equation.sympy_bridge import from_sympy
+
+        return from_sympy(value)
+    if isinstance(value, bool) or not isinstance(value, (Expr, int, float, Fraction)):
+        raise NotAPointEquationError(f"a coordinate is {value!r}, not an expression in u, v and w")
+    return value
 
 
 def check_point(value: object) -> None:

@@ -32,7 +32,7 @@ def degree_in(roots: Sequence[Expr], name: str) -> int | None:
             continue
         degrees[node] = _node_degree(node, [degrees[arg] for arg in node.args])
     found = [degrees[root] for root in roots]
-    known = [d for d in found if d is not None]
+    known: list[int] = [d for d in found if d is not None]
     if len(known) < len(found) or max(known) > LARGEST_DEGREE:
         return None
     largest: int = max(known)
@@ -56,7 +56,7 @@ def _node_degree(node: Expr, degrees: list[int | None]) -> int | None:
         whole = exponent.denominator == 1 and 0 < exponent <= LARGEST_DEGREE
         return known[0] * int(exponent) if whole else None
     if node.op == "pieces":
-        width = node.payload[1]
+        width: int = node.payload[1]
         return known[0] * (width - 1) + max(known[1:])
     return None
 

@@ -1,0 +1,105 @@
+"""The table of rooms in docs/design.md: who may import what."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "pc2cad"
+
+#: room -> the rooms and outside packages it may import, everywhere in its files
+ALLOWED = {
+    "errors": set(),
+    "equation": {"equation", "errors", "numpy", "sympy"},
+    "mapping": {"equation", "numpy"},
+    "topology": {"topology", "equation", "errors"},
+    "analysis": {"equation", "errors", "mapping", "topology", "numpy"},
+    "properties": {"analysis", "equation", "errors", "mapping", "topology", "numpy"},
+    "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
+    "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
+    "boundary": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
+    "brep": {"brep", "boundary", "errors", "geometry", "numpy", "scipy", "OCP"},
+    "report": set(),
+    "validation": {
+        "analysis", "boundary", "brep", "equation", "errors", "geometry", "properties", "report",
+        "topology", "numpy",
+    },
+    "export": {"export", "errors", "mesh", "numpy", "OCP"},
+    "mesh": {"mesh", "errors", "numpy", "scipy", "OCP"},
+}  # fmt: skip
+#: within the equation room only the vectorised evaluation needs arrays
+NUMPY_IN_EQUATION = {"evaluation"}
+#: what topology takes from the equation room: the three-valued answer, nothing else
+TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
+OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "vtk"}
+
+
+def imports(path: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+            if node.module == "pc2cad":
+                found |= {f"pc2cad.{alias.name}" for alias in node.names}
+    return found
+
+
+def room(module: str) -> str | None:
+    parts = module.split(".")
+    if parts[0] == "pc2cad":
+        return parts[1] if len(parts) > 1 else None
+    return parts[0] if parts[0] in OUTSIDE else None
+
+
+def files_of(name: str) -> list[Path]:
+    folder = PACKAGE / name
+    return sorted(folder.glob("*.py")) if folder.is_dir() else [PACKAGE / f"{name}.py"]
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_room_imports_only_what_the_table_allows(name: str) -> None:
+    for path in files_of(name):
+        found = {room(module) for module in imports(path)} - {None, "__version__"}
+        assert found <= ALLOWED[name], f"{path.name} imports {found - ALLOWED[name]}"
+
+
+def test_every_room_is_in_the_table_or_outside_it() -> None:
+    top = {p.stem for p in PACKAGE.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
+    outside = {
+        "__init__",
+        "__main__",
+        "cli",
+        "library",
+        "coordinates",
+        "compiler",
+        "part",
+        "python",
+    }
+    assert top - outside == set(ALLOWED)
+
+
+def test_numpy_is_loaded_by_one_module_of_the_equation_room() -> None:
+    using = {p.stem for p in files_of("equation") if "numpy" in {room(m) for m in imports(p)}}
+    assert using == NUMPY_IN_EQUATION
+
+
+def test_topology_knows_no_equations() -> None:
+    for path in files_of("topology"):
+        taken = {m for m in imports(path) if m.startswith("pc2cad.equation")}
+        assert taken <= TOPOLOGY_FROM_EQUATION
+
+
+def test_no_text_is_ever_evaluated() -> None:
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                assert node.func.id not in ("eval", "exec", "compile", "sympify", "parse_expr")
+
+
+def test_sympy_is_loaded_by_its_bridge_only() -> None:
+    using = {p.stem for p in PACKAGE.rglob("*.py") if "sympy" in {room(m) for m in imports(p)}}
+    assert using == {"sympy_bridge"}
