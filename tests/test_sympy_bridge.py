@@ -36,7 +36,7 @@ def test_a_contour_becomes_a_piecewise_expression() -> None:
     expression = pc.to_sympy(x)
     assert expression.subs(sympy.Symbol("v", real=True), sympy.Rational(1, 2)) == -2
     assert expression.subs(sympy.Symbol("v", real=True), sympy.Rational(1, 8)) == sympy.Rational(
-        9, 8
+        5, 4
     )
 
 
