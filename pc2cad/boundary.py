@@ -103,7 +103,11 @@ class BoundaryModel:
 
 
 def represent(
-    analysis: Analysis, orientation: int, tolerance: float | None = None, degree: int = 5
+    analysis: Analysis,
+    orientation: int,
+    outer_shell: int = 0,
+    tolerance: float | None = None,
+    degree: int = 5,
 ) -> BoundaryModel:
     """Return the boundary model within `tolerance` of the equation (a length, model units).
 
@@ -119,7 +123,12 @@ def represent(
             f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
             f"({4 * rounding:.3g}); move it nearer to the origin or allow more"
         )
-    return _Representation(analysis, orientation, tolerance, rounding, degree).model()
+    work = _Representation(analysis, orientation, tolerance, rounding, degree)
+    edges, faces = work.carriers()
+    return BoundaryModel(
+        analysis.boundary, work.vertices, tuple(edges), tuple(faces), outer_shell, tolerance,
+        analysis.size,
+    )  # fmt: skip
 
 
 class _Representation:
@@ -146,7 +155,7 @@ class _Representation:
             CellFunction(analysis, vertex.corners[0])() for vertex in self._boundary.vertices
         ])  # fmt: skip
 
-    def model(self) -> BoundaryModel:
+    def carriers(self) -> tuple[list[ModelEdge], list[ModelFace]]:
         target = DIRECTION_SHARE * self._tolerance
         for _ in range(TRIES):
             self._resolve_directions(target)
@@ -154,11 +163,7 @@ class _Representation:
             faces = [self._face(i, edges) for i in range(len(self._faces))]
             worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
-                outer = self._outer_shell()
-                return BoundaryModel(
-                    self._boundary, self.vertices, tuple(edges), tuple(faces), outer,
-                    self._tolerance, self._analysis.size,
-                )  # fmt: skip
+                return edges, faces
             target *= 0.5 * min(1.0, self._tolerance / worst)
         raise ToleranceNotReachedError(
             f"the faces deviate by {worst:.3g} from the equation where {self._tolerance:.3g} was "
@@ -289,17 +294,6 @@ class _Representation:
             carrier = edges[use.edge].carrier
             if isinstance(carrier, SplineCurve) and len(carrier.poles) == len(row):
                 row[...] = carrier.poles if use.forward == anticlockwise else carrier.poles[::-1]
-
-    def _outer_shell(self) -> int:
-        """Return the shell of largest extent: the others lie inside it."""
-        extents = []
-        nodes = np.linspace(0, 1, 9)
-        for shell in self._boundary.shells:
-            points = np.concatenate(
-                [self._faces[f](nodes, nodes).reshape(-1, 3) for f in shell.faces]
-            )
-            extents.append(float(np.linalg.norm(np.ptp(points, axis=0))))
-        return int(np.argmax(extents))
 
 
 def _rank(vectors: Array) -> int:

@@ -2,6 +2,7 @@
 
     PointEquation  ─analyse→    Analysis       which sides collapse, coincide, bound
                    ─integrate→  Properties     volume, area, centroid of the equation; orientation
+                   ─solidity→   Solidity       proof or samples: det J keeps its sign, no overlap
                    ─represent→  BoundaryModel  a carrier for every face and edge
                    ─build→      BuiltSolid     the kernel's solid
                    ─validate→   Report         held against the equation, or refused
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 from pc2cad.analysis import analyse
@@ -21,6 +23,7 @@ from pc2cad.brep.build import build
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
 from pc2cad.part import Part
 from pc2cad.properties import integrate
+from pc2cad.solidity import check_solidity
 from pc2cad.validation import validate
 
 #: told the name of each stage as it begins
@@ -52,12 +55,16 @@ def compile_equation(
 
     analysis = stage("analyse", lambda: analyse(equation))
     properties = stage("integrate", lambda: integrate(analysis))
+    solidity = stage("solidity", lambda: check_solidity(analysis, properties.orientation))
     model = stage(
-        "represent", lambda: represent(analysis, properties.orientation, tolerance, degree)
+        "represent",
+        lambda: represent(
+            analysis, properties.orientation, solidity.outer_shell, tolerance, degree
+        ),
     )
     built = stage("build", lambda: build(model))
-    report = stage("validate", lambda: validate(analysis, properties, model, built, times))
-    return Part(equation, model, built, report)
+    report = stage("validate", lambda: validate(analysis, properties, solidity, model, built))
+    return Part(equation, model, built, replace(report, times=times))
 
 
 def compile_part(

@@ -186,7 +186,7 @@ class _System:
 
             def derivative(parameter: str) -> Expr:
                 inner = self._symbols.total(t, parameter)
-                return self._curve(name, order + 1)(t) * inner if inner is not ZERO else ZERO
+                return inner * self._curve(name, order + 1)(t) if inner is not ZERO else ZERO
 
             return self._symbols.make(f"{name}{primes}({as_text(t)})", Opaque(latex, derivative))
 

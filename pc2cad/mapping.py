@@ -59,10 +59,9 @@ class Mapping3:
         return self._run(("M", *PARAMETERS), u, v, w)
 
     @cached_property
-    def _trees(self) -> dict[str, tuple[Expr, ...]]:
-        """Trees of M and, by the parameter's name, of its derivatives."""
-        trees = {name: derivatives(self.coordinates, name) for name in PARAMETERS}
-        return {"M": self.coordinates, **trees}
+    def derivatives(self) -> tuple[tuple[Expr, ...], ...]:
+        """Trees of M_u, M_v and M_w."""
+        return tuple(derivatives(self.coordinates, name) for name in PARAMETERS)
 
     def _run(self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         if keys not in self._programs:
@@ -83,7 +82,7 @@ class Mapping3:
         return results
 
     def _trees_of(self, key: str) -> tuple[Expr, ...]:
-        return self.coordinates if key == "M" else self._trees[key]
+        return self.coordinates if key == "M" else self.derivatives[PARAMETERS.index(key)]
 
 
 def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:

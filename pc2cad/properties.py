@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 CONVERGED = 1e-13
 #: nodes of one direction at which it gives up
 MOST_NODES = 3000
+#: points of one integral
+MOST_POINTS = 3e7
 #: points evaluated at once
 SLAB_POINTS = 300_000
 #: a cell position per direction, None for the whole of it
@@ -63,6 +65,8 @@ def integrate(analysis: Analysis) -> Properties:
     centre = _centre(analysis)
     signs = _Signs()
     densities = _Densities(analysis, centre, signs)
+    densities.volume([_rule(analysis, d, None, 7) for d in range(3)])
+    signs.check(analysis)
     moments, error = _refine(densities.volume, analysis, WHOLE_BOX)
     signs.check(analysis)
     volume = float(moments[0])
@@ -180,6 +184,9 @@ def _refine(
     directions; the whole integral is then taken twice, with those and with half as many again.
     """
     counts = [_count(density, analysis, cell, d) for d in range(3)]
+    while np.prod(counts, dtype=float) > MOST_POINTS:
+        # what this costs in accuracy shows in the error estimate
+        counts = [max(1, round(0.8 * count)) for count in counts]
     coarse, fine = (
         _total(density, [_rule(analysis, d, cell[d], round(grow * counts[d])) for d in range(3)])
         for grow in (1.0, 1.5)
@@ -209,9 +216,11 @@ def _count(
         values = density(rules)
         shape = [1, 1, 1, 1]
         shape[direction] = -1
-        lines = (values * rules[direction][1].reshape(shape)).sum(axis=direction)
+        weighted = values * rules[direction][1].reshape(shape)
+        lines = weighted.sum(axis=direction)
         if known is not None:
-            change = float(np.abs(lines - known).max() / max(np.abs(lines).max(), 1e-300))
+            size = max(float(np.abs(weighted).sum(axis=direction).max()), 1e-300)
+            change = float(np.abs(lines - known).max()) / size
             # the next change shrinks at least as much as this one did; rounding stops shrinking
             expected = change * (min(1.0, change / previous) if previous else 1.0)
             if expected <= CONVERGED or (change < 1e-10 and previous and change > previous / 4):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 
@@ -66,12 +66,18 @@ class Report:
     #: genus of each shell, the outer one first
     genus: tuple[int, ...]
     euler: int
+    #: det J keeps its sign: proved or sampled
+    determinant: str
+    #: inner images with winding number 1, and the largest distance between neighbours: an overlap
+    #: that holds a ball of that diameter would have been seen
+    images: int
+    image_spacing: float
     equation: Integrals
     solid: Integrals
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
     #: seconds per stage
-    times: Mapping[str, float]
+    times: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def shells(self) -> int:

@@ -22,8 +22,15 @@ ALLOWED = {
     "boundary": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
     "brep": {"brep", "boundary", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
+    "winding": {"numpy"},
+    "injectivity": {
+        "analysis", "directions", "equation", "errors", "mapping", "topology", "winding", "numpy",
+    },
+    "certificate": {"analysis", "equation", "geometry", "numpy"},
+    "solidity": {"analysis", "certificate", "equation", "injectivity"},
     "validation": {
         "analysis", "boundary", "brep", "equation", "errors", "geometry", "properties", "report",
+        "solidity",
         "topology", "numpy",
     },
     "export": {"export", "errors", "mesh", "numpy", "OCP"},

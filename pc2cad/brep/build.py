@@ -33,10 +33,16 @@ from pc2cad.geometry.carriers import Array, Plane
 
 #: the kernel's own confusion distance; what it is given is exact to far less
 KERNEL_TOLERANCE = 1e-7
+#: beyond this, a dozen roundings of a coordinate are as large as that
+LARGEST_COORDINATE = KERNEL_TOLERANCE / (16 * float(np.finfo(float).eps))
 
 
 class PartTooSmallError(KernelError):
     """An edge or the part is so small that the kernel takes its ends for one point."""
+
+
+class PartTooLargeError(KernelError):
+    """Coordinates are so large that the kernel's tolerance is lost in their rounding."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,13 @@ class _Build:
         self._edges = [self._edge(index) for index in range(len(model.edges))]
 
     def _check_size(self) -> None:
+        largest = float(np.abs(self._model.vertices).max()) + self._model.size
+        if largest > LARGEST_COORDINATE:
+            raise PartTooLargeError(
+                f"coordinates reach {largest:.3g} units, where double precision no longer holds "
+                f"the kernel's {KERNEL_TOLERANCE:g}; choose a larger unit (m instead of mm), so "
+                "that numbers shrink, or move the part nearer to the origin"
+            )
         for edge in self._model.edges:
             a, b = self._model.vertices[edge.start], self._model.vertices[edge.end]
             gap = float(np.linalg.norm(a - b))

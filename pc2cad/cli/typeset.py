@@ -7,7 +7,7 @@ from typing import Final
 
 from pc2cad.coordinates import Opaque, Symbols
 from pc2cad.equation.functions import PUBLIC_FUNCTIONS
-from pc2cad.equation.language import CONSTANTS
+from pc2cad.equation.language import CONSTANTS, FUNCTION_NAMES
 from pc2cad.equation.printing import name_latex
 from pc2cad.equation.syntax import (
     BinaryNode,
@@ -29,8 +29,8 @@ _OPERATIONS: Final[dict[str, Callable[[Expr, Expr], Expr]]] = {
 _FORMS: Final = {
     "length": r"\left|{}\right|",
     "distance": r"\left|{}\,{}\right|",
-    "dot": r"\left({}\right) \cdot \left({}\right)",
-    "cross": r"\left({}\right) \times \left({}\right)",
+    "dot": r"\left({} \cdot {}\right)",
+    "cross": r"\left({} \times {}\right)",
     "point": r"\left({},\; {},\; {}\right)",
     "vector": r"\left({},\; {},\; {}\right)",
 }
@@ -79,14 +79,18 @@ class _Typesetter:
 
     def _special(self, name: str, operands: tuple[Node, ...]) -> Expr:
         parts = [self.latex(operand) for operand in operands]
+        closed = [
+            part if isinstance(operand, NameNode) else rf"\left({part}\right)"
+            for part, operand in zip(parts, operands, strict=True)
+        ]
         if name == "diff":
             order = f"^{{{parts[2]}}}" if len(parts) == 3 and parts[2] != "1" else ""
-            inner = parts[0] if isinstance(operands[0], NameNode) else rf"\left({parts[0]}\right)"
-            latex = rf"\frac{{\partial{order}}}{{\partial {parts[1]}{order}}} {inner}"
+            latex = rf"\frac{{\partial{order}}}{{\partial {parts[1]}{order}}} {closed[0]}"
         elif name in _FORMS:
-            latex = _FORMS[name].format(*parts)
+            takes = closed if name in ("distance", "dot", "cross") else parts
+            latex = _FORMS[name].format(*takes)
         else:
-            head = name_latex(name) if "_x" in name or "_y" in name else name.replace("_", r"\_")
-            head = head if "_x" in name or "_y" in name else rf"\operatorname{{{head}}}"
+            plain = name.replace("_", r"\_")
+            head = rf"\operatorname{{{plain}}}" if name in FUNCTION_NAMES else name_latex(name)
             latex = rf"{head}\left({', '.join(parts)}\right)"
         return self._symbols.make(f"{name}({', '.join(parts)})", Opaque(latex))

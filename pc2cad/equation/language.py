@@ -66,11 +66,15 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def read_expression(text: str, names: Mapping[str, Value], curves: Curves | None = None) -> Value:
     """Return the value of an expression with these names known.
 
-    Raises ExpressionSyntaxError (or a subclass) with the column of the mistake, and
-    WeightsDoNotSumError when the value as a whole is neither scalar, point nor free vector.
+    Raises ExpressionSyntaxError (or a subclass) with the column of the mistake; a value that is
+    neither scalar, point nor free vector as a whole is an ExpressionValueError.
     """
-    value = _Reader(names, curves or {}).value(parse(text))
-    kind_of(value)
+    node = parse(text)
+    value = _Reader(names, curves or {}).value(node)
+    try:
+        kind_of(value)
+    except InputError as error:
+        raise ExpressionValueError(str(error), node.column) from error
     return value
 
 

@@ -22,6 +22,8 @@ from pc2cad.errors import InputError
 
 LARGEST_FILE: Final = 256 * 1024
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}\Z")
+#: the TOML parser takes quadratic time for keys of thousands of parts
+_DEEP_KEY: Final = re.compile(r"(?:[A-Za-z0-9_-]+[ \t]*\.[ \t]*){16}")
 _TEXTS: Final = ("title", "about", "source", "units")
 _TABLES: Final = ("parameters", "points", "domain", "curves", "let", "solid", "expect")
 _EXPECTED: Final = (
@@ -41,6 +43,8 @@ def read_template(path: str | os.PathLike[str]) -> Template:
 
 def parse_template(text: str, name: str, file: str = "template") -> Template:
     """Return the template that a TOML text holds; `file` is named in messages."""
+    if _DEEP_KEY.search(text):
+        raise TemplateError(f"{file}: a dotted key is nested deeper than the format goes")
     try:
         # as_float keeps decimals exact: 0.1 is one tenth
         data = tomllib.loads(text, parse_float=_decimal)
@@ -189,7 +193,7 @@ class _Reader:
             if not isinstance(raw, list) or len(raw) != 3:
                 self._fail(key, "a point is a list of three coordinates, [x, y, z]")
             value = point(*(self._scalar(f"{key}[{i}]", x) for i, x in enumerate(raw)))
-            text = "[" + ", ".join(str(x) for x in raw) + "]"
+            text = "[" + ", ".join(_written(x) for x in raw) + "]"
             result.append(Definition(name, text, value))
         for definition in result:
             self._define(f"[points] {definition.name}", definition.name, definition.value)
@@ -249,7 +253,7 @@ class _Reader:
             key = f"[let] {_shown(name)}"
             value = self._expression(key, raw) if isinstance(raw, str) else self._scalar(key, raw)
             self._define(key, name, value)
-            result.append(Definition(name, str(raw), value))
+            result.append(Definition(name, _written(raw), value))
         return tuple(result)
 
     def _solid(self) -> tuple[tuple[Definition, ...], Combination]:
@@ -264,7 +268,9 @@ class _Reader:
             return (Definition("M", str(raw), value),), value  # type: ignore[arg-type,return-value]
         if set(table) == {"x", "y", "z"}:
             trees = [self._scalar(f"[solid] {axis}", table[axis]) for axis in "xyz"]
-            written = (Definition(a, str(table[a]), t) for a, t in zip("xyz", trees, strict=True))
+            written = (
+                Definition(a, _written(table[a]), t) for a, t in zip("xyz", trees, strict=True)
+            )
             return tuple(written), point(*trees)
         return self._fail("[solid]", "needs either M or all of x, y and z")  # type: ignore[no-any-return]
 
@@ -282,6 +288,11 @@ class _Reader:
                 self._fail(key, "must not depend on u, v or w")
             result[name] = trees
         return result
+
+
+def _written(raw: object) -> str:
+    """Return a value of the file as text, numbers as decimals."""
+    return repr(number(raw)) if isinstance(raw, Fraction) else str(raw)
 
 
 def _shown(key: str) -> str:

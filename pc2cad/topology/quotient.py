@@ -58,8 +58,9 @@ def derive_boundary(questions: Questions, labels: Labels) -> BoundaryComplex:
     kept = [side.patch for side in sides if side.fate == "face"]
     if not kept:
         raise NoBoundaryFaceError(
-            "every side of the parameter box collapses or lies inside: nothing bounds a solid; "
-            "check that u, v and w all move the point"
+            "every side of the parameter box collapses or lies inside: the image is flat and "
+            "nothing bounds a solid; check that u, v and w all move the point (in a truncated "
+            "body: that something is left between its ends)"
         )
     edge_cells = sorted({edge.cell for patch in kept for edge in patch_edges(patch)})
     corners = sorted({corner for edge in edge_cells for corner in edge_ends(edge)})

@@ -1,0 +1,147 @@
+"""``pc2cad build``: a template compiled into files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pc2cad.cli.inputs import add_template, add_tolerance, bind, load, named, read_length
+from pc2cad.cli.output import Progress, say, shown
+from pc2cad.errors import FileNotWrittenError, InputError
+
+if TYPE_CHECKING:
+    from pc2cad.export.model import ExportOptions
+    from pc2cad.part import Part
+    from pc2cad.report import Report
+
+
+class OutputClashError(InputError):
+    """Two of the files of a command are the same one."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the template, the outputs and the options."""
+    from pc2cad.export.registry import FORMATS
+
+    endings = ", ".join(ending for entry in FORMATS for ending in entry.extensions)
+    add_template(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", action="append", required=True, dest="outputs",
+        help=f"file to write, its format by its ending: {endings} (repeatable)",
+    )  # fmt: skip
+    add_tolerance(parser)
+    parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
+    parser.add_argument(
+        "--schema", choices=("AP242", "AP214"), default="AP242",
+        help="application protocol of STEP files (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--colours", action="store_true", help="give every side of the box its own colour"
+    )
+    parser.add_argument(
+        "--deflection", metavar="LENGTH",
+        help="largest distance of an STL chord from its surface, in model units",
+    )  # fmt: skip
+    parser.add_argument(
+        "--degree", type=int, choices=(3, 5, 7), default=5,
+        help="degree of splines, where one is needed (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compile the template and write every file."""
+    from pc2cad.export.model import ExportOptions
+
+    template, path = load(arguments)
+    equation = bind(template, arguments)
+    tolerance = read_length("--tolerance", arguments.tolerance)
+    options = ExportOptions(
+        step_schema=arguments.schema, deflection=read_length("--deflection", arguments.deflection)
+    )
+    _check_outputs(arguments, path)
+    with Progress(arguments.quiet) as progress:
+        progress("load the kernel")
+        from pc2cad.compiler import compile_equation
+
+        with named(arguments.template):
+            part = compile_equation(equation, tolerance, arguments.degree, progress)
+        files = _encode(part, options, arguments, progress)
+        progress("write")
+        _write(files)
+    if not arguments.quiet:
+        for output in arguments.outputs:
+            say(f"{shown(output)}: {summary(part.report)}{_loss(output)}")
+    return 0
+
+
+def summary(report: Report) -> str:
+    """Return volume, area, faces and evidence on one line."""
+    units = report.units
+    exact = report.evidence == "exact"
+    evidence = "exact" if exact else f"deviation {report.deviation:.2g} {units} (sampled)"
+    return (
+        f"volume {report.equation.volume:.10g} {units}^3, area {report.equation.area:.10g} "
+        f"{units}^2, {len(report.faces)} faces, {evidence}"
+    )
+
+
+def _loss(path: str) -> str:
+    """Return what the file's format does to the solid, where it does something."""
+    from pc2cad.export.registry import format_for
+
+    return "; written as triangles" if format_for(path).name == "stl" else ""
+
+
+def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
+    """Refuse, before the work begins, what could not be written at its end."""
+    from pc2cad.export.files import check_target
+    from pc2cad.export.registry import check_writable
+
+    for path in arguments.outputs:
+        check_writable(path)
+    if arguments.report is not None:
+        check_target(arguments.report)
+    taken = {os.path.realpath(template): "the template"}
+    reports = () if arguments.report is None else (arguments.report,)
+    for path in (*arguments.outputs, *reports):
+        real = os.path.realpath(path)
+        if real in taken:
+            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
+        taken[real] = f"another output, {path}"
+
+
+def _encode(
+    part: Part, options: ExportOptions, arguments: argparse.Namespace, progress: Progress
+) -> dict[str, bytes]:
+    """Return the contents of every file: what fails here leaves no file at all."""
+    from pc2cad.export.registry import format_for
+
+    exportable = part.exportable(arguments.colours)
+    files = {}
+    for path in arguments.outputs:
+        kind = format_for(path)
+        progress(f"encode {kind.name}")
+        files[path] = kind.encoder()(exportable, options)
+    if arguments.report is not None:
+        text = json.dumps(part.report.to_dict(), indent=2, allow_nan=False)
+        files[arguments.report] = f"{text}\n".encode()
+    return files
+
+
+def _write(files: dict[str, bytes]) -> None:
+    """Write the files in turn; an error says which of them are there."""
+    from pc2cad.export.files import write_atomically
+
+    written: list[str] = []
+    for path, data in files.items():
+        try:
+            write_atomically(path, data)
+        except FileNotWrittenError as error:
+            if written:
+                error.args = (f"{str(error).rstrip('.')}; written before it: {', '.join(written)}",)
+            raise
+        written.append(path)

@@ -1,0 +1,127 @@
+"""``pc2cad check``: everything that is known of a solid, and no file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from pc2cad.cli.inputs import add_template, add_tolerance, bind, load, named, read_length
+from pc2cad.cli.output import Progress, one_line, say, table
+
+if TYPE_CHECKING:
+    from pc2cad.equation.point_equation import Expectations
+    from pc2cad.report import Report
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the template and the options."""
+    add_template(parser)
+    add_tolerance(parser)
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compile the template in memory and print the report."""
+    template, _ = load(arguments)
+    equation = bind(template, arguments)
+    tolerance = read_length("--tolerance", arguments.tolerance)
+    with Progress() as progress:
+        progress("load the kernel")
+        from pc2cad.compiler import compile_equation
+
+        with named(arguments.template):
+            part = compile_equation(equation, tolerance, progress=progress)
+    if arguments.json:
+        say(json.dumps(part.report.to_dict(), indent=2, allow_nan=False))
+    else:
+        for paragraph in _paragraphs(part.report, equation.expectations):
+            say(paragraph)
+    return 0
+
+
+def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
+    yield one_line(f"{report.name}: {report.title}" if report.title else report.name)
+    if report.parameters:
+        yield "  " + ", ".join(f"{name} = {x:.12g}" for name, x in report.parameters.items())
+    yield "\nSides of the parameter box"
+    yield table([(s.name, s.fate, s.verdict, s.detail) for s in report.sides])
+    yield f"\nFaces (deviation in {report.units}, area in {report.units}^2)"
+    yield _faces(report)
+    yield f"\nTopology\n  {_topology(report)}"
+    yield f"\nIntegrals ({report.units})"
+    yield _integrals(report)
+    yield "\nEvidence"
+    yield table(_evidence(report, expected))
+    yield f"\nTimes\n  {', '.join(f'{k} {1000 * s:.0f} ms' for k, s in report.times.items())}"
+
+
+def _faces(report: Report) -> str:
+    rows: list[tuple[str, ...]] = [
+        ("face", "carrier", "evidence", "deviation", "samples", "degrees", "poles", "area")
+    ]
+    rows += [
+        (
+            face.name, face.carrier, face.evidence,
+            f"{face.deviation:.2g}" if face.samples else "-", str(face.samples or "-"),
+            " x ".join(map(str, face.degrees)) or "-", " x ".join(map(str, face.poles)) or "-",
+            f"{face.area:.10g}",
+        )
+        for face in report.faces
+    ]  # fmt: skip
+    return table(rows)
+
+
+def _topology(report: Report) -> str:
+    genus = ", ".join(str(g) for g in report.genus)
+    return (
+        f"{len(report.faces)} faces, {report.edges} edges, {report.vertices} vertices, "
+        f"{_count(report.shells, 'shell')} of genus {genus}; Euler number {report.euler}"
+    )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _integrals(report: Report) -> str:
+    equation, solid = report.equation, report.solid
+    rows: list[tuple[str, ...]] = [("", "equation", "B-rep", "relative difference")]
+    pairs = [("volume", equation.volume, solid.volume), ("area", equation.area, solid.area)]
+    rows += [(n, f"{a:.12g}", f"{b:.12g}", f"{abs(a - b) / abs(a):.1e}") for n, a, b in pairs]
+    for axis, a, b in zip("xyz", equation.centroid, solid.centroid, strict=True):
+        # a centroid may lie in the origin: its difference is held against the part's size
+        rows.append(
+            (f"centroid {axis}", f"{a:.12g}", f"{b:.12g}", f"{abs(a - b) / report.size:.1e}")
+        )
+    return table(rows)
+
+
+def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
+    units = report.units
+    stated = [name for name, value in vars(expected).items() if value is not None]
+    error = report.equation.relative_error
+    rows = [
+        ("size", f"{report.size:.10g} {units}"),
+        ("tolerance", f"{report.tolerance:.3g} {units}"),
+        ("deviation", f"{report.deviation:.2g} {units} ({report.evidence})"),
+        ("kernel tolerance", f"{report.kernel_tolerance:.2g} {units}"),
+        ("solid", "valid in the kernel, closed, of the derived topology and the right integrals"),
+        ("det J", f"keeps its sign ({report.determinant})"),
+        ("overlap", _overlap(report)),
+        ("[expect]", f"met: {', '.join(stated)}" if stated else "nothing stated"),
+    ]
+    if error is not None and math.isfinite(error):
+        rows.insert(4, ("quadrature error", f"{error:.1e} (estimate, relative)"))
+    return [(name, value) for name, value in rows]
+
+
+def _overlap(report: Report) -> str:
+    if not report.images:
+        return "not examined"
+    return (
+        f"none: {report.images} inner points, at most {report.image_spacing:.2g} {report.units} "
+        "apart, have winding number 1 (sampled)"
+    )

@@ -1,0 +1,93 @@
+"""What the verbs have in common: the template argument, parameter values, lengths."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pc2cad.errors import InputError, PointCadError
+
+if TYPE_CHECKING:
+    from pc2cad.equation.point_equation import PointEquation
+    from pc2cad.equation.template import Template
+
+
+def add_template(parser: argparse.ArgumentParser) -> None:
+    """Add the template argument and ``-s``."""
+    parser.add_argument(
+        "template", metavar="TEMPLATE",
+        help="a template file (TOML), or the name of a shipped one (see: pc2cad templates)",
+    )  # fmt: skip
+    parser.add_argument(
+        "-s", "--set", metavar="NAME=VALUE", action="append", default=[], dest="settings",
+        help="value of a parameter, a number or a constant expression such as 1/3 (repeatable)",
+    )  # fmt: skip
+
+
+def add_tolerance(parser: argparse.ArgumentParser) -> None:
+    """Add ``--tolerance``."""
+    parser.add_argument(
+        "--tolerance", metavar="LENGTH",
+        help="largest distance of a face from the equation, in model units "
+        "(default: 1e-7 of the part's size)",
+    )  # fmt: skip
+
+
+@contextmanager
+def named(subject: str) -> Iterator[None]:
+    """Put the subject (a file, an option) before the message of an error, if it is not in it."""
+    try:
+        yield
+    except PointCadError as error:
+        if not str(error).startswith((f"{subject}:", f"{subject} ")):
+            error.args = (f"{subject}: {error}",)
+        raise
+
+
+def load(arguments: argparse.Namespace) -> tuple[Template, Path]:
+    """Return the template that the arguments name, and its file."""
+    from pc2cad.equation.template_file import read_template
+    from pc2cad.library import find_template
+
+    path = find_template(arguments.template)
+    return read_template(path), path
+
+
+def bind(template: Template, arguments: argparse.Namespace) -> PointEquation:
+    """Return the template's equation with the values given by ``-s``."""
+    values = read_settings(arguments.settings)
+    with named(arguments.template):
+        return template.bind(values)
+
+
+def read_settings(settings: Sequence[str]) -> dict[str, str]:
+    """Return the parameters and values of ``NAME=VALUE`` texts."""
+    values: dict[str, str] = {}
+    for text in settings:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not (name and sign and value):
+            raise InputError(f"-s '{text[:80]}': write NAME=VALUE, for example -s p=0.3")
+        if name in values:
+            raise InputError(f"-s {name[:80]}: the parameter is set twice")
+        values[name] = value
+    return values
+
+
+def read_length(option: str, text: str | None) -> float | None:
+    """Return the positive length that an option gives, None where it is not given."""
+    if text is None:
+        return None
+    from pc2cad.equation.language import read_expression
+    from pc2cad.equation.scalar import evaluate
+    from pc2cad.equation.tree import Expr
+
+    with named(option):
+        tree = read_expression(text, {})
+        length = evaluate(tree, {}) if isinstance(tree, Expr) else math.nan
+        if not 0.0 < length < math.inf:
+            raise InputError(f"must be a positive length, and '{text[:80]}' was given")
+    return length

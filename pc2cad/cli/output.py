@@ -1,0 +1,120 @@
+"""What the command line writes: results on stdout, one sentence or a progress line on stderr."""
+
+from __future__ import annotations
+
+import re
+import sys
+from contextlib import suppress
+from threading import Lock, Timer
+from types import TracebackType
+from typing import Final, TextIO
+
+#: a message longer than this is cut: it quotes something that nobody wrote by hand
+LONGEST_MESSAGE: Final = 1200
+#: seconds that a stage takes before its name is shown
+PATIENCE: Final = 1.0
+_FIGURES: Final = re.compile(r"-|-?[0-9][-+.0-9e x]*")
+
+
+def say(text: str) -> None:
+    """Write a result and an end of line to stdout (nowhere when it is closed)."""
+    if sys.stdout is not None:
+        sys.stdout.write(f"{text}\n")
+
+
+def complain(text: str) -> None:
+    """Write one sentence to stderr, if there is anybody to read it."""
+    if sys.stderr is not None:
+        with suppress(OSError, ValueError):
+            sys.stderr.write(f"pc2cad: {one_line(text)}\n")
+            sys.stderr.flush()
+
+
+def one_line(text: str) -> str:
+    """Return a text without line ends and control characters, cut where it is very long."""
+    text = " ".join(text.split())
+    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    if len(text) > LONGEST_MESSAGE:
+        text = f"{text[: LONGEST_MESSAGE - 220]} … {text[-200:]}"
+    return text
+
+
+def shown(path: str) -> str:
+    """Return a path for a result: quoted where it has odd characters."""
+    return path if path.isprintable() else repr(path)
+
+
+def tolerate_encodings() -> None:
+    """Let stdout replace what its encoding lacks, instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            with suppress(OSError, ValueError):
+                reconfigure(errors="replace" if stream is sys.stdout else "backslashreplace")
+
+
+def table(rows: list[tuple[str, ...]], indent: str = "  ") -> str:
+    """Return rows of cells as aligned columns; columns of figures are aligned to the right."""
+    columns = []
+    for cells in zip(*rows, strict=True):
+        width = max(map(len, cells))
+        figures = len(rows) > 1 and all(_FIGURES.fullmatch(cell) for cell in cells[1:])
+        columns.append([c.rjust(width) if figures else c.ljust(width) for c in cells])
+    lines = zip(*columns, strict=True)
+    return "\n".join((indent + "  ".join(line)).rstrip() for line in lines)
+
+
+class Progress:
+    """Shows the name of a stage that takes long, on one line of a terminal that is rewritten.
+
+    Call it with the name of each stage as it begins; as a context manager it clears the line at
+    the end. Without a terminal, or when it must be quiet, it shows nothing.
+    """
+
+    def __init__(self, quiet: bool = False, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._active = not quiet and self._stream is not None and self._stream.isatty()
+        self._shown = False
+        self._timer: Timer | None = None
+        self._lock = Lock()
+
+    def __call__(self, stage: str) -> None:
+        """Begin a stage."""
+        if not self._active:
+            return
+        self._end_stage()
+        self._timer = Timer(PATIENCE, self._show, (stage,))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._active:
+            self._end_stage()
+
+    def _show(self, stage: str) -> None:
+        with self._lock:
+            if self._timer is not None:
+                self._shown = True
+                self._write(f"\r\x1b[K{stage} …")
+
+    def _end_stage(self) -> None:
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
+            if self._shown:
+                self._shown = False
+                self._write("\r\x1b[K")
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError, ValueError):
+            self._stream.write(text)
+            self._stream.flush()

@@ -1,0 +1,135 @@
+"""``pc2cad show``: the point equation, and its coordinate-wise system."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pc2cad.cli.inputs import add_template, bind, load
+from pc2cad.cli.output import one_line, say
+
+if TYPE_CHECKING:
+    from pc2cad.equation.point_equation import PointEquation
+    from pc2cad.equation.template import Parameter, Template
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the template and ``--latex``."""
+    add_template(parser)
+    parser.add_argument("--latex", action="store_true", help="print LaTeX instead of text")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the equation and its system."""
+    template, path = load(arguments)
+    equation = bind(template, arguments)
+    lines = _latex(template) if arguments.latex else _text(template, equation, path)
+    for line in lines:
+        say(line)
+    return 0
+
+
+def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[str]:
+    from pc2cad.coordinates import coordinate_system
+    from pc2cad.equation.points import Combination
+    from pc2cad.equation.printing import as_text
+
+    yield one_line(f"{template.name}: {template.title}")
+    yield from (f"  {one_line(line)}" for line in template.about.strip().splitlines())
+    if template.source:
+        yield f"  source: {one_line(template.source)}"
+    if template.parameters:
+        yield "\nParameters"
+        yield from (
+            f"  {p.name} = {equation.parameters[p.name]:.12g}{_meaning(p)}"
+            for p in template.parameters
+        )
+    yield f"\nPoints ({template.units})"
+    for point in template.points:
+        assert isinstance(point.value, Combination)
+        coordinates = ", ".join(as_text(c) for c in point.value.coordinates)
+        yield f"  {point.name} = [{coordinates}]"
+    yield "\nDomain"
+    for name, (low, high) in zip("uvw", template.domain, strict=True):
+        yield f"  {as_text(low)} <= {name} <= {as_text(high)}"
+    yield from _curves(template, path)
+    yield "\nPoint equation"
+    for definition in (*template.lets, *template.solid):
+        yield f"  {definition.name} = {one_line(definition.text)}"
+    yield "\nCoordinate-wise system"
+    for expansion in coordinate_system(template):
+        yield from (f"  {row.name} = {row.text}" for row in expansion.rows)
+
+
+def _meaning(parameter: Parameter) -> str:
+    from pc2cad.equation.printing import as_text
+
+    low, high = parameter.minimum, parameter.maximum
+    parts = []
+    if low is not None and high is not None:
+        parts.append(f"{as_text(low)} to {as_text(high)}")
+    elif low is not None:
+        parts.append(f"from {as_text(low)}")
+    elif high is not None:
+        parts.append(f"to {as_text(high)}")
+    parts.append(f"default {as_text(parameter.default)}")
+    about = f"  {one_line(parameter.about)}" if parameter.about else ""
+    return f"  ({', '.join(parts)}){about}"
+
+
+def _curves(template: Template, path: Path) -> Iterator[str]:
+    """Yield what each curve is in words, and its formula where it has one."""
+    if not template.curves:
+        return
+    import tomllib
+
+    from pc2cad.equation.printing import as_text
+    from pc2cad.equation.tree import symbol
+
+    raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    yield "\nCurves (coordinates in the plane of the section, once round for t from 0 to 1)"
+    for name, table in raw["curves"].items():
+        yield f"  {name}_x(t), {name}_y(t): {_in_words(table)}"
+        if table["kind"] == "sine":
+            for axis in "xy":
+                tree = template.curves[f"{name}_{axis}"](symbol("t"))
+                yield f"    {name}_{axis}(t) = {as_text(tree)}"
+
+
+def _in_words(table: dict[str, Any]) -> str:
+    if table["kind"] == "sine":
+        return (
+            f"sine wave round a circle of radius {table['radius']}, with amplitude "
+            f"{table['amplitude']} and {table['waves']} waves"
+        )
+    nodes = ", ".join(f"({x}, {y})" for x, y in table["points"])
+    return (
+        f"closed contour of first order of smoothness through {len(table['points'])} points, "
+        f"{nodes}; length of the handles: {table.get('handle', '1/6')} of the neighbours' chord"
+    )
+
+
+def _latex(template: Template) -> Iterator[str]:
+    from pc2cad.cli.typeset import definition_latex
+    from pc2cad.coordinates import coordinate_system
+    from pc2cad.equation.printing import name_latex
+
+    yield f"% {one_line(f'{template.name}: {template.title}')}"
+    yield "% point equation (needs the package amsmath)"
+    yield r"\begin{align*}"
+    yield _aligned(
+        (name_latex(d.name), definition_latex(d.text)) for d in (*template.lets, *template.solid)
+    )
+    yield r"\end{align*}"
+    yield "% coordinate-wise system"
+    yield r"\begin{align*}"
+    for expansion in coordinate_system(template):
+        rows = _aligned((row.name_latex, row.latex) for row in expansion.rows)
+        yield rf"&\left\{{\begin{{aligned}}{chr(10)}{rows}{chr(10)}\end{{aligned}}\right.\\"
+    yield r"\end{align*}"
+
+
+def _aligned(equations: Iterable[tuple[str, str]]) -> str:
+    return ",\\\\\n".join(f"  {left} &= {right}" for left, right in equations)

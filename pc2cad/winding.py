@@ -1,0 +1,77 @@
+"""Winding numbers of a closed triangle mesh about many points at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+#: point-triangle pairs tested at once
+_PAIRS = 2_000_000
+
+
+def winding_numbers(points: Array, vertices: Array, triangles: Integers, seed: int = 0) -> Integers:
+    """Return how often the mesh goes round each point: points (n, 3) to (n,) integers.
+
+    `triangles` (m, 3) point outwards by the right-hand rule. Along a ray from each point in one
+    fixed odd direction (another one per `seed`), crossings count +1 outwards and -1 inwards. The
+    triangles are sorted into columns along the ray, so that a point meets only those of its own.
+    """
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    if np.linalg.det(turn) < 0:
+        turn[:, 0] *= -1
+    corners = (vertices @ turn)[triangles]
+    places = points @ turn
+    low = corners[..., :2].reshape(-1, 2).min(axis=0)
+    extent = corners[..., :2].reshape(-1, 2).max(axis=0) - low
+    columns = int(np.clip(np.sqrt(len(triangles)), 1, 1024))
+    cell = np.where(extent > 0, extent, 1.0) / columns
+    starts, members = _columns(corners, low, cell, columns)
+    index = np.floor((places[:, :2] - low) / cell).astype(np.int64)
+    inside = ((index >= 0) & (index < columns)).all(axis=1)
+    column = np.where(inside, index[:, 0] * columns + index[:, 1], 0)
+    counts = np.where(inside, starts[column + 1] - starts[column], 0)
+    result = np.zeros(len(points), dtype=np.int64)
+    edges = np.flatnonzero(np.diff(np.cumsum(counts) // _PAIRS)) + 1
+    for part in np.split(np.arange(len(points)), edges):
+        owner = np.repeat(part, counts[part])
+        offset = np.arange(len(owner)) - np.repeat(
+            np.cumsum(counts[part]) - counts[part], counts[part]
+        )
+        triangle = members[starts[column[owner]] + offset]
+        np.add.at(result, owner, _crossings(places[owner], corners[triangle]))
+    return result
+
+
+def _columns(corners: Array, low: Array, cell: Array, columns: int) -> tuple[Integers, Integers]:
+    """Return the triangles of every column as starts (columns² + 1,) and members."""
+    flat = corners[..., :2]
+    first = np.clip(np.floor((flat.min(axis=1) - low) / cell), 0, columns - 1).astype(np.int64)
+    last = np.clip(np.floor((flat.max(axis=1) - low) / cell), 0, columns - 1).astype(np.int64)
+    spans = last - first + 1
+    counts = spans.prod(axis=1)
+    triangle = np.repeat(np.arange(len(corners)), counts)
+    offset = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+    across = spans[triangle, 1]
+    i = first[triangle, 0] + offset // across
+    j = first[triangle, 1] + offset % across
+    column = i * columns + j
+    order = np.argsort(column, kind="stable")
+    starts = np.searchsorted(column[order], np.arange(columns * columns + 1))
+    return starts, triangle[order]
+
+
+def _crossings(points: Array, corners: Array) -> Integers:
+    """Return the sign with which a ray along +z from each point crosses its triangle, or 0."""
+    x, y = (corners[:, :, k] - points[:, None, k] for k in (0, 1))
+    # twice the signed areas of the triangles that the point makes with each side
+    areas = x[:, (0, 1, 2)] * y[:, (1, 2, 0)] - x[:, (1, 2, 0)] * y[:, (0, 1, 2)]
+    up, down = (areas > 0).all(axis=1), (areas < 0).all(axis=1)
+    total = areas.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # the side opposite to corner k carries its barycentric weight
+        height = (areas[:, (1, 2, 0)] * corners[:, :, 2]).sum(axis=1) / total
+    above = height > points[:, 2]
+    return np.asarray((up & above).astype(np.int64) - (down & above).astype(np.int64))
