@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
 import signal
 from collections.abc import Iterator
@@ -153,7 +154,7 @@ def test_the_bend_of_the_guide_decides_how_wide_a_pipe_may_be():
     """The least radius of curvature of the guide G1 is 4.41879744."""
     wide = pc.compile_part(pipe(4.2, 0.4))
     length = 20.1186157947867914
-    assert wide.report.solid.volume == pytest.approx(3.1415926535897932 * 3.36 * length, rel=1e-7)
+    assert wide.report.solid.volume == pytest.approx(math.pi * 3.36 * length, rel=1e-7)
     assert_refused(pipe(4.25, 0.4), FoldedMapError, FOLDS)
 
 
@@ -163,6 +164,43 @@ def test_walls_of_templates_that_are_too_thick(template, values):
     equation = pc.read_template(template_paths()[template]).bind(values)
     with within(5), pytest.raises(NotASolidError, match=FOLDS):
         compile_equation(equation)
+
+
+# -- overlaps: det J keeps its sign ----------------------------------------------------------------
+
+
+def helical_rod():
+    """R = 3, pitch 1, two turns of a rod of radius 0.6: each turn runs through the next."""
+    u, v, w = pc.parameters()
+    t, phi = 4 * pc.pi * u, 2 * pc.pi * v
+    rise = 1 / (2 * pc.pi)
+    slant = pc.sqrt(9 + rise**2)
+    x, y = Fraction(3, 5) * w * pc.cos(phi), Fraction(3, 5) * w * pc.sin(phi) / slant
+    return (
+        (3 - x) * pc.cos(t) + y * rise * pc.sin(t),
+        (3 - x) * pc.sin(t) - y * rise * pc.cos(t),
+        rise * t + 3 * y,
+    )
+
+
+def test_n3_rod_whose_turns_overlap():
+    assert_refused(helical_rod(), NotASolidError, "covers itself", seconds=15.0)
+
+
+def test_n4_cylinder_that_is_covered_twice():
+    u, v, w = pc.parameters()
+    theta = 2 * pc.pi * u
+    ring = ((2 + v) * pc.cos(theta), (2 + v) * pc.sin(theta), 5 * w)
+    assert_refused(ring, NotASolidError, "covers itself", {"u": (0, Fraction(5, 4))})
+
+
+def test_a_cylinder_that_is_covered_once():
+    u, v, w = pc.parameters()
+    theta = 2 * pc.pi * u
+    report = pc.compile_part(((2 + v) * pc.cos(theta), (2 + v) * pc.sin(theta), 5 * w)).report
+    assert report.solid.volume == pytest.approx(25 * math.pi, rel=1e-7)
+    assert report.solid.area == pytest.approx(60 * math.pi, rel=1e-7)
+    assert (len(report.faces), report.genus) == (4, (1,))
 
 
 # -- nothing there ---------------------------------------------------------------------------------
@@ -190,6 +228,22 @@ def exact(point):
 def test_coplanar_simplex(case):
     points = {name: exact(point) for name, point in COPLANAR[case].items()}
     assert_refused(pyramid(**points), NotASolidError, FLAT)
+
+
+@pytest.mark.parametrize("exponent", range(-13, -5))
+def test_nearly_coplanar_simplex_is_answered(exponent):
+    """D is so far above the plane ABC: a right volume or a refusal, and either soon."""
+    height = Fraction(10) ** exponent
+    M = pyramid(D=(Fraction(7, 10), Fraction(33, 20), Fraction(2, 5) + height))
+    try:
+        with within(5):
+            report = pc.compile_part(M).report
+    except PointCadError as error:
+        assert exponent < -8
+        assert re.search(f"{FLAT}|apart|tolerance", str(error))  # noqa: PT017
+    else:
+        # what rounding of the coordinates may change: 1e-15 of the height
+        assert report.solid.volume == pytest.approx(5.5 * float(height), rel=1e-14 / float(height))
 
 
 def test_coplanar_template():

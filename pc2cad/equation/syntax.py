@@ -188,7 +188,7 @@ class _Parser:
             raise ExpressionSyntaxError(
                 f"the expression is nested deeper than {DEEPEST_NESTING}", self._next.column
             )
-        left = self._operand()
+        left = self._operand(strength)
         while self._next.kind == "operator":
             operator = self._next
             precedence = _PRECEDENCE.get(operator.text, 0)
@@ -201,7 +201,7 @@ class _Parser:
         self._depth -= 1
         return left
 
-    def _operand(self) -> Node:
+    def _operand(self, strength: int) -> Node:
         token = self._take()
         if token.kind == "number":
             return NumberNode(token.column, Fraction(token.text))
@@ -211,7 +211,9 @@ class _Parser:
                 return CallNode(token.column, token.text, self._list(")", f"to end {token.text}("))
             return NameNode(token.column, token.text)
         if token.text == "-":
-            return NegationNode(token.column, self._expression(_UNARY))
+            # -a*b is -(a*b), but 2^-a*b is (2^-a)*b
+            reach = _PRECEDENCE["+"] if strength < _PRECEDENCE["*"] else _UNARY
+            return NegationNode(token.column, self._expression(reach))
         if token.text == "(":
             node = self._expression(0)
             self._expect(")", f"to match the '(' at column {token.column}")

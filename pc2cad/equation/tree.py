@@ -166,11 +166,16 @@ def mul(a: Expr, b: Expr) -> Expr:
         return a
     if a.op == "number" and b.op == "number":
         return number(a.payload * b.payload)
-    if a.op == "neg":
-        return neg(mul(a.args[0], b))
-    if b.op == "neg":
-        return neg(mul(a, b.args[0]))
+    if _is_negative(a):
+        return neg(mul(neg(a), b))
+    if _is_negative(b):
+        return neg(mul(a, neg(b)))
     return _make("mul", (a, b))
+
+
+def _is_negative(a: Expr) -> bool:
+    """Say whether a sign stands before the term: signs are kept outside products and quotients."""
+    return a.op == "neg" or (a.op == "number" and a.payload < 0)
 
 
 def div(a: Expr, b: Expr) -> Expr:
@@ -183,6 +188,10 @@ def div(a: Expr, b: Expr) -> Expr:
         if a.op == "number":
             return number(a.payload / b.payload)
         return mul(number(1 / b.payload), a)
+    if _is_negative(a):
+        return neg(div(neg(a), b))
+    if _is_negative(b):
+        return neg(div(a, neg(b)))
     return _make("div", (a, b))
 
 
