@@ -27,8 +27,10 @@ from pc2cad.winding import Integers, winding_numbers
 
 Array = NDArray[np.float64]
 
-#: chord error of the mesh, as a share of the part's size, that its first version aims at
+#: chord error of the mesh, as a share of the part's size, that its first version keeps within
 CHORD = 1e-3
+#: and as a share of the depth at which images are taken under a face
+DEPTH_SHARE = 0.3
 #: share of a direction's length at which images are taken just under a face
 UNDER_FACE = 0.02
 #: refinements of the mesh before a contradiction is believed
@@ -57,8 +59,9 @@ class Injectivity:
 
 def check_injective(analysis: Analysis, orientation: int) -> Injectivity:
     """Return how injectivity was checked; raise OverlappingMapError or ShellsNotNestedError."""
-    chords = _chords(analysis)
-    parameters = _inner_parameters(analysis, chords)
+    coarse = CHORD * analysis.size
+    parameters = _inner_parameters(analysis, _chords(analysis, coarse))
+    chords = _chords(analysis, min(coarse, DEPTH_SHARE * _depth(analysis)))
     images = analysis.map.points(*open_grid(*parameters))
     flat = images.reshape(-1, 3)
     doubtful = np.arange(len(flat))
@@ -131,8 +134,8 @@ def _turn_rate(argument: Expr, name: str) -> float:
     return abs(float(turns)) if not rest.symbols and rest.op == "number" else 0.0
 
 
-def _chords(analysis: Analysis) -> dict[Piece, int]:
-    """Return how many chords follow M along each direction piece to `CHORD`; glued ones alike."""
+def _chords(analysis: Analysis, bound: float) -> dict[Piece, int]:
+    """Return how many chords follow M within a bound along each direction piece; glued alike."""
     classes = DirectionClasses(analysis, degree=1)
     counts: dict[Piece, int] = {}
     across = np.array([0.0, 0.27, 0.5, 0.77, 1.0])
@@ -145,9 +148,9 @@ def _chords(analysis: Analysis) -> dict[Piece, int]:
                 grid[d] = low + (high - low) * np.linspace(0, 1, 2 * count + 1)
                 line = np.moveaxis(analysis.map.points(*open_grid(*grid)), d, 0)
                 bow = line[1::2] - (line[:-2:2] + line[2::2]) / 2
-                if np.sqrt((bow * bow).sum(axis=-1)).max() <= CHORD * analysis.size:
+                if np.sqrt((bow * bow).sum(axis=-1)).max() <= bound:
                     break
-                count *= 2
+                count = count * 4 // 3 + 1
             owner = classes.owner((d, position))
             counts[owner] = max(counts.get(owner, 0), count)
     return {
@@ -155,6 +158,23 @@ def _chords(analysis: Analysis) -> dict[Piece, int]:
         for d in range(3)
         for p in range(1, 2 * len(analysis.bounds[d]) - 1, 2)
     }
+
+
+def _depth(analysis: Analysis) -> float:
+    """Return how deep under the faces the images lie (model units): less in a tenth of them only.
+
+    A mean or a minimum would say nothing where faces end in poles.
+    """
+    nodes = np.linspace(0.07, 0.93, 7)
+    depths = []
+    for face in analysis.boundary.faces:
+        (d,) = (d for d in range(3) if face.patch[d] % 2 == 0)
+        limit = analysis.span(d, face.patch[d])[0]
+        grid = [nodes] * 3
+        grid[d] = np.array([limit, UNDER_FACE if limit == 0 else 1 - UNDER_FACE])
+        pair = np.moveaxis(analysis.map.points(*open_grid(*grid)), d, 0)
+        depths.append(np.sqrt(((pair[0] - pair[1]) ** 2).sum(axis=-1)).ravel())
+    return float(np.quantile(np.concatenate(depths), 0.1))
 
 
 def _inner_parameters(analysis: Analysis, chords: dict[Piece, int]) -> list[Array]:

@@ -22,7 +22,7 @@ ALLOWED = {
     "boundary": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
     "brep": {"brep", "boundary", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
-    "winding": {"numpy"},
+    "winding": {"numpy", "scipy"},
     "injectivity": {
         "analysis", "directions", "equation", "errors", "mapping", "topology", "winding", "numpy",
     },
