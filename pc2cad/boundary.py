@@ -179,7 +179,7 @@ class _Representation:
         plane = fit_plane(points, 1e-12 * self._analysis.size + self._rounding)
         if plane is None:
             return None
-        span = linear_span(function.trees()[0])
+        span = linear_span(function.trees[0])
         proved = span is not None and _rank(span) <= 2
         s, t = directions_of(function.cell)
         places = [0.0, 0.0, 0.0]
@@ -195,7 +195,7 @@ class _Representation:
         return outward_sign(patch) * self._orientation
 
     def _exact_surface(self, function: CellFunction) -> SplineSurface | None:
-        trees, names = function.trees()
+        trees, names = function.trees
         poles = bernstein(trees, names)
         if poles is None:
             return None
@@ -245,7 +245,7 @@ class _Representation:
     def _edge(self, index: int) -> ModelEdge:
         function, edge = self._edges[index], self._boundary.edges[index]
         ends = self.vertices[edge.start], self.vertices[edge.end]
-        trees, names = function.trees()
+        trees, names = function.trees
         exact = bernstein(trees, names)
         if exact is not None:
             return ModelEdge(self._exact_curve(index, exact), edge.start, edge.end, "exact", 0.0)

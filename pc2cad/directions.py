@@ -6,7 +6,8 @@ direction makes its knots symmetric.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ class CellFunction:
 
     analysis: Analysis
     cell: Cell
+    #: polynomial degree per axis (None: not polynomial), filled in on demand
+    degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
 
     @property
     def pieces(self) -> tuple[Piece, ...]:
@@ -52,8 +55,9 @@ class CellFunction:
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
         return np.asarray(values[keep])
 
+    @cached_property
     def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
-        """Return the coordinate trees in local parameters, and the names of those."""
+        """The coordinate trees in local parameters, and the names of those."""
         values: dict[str, Expr] = {}
         for d, name in enumerate(PARAMETERS):
             low, high = self.analysis.span(d, self.cell[d])
@@ -138,10 +142,13 @@ def _piece(edge: Cell) -> Piece:
 
 def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> SplineSpace | None:
     """Return a space that holds the function exactly along one of its axes, or None."""
-    trees, names = function.trees()
-    degree = degree_in(trees, names[axis])
+    if axis not in function.degrees:
+        trees, names = function.trees
+        function.degrees[axis] = degree_in(trees, names[axis])
+    degree = function.degrees[axis]
     if degree is None:
         return None
+    trees, names = function.trees
     inner = [b for b in breaks if 0 < b.position < 1]
     piecewise = any(n.op == "pieces" and names[axis] in n.symbols for n in walk(trees))
     if not inner or not piecewise:
