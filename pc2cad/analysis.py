@@ -20,6 +20,7 @@ from pc2cad.equation.normal_form import is_identically_zero
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.equation.tree import Expr, number, substitute, symbol
 from pc2cad.errors import NotASolidError
+from pc2cad.folding import orientation
 from pc2cad.mapping import Mapping3, local_coordinates, open_grid
 from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
 from pc2cad.topology.complex import BoundaryComplex
@@ -51,6 +52,8 @@ class Analysis:
     size: float
     #: largest absolute coordinate among them
     magnitude: float
+    #: +1 where (u, v, w) is right-handed in the solid (det J > 0), -1 where it is left-handed
+    orientation: int
 
     def span(self, direction: int, position: int) -> tuple[float, float]:
         """Return the local interval of a cell position (of no length for a limit)."""
@@ -68,9 +71,10 @@ def analyse(equation: PointEquation) -> Analysis:
         for row in breaks
     )
     questions = MapQuestions(mapping, bounds, _labels(equation, bounds))
+    handed = orientation(mapping, equation)
     boundary = derive_boundary(questions, questions.labels)
     return Analysis(
-        equation, mapping, breaks, bounds, boundary, questions.size, questions.magnitude
+        equation, mapping, breaks, bounds, boundary, questions.size, questions.magnitude, handed
     )
 
 

@@ -1,6 +1,6 @@
 """The represent stage: every face and edge of the boundary complex gets one carrier.
 
-Input: Analysis (map and boundary complex) and the orientation. Output: BoundaryModel. This is the
+Input: Analysis (map, orientation and boundary complex). Output: BoundaryModel. This is the
 one place where topology meets geometry: an edge is carried once, and every face that uses it takes
 its poles, so that there is nothing to sew.
 """
@@ -104,7 +104,6 @@ class BoundaryModel:
 
 def represent(
     analysis: Analysis,
-    orientation: int,
     outer_shell: int = 0,
     tolerance: float | None = None,
     degree: int = 5,
@@ -123,7 +122,7 @@ def represent(
             f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
             f"({4 * rounding:.3g}); move it nearer to the origin or allow more"
         )
-    work = _Representation(analysis, orientation, tolerance, rounding, degree)
+    work = _Representation(analysis, tolerance, rounding, degree)
     edges, faces = work.carriers()
     return BoundaryModel(
         analysis.boundary, work.vertices, tuple(edges), tuple(faces), outer_shell, tolerance,
@@ -134,11 +133,8 @@ def represent(
 class _Representation:
     """Works out one model; lives for one call of `represent`."""
 
-    def __init__(
-        self, analysis: Analysis, orientation: int, tolerance: float, rounding: float, degree: int
-    ) -> None:
+    def __init__(self, analysis: Analysis, tolerance: float, rounding: float, degree: int) -> None:
         self._analysis = analysis
-        self._orientation = orientation
         self._tolerance = tolerance
         self._rounding = rounding
         self._classes = DirectionClasses(analysis, degree)
@@ -192,7 +188,7 @@ class _Representation:
         return Plane(plane.origin, normal), "exact" if proved else "sampled"
 
     def _sign(self, patch: tuple[int, int, int]) -> int:
-        return outward_sign(patch) * self._orientation
+        return outward_sign(patch) * self._analysis.orientation
 
     def _exact_surface(self, function: CellFunction) -> SplineSurface | None:
         trees, names = function.trees

@@ -1,7 +1,7 @@
 """The pipeline: one point equation in, one part out.
 
     PointEquation  ─analyse→    Analysis       which sides collapse, coincide, bound
-                   ─integrate→  Properties     volume, area, centroid of the equation; orientation
+                   ─integrate→  Properties     volume, area, centroid of the equation
                    ─solidity→   Solidity       proof or samples: det J keeps its sign, no overlap
                    ─represent→  BoundaryModel  a carrier for every face and edge
                    ─build→      BuiltSolid     the kernel's solid
@@ -55,12 +55,10 @@ def compile_equation(
 
     analysis = stage("analyse", lambda: analyse(equation))
     properties = stage("integrate", lambda: integrate(analysis))
-    solidity = stage("solidity", lambda: check_solidity(analysis, properties.orientation))
+    solidity = stage("solidity", lambda: check_solidity(analysis))
     model = stage(
         "represent",
-        lambda: represent(
-            analysis, properties.orientation, solidity.outer_shell, tolerance, degree
-        ),
+        lambda: represent(analysis, solidity.outer_shell, tolerance, degree),
     )
     built = stage("build", lambda: build(model))
     report = stage("validate", lambda: validate(analysis, properties, solidity, model, built))

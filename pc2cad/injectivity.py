@@ -57,7 +57,7 @@ class Injectivity:
     outer_shell: int
 
 
-def check_injective(analysis: Analysis, orientation: int) -> Injectivity:
+def check_injective(analysis: Analysis) -> Injectivity:
     """Return how injectivity was checked; raise OverlappingMapError or ShellsNotNestedError."""
     coarse = CHORD * analysis.size
     parameters = _inner_parameters(analysis, _chords(analysis, coarse))
@@ -67,7 +67,7 @@ def check_injective(analysis: Analysis, orientation: int) -> Injectivity:
     doubtful = np.arange(len(flat))
     for refinement in range(REFINEMENTS + 1):
         grown = {piece: count * 2**refinement for piece, count in chords.items()}
-        vertices, triangles, shell_of = _mesh(analysis, grown, orientation)
+        vertices, triangles, shell_of = _mesh(analysis, grown)
         numbers = winding_numbers(flat[doubtful], vertices, triangles, seed=refinement)
         doubtful = doubtful[numbers != 1]
         if len(doubtful) == 0:
@@ -193,9 +193,7 @@ def _inner_parameters(analysis: Analysis, chords: dict[Piece, int]) -> list[Arra
     return result
 
 
-def _mesh(
-    analysis: Analysis, chords: dict[Piece, int], orientation: int
-) -> tuple[Array, Integers, Integers]:
+def _mesh(analysis: Analysis, chords: dict[Piece, int]) -> tuple[Array, Integers, Integers]:
     """Return vertices, outward triangles, and the shell of each triangle."""
     points, triangles, shell_of = [], [], []
     offset = 0
@@ -209,7 +207,7 @@ def _mesh(
         first = np.column_stack((corner, corner + m, corner + m + 1))
         second = np.column_stack((corner, corner + m + 1, corner + 1))
         both = np.concatenate((first, second))
-        if outward_sign(face.patch) * orientation < 0:
+        if outward_sign(face.patch) * analysis.orientation < 0:
             both = both[:, ::-1]
         points.append(grid.reshape(-1, 3))
         triangles.append(both)

@@ -1,6 +1,6 @@
 """The solidity stage: whether the image is one solid, and how surely that is known.
 
-Input: Analysis and the orientation. Output: Solidity. Both questions of spec section 4 are asked:
+Input: Analysis. Output: Solidity. Both questions of spec section 4 are asked:
 does det J keep its sign (proved where the map is polynomial), and does the solid nowhere cover
 itself (winding numbers).
 """
@@ -29,9 +29,9 @@ class Solidity:
     outer_shell: int
 
 
-def check_solidity(analysis: Analysis, orientation: int) -> Solidity:
+def check_solidity(analysis: Analysis) -> Solidity:
     """Return the evidence; raise NotASolidError (a subclass) where the image is no solid."""
-    injective = check_injective(analysis, orientation)
+    injective = check_injective(analysis)
     return Solidity(
         determinant_sign(analysis), injective.images, injective.spacing, injective.outer_shell
     )

@@ -1,0 +1,140 @@
+"""The local test: det J keeps one sign (spec 4.1).
+
+det J is compared with |M_u||M_v||M_w|: the quotient is the volume of the parallelepiped of the unit
+tangents and free of scale. Where a tangent vanishes, rounding leaves a vector of any direction; so
+what rounding can make of det J, given the largest tangents in the box, is added to the divisor.
+Zeros on collapsed sides and along tangent edges are normal; both signs are not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.equation.point_equation import PARAMETERS, PointEquation
+from pc2cad.errors import NotASolidError
+from pc2cad.mapping import Mapping3, open_grid
+
+Array = NDArray[np.float64]
+
+#: a quotient below this is rounding
+ROUNDING = 1e-11
+#: relative rounding of a derivative, in terms of the largest one
+_ERROR = 64 * float(np.finfo(float).eps)
+#: places per direction of the first sweep, its ends included, and starts of the search
+SWEEP, STARTS = 11, 16
+#: the search ends when its step is this share of a direction
+FINEST_STEP = 1e-7
+
+
+class FlatMapError(NotASolidError):
+    """det J vanishes everywhere: the image has no volume."""
+
+
+class FoldedMapError(NotASolidError):
+    """det J changes its sign inside the box: the map folds the solid over itself."""
+
+
+def orientation(mapping: Mapping3, equation: PointEquation) -> int:
+    """Return the sign of det J: +1 where (u, v, w) is right-handed in the solid, -1 else.
+
+    A sweep over the closed box is followed by a search for the smallest value from the worst
+    places. Raises FlatMapError or FoldedMapError.
+    """
+    nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
+    axis = np.concatenate(([0.0], nodes, [1.0]))
+    signs = Signs(equation, mapping)
+    grid = open_grid(axis, axis, axis)
+    sine = signs.see(*grid)
+    signs.check()
+    sign = 1 if signs.extremes[1] > signs.extremes[-1] else -1
+    places = np.array([np.broadcast_to(g, sine.shape).ravel() for g in grid])
+    order = np.argsort(np.where(np.isfinite(sine), sign * sine, np.inf).ravel())[:STARTS]
+    _search(signs, places[:, order], sign)
+    return sign
+
+
+def _search(signs: Signs, places: Array, sign: int) -> None:
+    """Walk from each place (3, n) to smaller sign·sine, on a stencil that shrinks."""
+    stencil = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij")).reshape(3, -1)
+    step = 0.5 / SWEEP
+    while step > FINEST_STEP:
+        around = np.clip(places[:, :, None] + step * stencil[:, None, :], 0.0, 1.0)
+        values = sign * signs.see(*around)
+        values = np.where(np.isfinite(values), values, np.inf)
+        best = values.argmin(axis=1)
+        moved = best != stencil.shape[1] // 2
+        places = np.take_along_axis(around, best[None, :, None], axis=2)[:, :, 0]
+        if not moved.any():
+            step /= 3
+        signs.check()
+        step *= 0.9
+
+
+class Signs:
+    """Watches the extremes of det J / |M_u||M_v||M_w| wherever the map is looked at."""
+
+    def __init__(self, equation: PointEquation, mapping: Mapping3) -> None:
+        self._equation = equation
+        self._mapping = mapping
+        #: largest value of +sine and of -sine seen
+        self.extremes = {1: 0.0, -1: 0.0}
+        self._places: dict[int, Array] = {}
+        inside = np.array([0.03, 0.24, 0.52, 0.79, 0.97])
+        # a derivative is a difference of terms as large as the coordinates
+        points, *tangents = mapping.frame(*open_grid(inside, inside, inside))
+        coordinates = float(np.nanmax(np.abs(points)))
+        self._largest = [max(float(np.nanmax(_lengths(m))), coordinates) for m in tangents]
+
+    def see(self, u: Array, v: Array, w: Array) -> Array:
+        """Look at broadcastable places; return the quotient there (nan where M has no tangent)."""
+        tangents = self._mapping.tangents((0, 1, 2), u, v, w)
+        return self.note(tangents, (u, v, w))[2]
+
+    def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
+        """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
+        determinant = np.einsum("...i,...i->...", tangents[0], np.cross(tangents[1], tangents[2]))
+        a, b, c = (_lengths(m) for m in tangents)
+        size = a * b * c
+        x, y, z = self._largest
+        rounding = _ERROR * (x * b * c + a * y * c + a * b * z)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            sine = np.where(size > 0, determinant / (size + rounding / ROUNDING), 0.0)
+        seen = np.where(np.isfinite(sine), sine, 0.0)
+        for sign in (1, -1):
+            index = np.unravel_index(np.argmax(sign * seen), seen.shape)
+            if sign * seen[index] > self.extremes[sign]:
+                self.extremes[sign] = float(sign * seen[index])
+                self._places[sign] = np.array(
+                    [np.broadcast_to(p, seen.shape)[index] for p in places]
+                )
+        return np.asarray(determinant), np.asarray(size), np.asarray(sine)
+
+    def check(self) -> None:
+        """Raise FlatMapError or FoldedMapError where what was seen shows one."""
+        if max(self.extremes.values()) <= ROUNDING:
+            raise FlatMapError(
+                "det J is zero everywhere: the image is flat and has no volume (for a simplex: "
+                "the points lie in one plane, or two of them coincide; for a truncated body: "
+                "nothing is left between its ends)"
+            )
+        if min(self.extremes.values()) > ROUNDING:
+            minor = 1 if self.extremes[1] < self.extremes[-1] else -1
+            place = self._places[minor]
+            point = self._mapping.points(*place)
+            raise FoldedMapError(
+                "det J changes its sign: the map folds the solid over itself near "
+                f"{self._shown(place)}, at ({', '.join(f'{x:.6g}' for x in point)}); a thinner "
+                "wall, a smaller section or a shorter domain may be valid"
+            )
+
+    def _shown(self, place: Array) -> str:
+        limits = self._equation.limits
+        return ", ".join(
+            f"{name} = {low + x * (high - low):.4g}"
+            for name, x, (low, high) in zip(PARAMETERS, place, limits, strict=True)
+        )
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
