@@ -29,6 +29,10 @@ class SolidNotValidError(KernelError):
     """The kernel's solid fails one of the checks."""
 
 
+class ThinnerThanKernelError(KernelError):
+    """The solid is thinner than the distance within which the kernel takes points for one."""
+
+
 class IntegralsDisagreeError(NotASolidError):
     """The solid that was built does not have the volume, area or centroid of the equation."""
 
@@ -45,6 +49,7 @@ def validate(
     built: BuiltSolid,
 ) -> Report:
     """Return the report of a solid that passes every check; raise for one that does not."""
+    _check_thickness(properties)
     findings = inspect(built.solid)
     _check_kernel(findings, model)
     integrals = solid_integrals(built.solid)
@@ -52,6 +57,16 @@ def validate(
     report = _report(analysis, properties, solidity, model, integrals, findings)
     check_expectations(analysis.equation.expectations, report)
     return report
+
+
+def _check_thickness(properties: Properties) -> None:
+    thickness = 2 * properties.volume / properties.area
+    if thickness < 10 * KERNEL_TOLERANCE:
+        raise ThinnerThanKernelError(
+            f"the solid is only {thickness:.3g} units thick on average, and the kernel takes points "
+            f"within {KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead of m), so that "
+            "numbers grow, or a thicker solid"
+        )
 
 
 def _check_kernel(findings: KernelFindings, model: BoundaryModel) -> None:
