@@ -63,9 +63,9 @@ def _check_thickness(properties: Properties) -> None:
     thickness = 2 * properties.volume / properties.area
     if thickness < 10 * KERNEL_TOLERANCE:
         raise ThinnerThanKernelError(
-            f"the solid is only {thickness:.3g} units thick on average, and the kernel takes points "
-            f"within {KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead of m), so that "
-            "numbers grow, or a thicker solid"
+            f"the solid is only {thickness:.3g} units thick on average, and the kernel takes "
+            f"points within {KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead of "
+            "m), so that numbers grow, or a thicker solid"
         )
 
 

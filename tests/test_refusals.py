@@ -20,8 +20,8 @@ from pc2cad.equation.points import WeightsDoNotSumError
 from pc2cad.equation.template import ParameterRangeError
 from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError, NotASolidError, PointCadError
-from pc2cad.library import template_paths
 from pc2cad.folding import FlatMapError, FoldedMapError
+from pc2cad.library import template_paths
 
 P1 = {"A": (4, 0, 0), "B": (1, 5, 1), "C": (-2, -1, 0), "D": (1, 1, 6)}
 FLAT = r"the image is flat and has no volume|nothing bounds a solid"

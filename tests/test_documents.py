@@ -1,0 +1,78 @@
+"""The snippets of README.md and docs/ do what the text around them says."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from pc2cad.cli.main import main
+from pc2cad.compiler import compile_equation
+from pc2cad.equation.template_file import parse_template
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def snippets(language: str) -> list[tuple[str, str]]:
+    found = []
+    for path in DOCUMENTS:
+        blocks = re.findall(rf"^```{language}\n(.*?)^```", path.read_text(), re.M | re.S)
+        found += [(f"{path.name} {i}", block) for i, block in enumerate(blocks, start=1)]
+    return found
+
+
+def ids(found: list[tuple[str, str]]) -> list[str]:
+    return [name for name, _ in found]
+
+
+@pytest.mark.parametrize(("_name", "code"), snippets("python"), ids=ids(snippets("python")))
+def test_python_runs_and_its_comments_are_true(
+    _name: str, code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(compile(code, _name, "exec"), names)
+    for line in code.splitlines():
+        expression, _, comment = line.partition("  # ")
+        value = comment.strip()
+        if value and (value[0] in "'\"" or value[0].isdigit()):
+            assert eval(expression, names) == pytest.approx(eval(value)), line
+    assert not re.search(r"write\(\"(.+?)\"", code) or list(tmp_path.iterdir())
+
+
+def whole_templates() -> list[tuple[str, str]]:
+    return [(name, text) for name, text in snippets("toml") if "[solid]" in text]
+
+
+@pytest.mark.parametrize(("_name", "text"), whole_templates(), ids=ids(whole_templates()))
+def test_templates_compile_and_meet_what_they_expect(_name: str, text: str) -> None:
+    compile_equation(parse_template(text, "snippet").bind())
+
+
+def test_curves_of_the_format_page_are_accepted() -> None:
+    (curves,) = [text for _, text in snippets("toml") if "[solid]" not in text]
+    tail = '\n[solid]\nx = "section_x(v)*(w + 1)"\ny = "section_y(v)*(w + 1)"\nz = "u"\n'
+    names = parse_template('title = "t"\n' + curves + tail, "snippet").curves
+    assert set(names) == {"section_x", "section_y", "wave_x", "wave_y"}
+
+
+def commands() -> list[list[str]]:
+    lines = [line for _, block in snippets("sh") for line in block.splitlines()]
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("pc2cad ")]
+
+
+@pytest.mark.parametrize("arguments", commands(), ids=lambda arguments: " ".join(arguments))
+def test_commands_succeed(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 0
+
+
+def test_pictures_that_are_shown_exist() -> None:
+    for path in DOCUMENTS:
+        for target in re.findall(r"\]\((?!http)([^)#]+)\)", path.read_text()):
+            assert (path.parent / target).exists(), f"{path.name}: {target}"
