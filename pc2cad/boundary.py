@@ -7,8 +7,6 @@ its poles, so that there is nothing to sew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +28,6 @@ from pc2cad.geometry.carriers import (
     Plane,
     SplineCurve,
     SplineSurface,
-    SurfaceCarrier,
     fit_plane,
 )
 from pc2cad.geometry.refinement import Sampler
@@ -41,8 +38,10 @@ from pc2cad.geometry.tensor import (
     fit_surface,
     surface_deviation,
 )
+from pc2cad.model import BoundaryModel, ModelEdge, ModelFace
+from pc2cad.planar import coplanar_groups, plane_face
 from pc2cad.topology.cells import directions_of, outward_sign
-from pc2cad.topology.complex import BoundaryComplex, EdgeUse
+from pc2cad.topology.complex import EdgeUse
 
 Array = NDArray[np.float64]
 
@@ -52,54 +51,6 @@ DIRECTION_SHARE = 0.03
 #: what sampled deviations may use of the tolerance
 SAMPLED_SHARE = 0.5
 TRIES = 6
-
-
-@dataclass(frozen=True, eq=False)
-class ModelEdge:
-    """An edge with its carrier; its parameter runs as the edge class's own direction."""
-
-    carrier: CurveCarrier
-    start: int
-    end: int
-    evidence: Evidence
-    deviation: float
-
-
-#: a closed walk of (edge, forward) with the material on the left, seen from outside
-Wire = tuple[tuple[int, bool], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class ModelFace:
-    """A face with its carrier.
-
-    A plane's normal points out of the solid and its boundary is `wires`, the outer one first. A
-    spline's boundary is its whole parameter rectangle; `reversed` says that its own normal points
-    inwards.
-    """
-
-    name: str
-    carrier: SurfaceCarrier
-    uses: tuple[EdgeUse, ...]
-    wires: tuple[Wire, ...]
-    reversed: bool
-    evidence: Evidence
-    deviation: float
-    samples: int
-
-
-@dataclass(frozen=True, eq=False)
-class BoundaryModel:
-    """The boundary of the solid with coordinates: what the kernel is asked to build."""
-
-    complex: BoundaryComplex
-    vertices: Array
-    edges: tuple[ModelEdge, ...]
-    faces: tuple[ModelFace, ...]
-    #: index of the outer shell in the complex; the others are voids
-    outer_shell: int
-    tolerance: float
-    size: float
 
 
 def represent(
@@ -124,8 +75,13 @@ def represent(
         )
     work = _Representation(analysis, tolerance, rounding, degree)
     edges, faces = work.carriers()
+    shells = [
+        tuple(i for i, face in enumerate(faces) if face.cells[0] in shell.faces)
+        for shell in analysis.boundary.shells
+    ]
+    shells.insert(0, shells.pop(outer_shell))
     return BoundaryModel(
-        analysis.boundary, work.vertices, tuple(edges), tuple(faces), outer_shell, tolerance,
+        analysis.boundary, work.vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
         analysis.size,
     )  # fmt: skip
 
@@ -156,7 +112,8 @@ class _Representation:
         for _ in range(TRIES):
             self._resolve_directions(target)
             edges = [self._edge(i) for i in range(len(self._edges))]
-            faces = [self._face(i, edges) for i in range(len(self._faces))]
+            groups = coplanar_groups(self._boundary, [p and p[0] for p in self._planes])
+            faces = [self._face(group, edges) for group in groups]
             worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
                 return edges, faces
@@ -261,24 +218,24 @@ class _Representation:
             return Line(poles[0], poles[-1])
         return SplineCurve(len(poles) - 1, bezier_knots(len(poles) - 1), poles)
 
-    def _face(self, index: int, edges: list[ModelEdge]) -> ModelFace:
+    def _face(self, group: tuple[int, ...], edges: list[ModelEdge]) -> ModelFace:
+        index = group[0]
         function, cell = self._faces[index], self._boundary.faces[index]
         name = self._boundary.name(cell.patch)
         inward = self._sign(cell.patch) < 0
         plane = self._planes[index]
         if plane is not None:
-            wires = _wires(cell.uses, inward, self._boundary, edges)
-            return ModelFace(name, plane[0], cell.uses, wires, False, plane[1], 0.0, 0)
+            return plane_face(group, plane, self._boundary, inward, edges)
         exact = self._face_exact[index]
         if exact is not None:
-            return ModelFace(name, exact, cell.uses, (), inward, "exact", 0.0, 0)
+            return ModelFace(name, (index,), exact, cell.uses, (), inward, "exact", 0.0, 0)
         s, t = self._space(function, 0), self._space(function, 1)
         poles = fit_surface(function, s, t)
         self._take_edges(poles, cell.uses, edges)
         deviation = surface_deviation(function, s, t, poles)
         carrier = SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
-        return ModelFace(name, carrier, cell.uses, (), inward, "sampled", deviation.largest,
-                         deviation.samples)  # fmt: skip
+        return ModelFace(name, (index,), carrier, cell.uses, (), inward, "sampled",
+                         deviation.largest, deviation.samples)  # fmt: skip
 
     def _take_edges(self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]) -> None:
         """Put the poles of the edges (and collapsed vertices) into the rows of a face."""
@@ -304,41 +261,3 @@ def _collinear(poles: Array, rounding: float) -> bool:
     across = np.cross(poles - poles[0], along)
     length = np.linalg.norm(along)
     return bool(np.sqrt((across * across).sum(axis=-1)).max() <= rounding * length)
-
-
-def _wires(
-    uses: tuple[EdgeUse, ...], inward: bool, boundary: BoundaryComplex, edges: list[ModelEdge]
-) -> tuple[Wire, ...]:
-    """Chain the edges that a plane face uses once into closed walks, the outer one first."""
-    counts = [use.edge for use in uses]
-    walk = [
-        (use.edge, use.forward)
-        for use in uses
-        if use.edge is not None and counts.count(use.edge) == 1
-    ]
-    if inward:
-        walk = [(edge, not forward) for edge, forward in reversed(walk)]
-    wires: list[Wire] = []
-    while walk:
-        chain = [walk.pop(0)]
-        first = _ends(boundary, chain[0])[0]
-        while _ends(boundary, chain[-1])[1] != first:
-            here = _ends(boundary, chain[-1])[1]
-            step = next(item for item in walk if _ends(boundary, item)[0] == here)
-            walk.remove(step)
-            chain.append(step)
-        wires.append(tuple(chain))
-    return tuple(sorted(wires, key=lambda wire: -_extent(wire, edges)))
-
-
-def _ends(boundary: BoundaryComplex, item: tuple[int, bool]) -> tuple[int, int]:
-    edge, forward = boundary.edges[item[0]], item[1]
-    return (edge.start, edge.end) if forward else (edge.end, edge.start)
-
-
-def _extent(wire: Wire, edges: list[ModelEdge]) -> float:
-    points = []
-    for edge, _ in wire:
-        carrier = edges[edge].carrier
-        points += [carrier.start, carrier.end] if isinstance(carrier, Line) else list(carrier.poles)
-    return float(np.linalg.norm(np.ptp(np.array(points), axis=0)))

@@ -6,11 +6,11 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pc2cad.boundary import BoundaryModel
 from pc2cad.brep.build import BuiltSolid
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.export.model import Exportable, ExportOptions, GeometricProperties, NamedFace
 from pc2cad.export.registry import write
+from pc2cad.model import BoundaryModel
 from pc2cad.report import Report
 
 if TYPE_CHECKING:

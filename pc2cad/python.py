@@ -28,8 +28,8 @@ from pc2cad.errors import InputError
 __all__ = [
     "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "contour", "cos", "cosh", "cross",
     "det", "diff", "distance", "dot", "e", "exit_from_plane", "exp", "length", "log", "metric",
-    "parameters", "pi", "point", "points", "sin", "sine_wave", "sinh", "sqrt", "tan", "tanh",
-    "translate", "unit", "vector",
+    "parameters", "pi", "point", "points", "polygon", "sin", "sine_wave", "sinh", "sqrt", "tan",
+    "tanh", "translate", "unit", "vector",
 ]  # fmt: skip
 
 pi = PI
@@ -151,6 +151,12 @@ def contour(
     """
     plane = [(as_expr(x), as_expr(y)) for x, y in nodes]
     x, y = curves.contour(plane, as_expr(1) / 6 if handle is None else as_expr(handle))
+    return x(t), y(t)
+
+
+def polygon(corners: Sequence[tuple[Expr | Number, Expr | Number]], t: Expr) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of the closed polygon through plane points; once round for t in [0, 1]."""
+    x, y = curves.polygon([(as_expr(x), as_expr(y)) for x, y in corners])
     return x(t), y(t)
 
 

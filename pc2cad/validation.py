@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.analysis import Analysis
-from pc2cad.boundary import BoundaryModel, ModelFace
 from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.equation.point_equation import PARAMETERS, Expectations
 from pc2cad.errors import KernelError, NotASolidError
 from pc2cad.geometry.carriers import SplineSurface, surface_kind
+from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.properties import Properties
 from pc2cad.report import FaceReport, Integrals, Report, SideReport
 from pc2cad.solidity import Solidity
@@ -147,7 +147,6 @@ def _report(
     findings: KernelFindings,
 ) -> Report:
     equation, boundary = analysis.equation, model.complex
-    shells = sorted(range(len(boundary.shells)), key=lambda i: i != model.outer_shell)
     return Report(
         name=equation.name,
         title=equation.title,
@@ -157,12 +156,17 @@ def _report(
         tolerance=model.tolerance,
         sides=tuple(_side(side, boundary) for side in boundary.sides),
         faces=tuple(
-            _face(face, area)
-            for face, area in zip(model.faces, properties.face_areas, strict=True)
+            _face(face, sum(properties.face_areas[cell] for cell in face.cells))
+            for face in model.faces
         ),
-        edges=len(boundary.creases()),
-        vertices=len(boundary.crease_vertices()),
-        genus=tuple(boundary.shells[i].genus for i in shells),
+        edges=len(model.creases()),
+        vertices=len(model.crease_vertices()),
+        genus=tuple(
+            shell.genus
+            for members in model.shells
+            for shell in boundary.shells
+            if model.faces[members[0]].cells[0] in shell.faces
+        ),
         euler=boundary.euler,
         determinant=solidity.determinant.value,
         images=solidity.images,

@@ -20,8 +20,12 @@ ALLOWED = {
     "properties": {"analysis", "folding", "mapping", "topology", "numpy"},
     "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
     "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
-    "boundary": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
-    "brep": {"brep", "boundary", "errors", "geometry", "numpy", "scipy", "OCP"},
+    "model": {"geometry", "topology", "numpy"},
+    "planar": {"geometry", "model", "topology", "numpy"},
+    "boundary": {
+        "analysis", "directions", "errors", "geometry", "model", "planar", "topology", "numpy",
+    },
+    "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
     "winding": {"numpy", "scipy"},
     "injectivity": {
@@ -30,7 +34,7 @@ ALLOWED = {
     "certificate": {"analysis", "equation", "geometry", "numpy"},
     "solidity": {"analysis", "certificate", "equation", "injectivity"},
     "validation": {
-        "analysis", "boundary", "brep", "equation", "errors", "geometry", "properties", "report",
+        "analysis", "model", "brep", "equation", "errors", "geometry", "properties", "report",
         "solidity",
         "topology", "numpy",
     },

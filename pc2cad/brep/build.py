@@ -26,10 +26,10 @@ from OCP.TopoDS import (
     TopoDS_Wire,
 )
 
-from pc2cad.boundary import BoundaryModel, ModelFace
 from pc2cad.brep import geometry
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import Array, Plane
+from pc2cad.model import BoundaryModel, ModelFace
 
 #: the kernel's own confusion distance; what it is given is exact to far less
 KERNEL_TOLERANCE = 1e-7
@@ -173,12 +173,10 @@ class _Build:
         faces = [self._face(data) for data in self._model.faces]
         solid = TopoDS_Solid()
         self._builder.MakeSolid(solid)
-        shells = self._model.complex.shells
-        order = sorted(range(len(shells)), key=lambda i: i != self._model.outer_shell)
-        for index in order:
+        for members in self._model.shells:
             shell = TopoDS_Shell()
             self._builder.MakeShell(shell)
-            for face in shells[index].faces:
+            for face in members:
                 self._builder.Add(shell, faces[face])
             shell.Closed(True)
             self._builder.Add(solid, shell)

@@ -16,6 +16,28 @@ from pc2cad.errors import InputError
 Curve = tuple[Callable[[Expr], Expr], Callable[[Expr], Expr]]
 
 
+def polygon(corners: Sequence[tuple[Expr, Expr]]) -> Curve:
+    """Return the closed polygon through `corners`, each side with the same share of t.
+
+    Only its value is continuous at a corner: faces that it sweeps meet there in edges.
+    """
+    k = len(corners)
+    if k < 3:
+        raise InputError(f"a closed polygon needs at least 3 points, here are {k}")
+    breaks = tuple(Fraction(i, k) for i in range(k + 1))
+    axes = [
+        tuple(
+            (corners[i][axis], k * (corners[(i + 1) % k][axis] - corners[i][axis]))
+            for i in range(k)
+        )
+        for axis in (0, 1)
+    ]
+    return (
+        lambda t: pieces(t, breaks, axes[0], smoothness=0),
+        lambda t: pieces(t, breaks, axes[1], smoothness=0),
+    )
+
+
 def contour(nodes: Sequence[tuple[Expr, Expr]], handle: Expr) -> Curve:
     """Return the closed contour of first order of smoothness through `nodes`.
 

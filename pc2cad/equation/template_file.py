@@ -32,6 +32,7 @@ _EXPECTED: Final = (
 #: kind of curve -> (required keys, optional keys)
 _CURVE_KEYS: Final = {
     "contour": (("points",), ("handle",)),
+    "polygon": (("points",), ()),
     "sine": (("radius", "amplitude", "waves"), ()),
 }
 
@@ -245,6 +246,8 @@ class _Reader:
             (self._scalar(f"{key} points[{i}]", x), self._scalar(f"{key} points[{i}]", y))
             for i, (x, y) in enumerate(nodes)
         ]
+        if raw["kind"] == "polygon":
+            return curves.polygon(plane)
         return curves.contour(plane, self._scalar(f"{key} handle", raw.get("handle", "1/6")))
 
     def _lets(self) -> tuple[Definition, ...]:

@@ -116,15 +116,3 @@ class BoundaryComplex:
                 if use.edge is not None:
                     uses[use.edge].append((index, use))
         return uses
-
-    def creases(self) -> tuple[int, ...]:
-        """Return the edges between two different faces (seams are left out)."""
-        return tuple(
-            edge for edge, uses in self.edge_uses().items() if len({face for face, _ in uses}) == 2
-        )
-
-    def crease_vertices(self) -> frozenset[int]:
-        """Return the vertices at which edges between different faces begin or end."""
-        return frozenset(
-            v for e in self.creases() for v in (self.edges[e].start, self.edges[e].end)
-        )

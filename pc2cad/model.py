@@ -1,0 +1,77 @@
+"""The boundary model: faces and edges with their carriers, which the kernel is asked to build."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.geometry.carriers import CurveCarrier, Evidence, SurfaceCarrier
+from pc2cad.topology.complex import BoundaryComplex, EdgeUse
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelEdge:
+    """An edge with its carrier; its parameter runs as the edge class's own direction."""
+
+    carrier: CurveCarrier
+    start: int
+    end: int
+    evidence: Evidence
+    deviation: float
+
+
+#: a closed walk of (edge, forward) with the material on the left, seen from outside
+Wire = tuple[tuple[int, bool], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFace:
+    """A face with its carrier.
+
+    A plane's normal points out of the solid and its boundary is `wires`, the outer one first. A
+    spline's boundary is its whole parameter rectangle; `reversed` says that its own normal points
+    inwards.
+    """
+
+    name: str
+    #: the faces of the boundary complex that it covers: several where patches lie in one plane
+    cells: tuple[int, ...]
+    carrier: SurfaceCarrier
+    uses: tuple[EdgeUse, ...]
+    wires: tuple[Wire, ...]
+    reversed: bool
+    evidence: Evidence
+    deviation: float
+    samples: int
+
+    @property
+    def border(self) -> set[int]:
+        """Edges on which the face ends: those it uses once."""
+        edges = [use.edge for use in self.uses if use.edge is not None]
+        return {edge for edge in edges if edges.count(edge) == 1}
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryModel:
+    """The boundary of the solid with coordinates: what the kernel is asked to build."""
+
+    complex: BoundaryComplex
+    vertices: Array
+    edges: tuple[ModelEdge, ...]
+    faces: tuple[ModelFace, ...]
+    #: faces of each shell, the outer one first; the others are voids
+    shells: tuple[tuple[int, ...], ...]
+    tolerance: float
+    size: float
+
+    def creases(self) -> set[int]:
+        """Return the edges between two different faces (seams are left out)."""
+        return set().union(*(face.border for face in self.faces))
+
+    def crease_vertices(self) -> set[int]:
+        """Return the vertices at which edges between different faces begin or end."""
+        return {v for e in self.creases() for v in (self.edges[e].start, self.edges[e].end)}
