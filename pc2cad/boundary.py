@@ -15,6 +15,7 @@ from pc2cad.directions import (
     CellFunction,
     DirectionClasses,
     Piece,
+    is_exact,
     polynomial_space,
     resolve,
     sections,
@@ -207,7 +208,11 @@ class _Representation:
         poles[0], poles[-1] = ends
         deviation = curve_deviation(function(check_places(space)), space, poles)
         carrier = SplineCurve(space.degree, space.knots, poles)
-        return ModelEdge(carrier, edge.start, edge.end, "sampled", deviation.largest)
+        evidence = self._evidence(function)
+        return ModelEdge(carrier, edge.start, edge.end, evidence, deviation.largest)
+
+    def _evidence(self, function: CellFunction) -> Evidence:
+        return "exact" if is_exact(function, self._classes) else "sampled"
 
     def _exact_curve(self, index: int, poles: Array) -> CurveCarrier:
         edge = self._boundary.edges[index]
@@ -234,7 +239,7 @@ class _Representation:
         self._take_edges(poles, cell.uses, edges)
         deviation = surface_deviation(function, s, t, poles)
         carrier = SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
-        return ModelFace(name, (index,), carrier, cell.uses, (), inward, "sampled",
+        return ModelFace(name, (index,), carrier, cell.uses, (), inward, self._evidence(function),
                          deviation.largest, deviation.samples)  # fmt: skip
 
     def _take_edges(self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]) -> None:

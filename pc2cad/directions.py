@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
-from pc2cad.equation.breaks import Break
+from pc2cad.equation.breaks import Break, resolve_pieces
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import Expr, number, substitute, symbol, walk
 from pc2cad.geometry.bernstein import degree_in
@@ -64,7 +64,7 @@ class CellFunction:
             here = symbol(name) if self.cell[d] % 2 else number(0)
             values[name] = number(low) + number(high - low) * here
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        return substitute(self.analysis.map.coordinates, values), names
+        return resolve_pieces(substitute(self.analysis.map.coordinates, values)), names
 
 
 class DirectionClasses:
@@ -138,6 +138,14 @@ class DirectionClasses:
 def _piece(edge: Cell) -> Piece:
     (d,) = directions_of(edge)
     return d, edge[d]
+
+
+def is_exact(function: CellFunction, classes: DirectionClasses) -> bool:
+    """Say whether polynomial spaces hold the function along all its axes."""
+    return all(
+        polynomial_space(function, axis, classes.breaks(piece)) is not None
+        for axis, piece in enumerate(function.pieces)
+    )
 
 
 def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> SplineSpace | None:

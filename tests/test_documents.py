@@ -56,7 +56,7 @@ def test_curves_of_the_format_page_are_accepted() -> None:
     (curves,) = [text for _, text in snippets("toml") if "[solid]" not in text]
     tail = '\n[solid]\nx = "section_x(v)*(w + 1)"\ny = "section_y(v)*(w + 1)"\nz = "u"\n'
     names = parse_template('title = "t"\n' + curves + tail, "snippet").curves
-    assert set(names) == {"section_x", "section_y", "wave_x", "wave_y"}
+    assert set(names) == {f"{name}_{axis}" for name in ("section", "duct", "wave") for axis in "xy"}
 
 
 def commands() -> list[list[str]]:

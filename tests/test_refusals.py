@@ -230,7 +230,7 @@ def test_coplanar_simplex(case):
     assert_refused(pyramid(**points), NotASolidError, FLAT)
 
 
-@pytest.mark.parametrize("exponent", range(-13, -5))
+@pytest.mark.parametrize("exponent", range(-13, -3))
 def test_nearly_coplanar_simplex_is_answered(exponent):
     """D is so far above the plane ABC: a right volume or a refusal, and either soon."""
     height = Fraction(10) ** exponent
@@ -239,8 +239,8 @@ def test_nearly_coplanar_simplex_is_answered(exponent):
         with within(5):
             report = pc.compile_part(M).report
     except PointCadError as error:
-        assert exponent < -8
-        assert re.search(f"{FLAT}|apart|tolerance", str(error))  # noqa: PT017
+        assert exponent <= -6  # 0.33 times that is the mean thickness; the kernel holds 1e-7
+        assert re.search(f"{FLAT}|apart|kernel takes points", str(error))  # noqa: PT017
     else:
         # what rounding of the coordinates may change: 1e-15 of the height
         assert report.solid.volume == pytest.approx(5.5 * float(height), rel=1e-14 / float(height))

@@ -8,7 +8,7 @@ from math import ceil, floor
 from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import Expr, walk
+from pc2cad.equation.tree import ZERO, Expr, piece_rows, rebuild, walk
 from pc2cad.errors import InputError
 
 #: positions nearer than this (of a direction of length 1) are one break
@@ -50,6 +50,43 @@ def find_breaks(roots: tuple[Expr, ...]) -> tuple[tuple[Break, ...], ...]:
             same = next((p for p in table if abs(p - position) < SAME_POSITION), position)
             table[same] = min(table.get(same, smoothness), smoothness)
     return tuple(tuple(Break(p, s) for p, s in sorted(table.items())) for table in found)
+
+
+def resolve_pieces(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return the trees with every piecewise function that stays in one piece replaced by it.
+
+    The trees are in the local coordinates of a cell: each symbol runs from 0 to 1.
+    """
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots):
+        if not node.args:
+            done[node] = node
+            continue
+        args = tuple(done[arg] for arg in node.args)
+        same = all(a is b for a, b in zip(args, node.args, strict=True))
+        moved = node if same else rebuild(node, args)
+        done[node] = _only_piece(moved) if moved.op == "pieces" else moved
+    return tuple(done[root] for root in roots)
+
+
+def _only_piece(node: Expr) -> Expr:
+    argument = node.args[0]
+    if len(argument.symbols) != 1 or not _is_affine(argument):
+        return node
+    (name,) = argument.symbols
+    low, high = sorted(evaluate(argument, {name: x}) for x in (0.0, 1.0))
+    breaks, _, _ = node.payload
+    period = breaks[-1] - breaks[0]
+    turn = floor(((low + high) / 2 - float(breaks[0])) / float(period))
+    for row, start, end in zip(piece_rows(node), breaks, breaks[1:], strict=False):
+        shift = start + turn * period
+        width = float(end - start) * SAME_POSITION
+        if float(shift) - width <= low and high <= float(shift + end - start) + width:
+            value: Expr = ZERO
+            for coefficient in reversed(row):
+                value = value * (argument - shift) + coefficient
+            return value
+    return node
 
 
 def _is_affine(argument: Expr) -> bool:
