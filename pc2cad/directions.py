@@ -55,6 +55,15 @@ class CellFunction:
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
         return np.asarray(values[keep])
 
+    def at(self, *local: Array) -> Array:
+        """Return M at places given by broadcastable local parameters: shape broadcast + (3,)."""
+        free = iter(local)
+        places = []
+        for d in range(3):
+            low, high = self.analysis.span(d, self.cell[d])
+            places.append(low + (high - low) * next(free) if self.cell[d] % 2 else np.array(low))
+        return self.analysis.map.points(*places)
+
     @cached_property
     def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
         """The coordinate trees in local parameters, and the names of those."""

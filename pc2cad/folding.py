@@ -21,10 +21,12 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-11
 #: relative rounding of a derivative, in terms of the largest one
 _ERROR = 64 * float(np.finfo(float).eps)
-#: places per direction of the first sweep, its ends included, and starts of the search
-SWEEP, STARTS = 11, 16
-#: the search ends when its step is this share of a direction
-FINEST_STEP = 1e-7
+#: places per direction of the first sweep, its ends included
+SWEEP = 11
+#: starts and steps of the search for the smallest value
+STARTS, STEPS = 12, 30
+#: a smallest value that hardly falls any more is clear of zero above this
+CLEAR = 0.02
 
 
 class FlatMapError(NotASolidError):
@@ -55,20 +57,26 @@ def orientation(mapping: Mapping3, equation: PointEquation) -> int:
 
 
 def _search(signs: Signs, places: Array, sign: int) -> None:
-    """Walk from each place (3, n) to smaller sign·sine, on a stencil that shrinks."""
+    """Walk from each place (3, n) to smaller sign·sine, on a stencil that halves where it stands.
+
+    The walk ends early where the smallest value is clear of zero and hardly falls any more.
+    """
     stencil = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij")).reshape(3, -1)
-    step = 0.5 / SWEEP
-    while step > FINEST_STEP:
-        around = np.clip(places[:, :, None] + step * stencil[:, None, :], 0.0, 1.0)
+    centre = stencil.shape[1] // 2
+    step = np.full(places.shape[1], 0.5 / SWEEP)
+    before = np.inf
+    for _ in range(STEPS):
+        around = np.clip(places[:, :, None] + step[:, None] * stencil[:, None, :], 0.0, 1.0)
         values = sign * signs.see(*around)
         values = np.where(np.isfinite(values), values, np.inf)
-        best = values.argmin(axis=1)
-        moved = best != stencil.shape[1] // 2
-        places = np.take_along_axis(around, best[None, :, None], axis=2)[:, :, 0]
-        if not moved.any():
-            step /= 3
         signs.check()
-        step *= 0.9
+        best = values.argmin(axis=1)
+        step = np.where(best == centre, step / 2, step)
+        places = np.take_along_axis(around, best[None, :, None], axis=2)[:, :, 0]
+        smallest = float(values.min())
+        if smallest > CLEAR and before - smallest < 0.05 * smallest:
+            return
+        before = smallest
 
 
 class Signs:

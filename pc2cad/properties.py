@@ -175,7 +175,9 @@ def _total(density: _Density, rules: _Rules) -> Array:
     for i in range(0, len(u), step):
         part = slice(i, i + step)
         values, _ = density([(u[part], wu[part]), (v, wv), (w, ww)])
-        total = total + np.einsum("a,b,c,abci->i", wu[part], wv, ww, values, optimize=True)
+        planes = (values * ww[:, None]).sum(axis=2)
+        lines = (planes * wv[:, None]).sum(axis=1)
+        total = total + (lines * wu[part, None]).sum(axis=0)
     return np.asarray(total)
 
 

@@ -1,4 +1,4 @@
-"""Winding numbers of a closed triangle mesh about many points at once."""
+"""Winding numbers of closed triangle meshes about many points at once."""
 
 from __future__ import annotations
 
@@ -13,17 +13,23 @@ Integers = NDArray[np.int64]
 _PAIRS = 2_000_000
 
 
-def winding_numbers(points: Array, vertices: Array, triangles: Integers, seed: int = 0) -> Integers:
-    """Return how often the mesh goes round each point: points (n, 3) to (n,) integers.
-
-    `triangles` (m, 3) point outwards by the right-hand rule. Along a ray from each point in one
-    fixed odd direction (another one per `seed`), crossings count +1 outwards and -1 inwards. The
-    triangles are sorted into columns along the ray, so that a point meets only those of its own.
-    """
+def ray_frame(seed: int = 0) -> Array:
+    """Return a fixed rotation whose last axis is the direction of the rays."""
     turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
     if np.linalg.det(turn) < 0:
         turn[:, 0] *= -1
-    corners = (vertices @ turn)[triangles]
+    return np.asarray(turn)
+
+
+def winding_numbers(points: Array, triangles: Array, seed: int = 0) -> Integers:
+    """Return how often the triangles go round each point: points (n, 3) to (n,) integers.
+
+    `triangles` (m, 3, 3) hold corners and point outwards by the right-hand rule. Along a ray from
+    each point (see `ray_frame`), crossings count +1 outwards and -1 inwards. The triangles are
+    sorted into columns along the ray, so that a point meets only those of its own.
+    """
+    turn = ray_frame(seed)
+    corners = triangles @ turn
     places = points @ turn
     low = corners[..., :2].reshape(-1, 2).min(axis=0)
     extent = corners[..., :2].reshape(-1, 2).max(axis=0) - low

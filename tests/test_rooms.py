@@ -29,7 +29,8 @@ ALLOWED = {
     "report": set(),
     "winding": {"numpy", "scipy"},
     "injectivity": {
-        "analysis", "directions", "equation", "errors", "mapping", "topology", "winding", "numpy",
+        "analysis", "directions", "equation", "errors", "geometry", "mapping", "topology",
+        "winding", "numpy",
     },
     "certificate": {"analysis", "equation", "geometry", "numpy"},
     "solidity": {"analysis", "certificate", "equation", "injectivity"},
