@@ -20,7 +20,7 @@ from pc2cad.equation.normal_form import is_identically_zero
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.equation.tree import Expr, number, substitute, symbol
 from pc2cad.errors import NotASolidError
-from pc2cad.folding import orientation
+from pc2cad.folding import handedness
 from pc2cad.mapping import Mapping3, local_coordinates, open_grid
 from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
 from pc2cad.topology.complex import BoundaryComplex
@@ -54,6 +54,8 @@ class Analysis:
     magnitude: float
     #: +1 where (u, v, w) is right-handed in the solid (det J > 0), -1 where it is left-handed
     orientation: int
+    #: what is unusual, in sentences, but does not hinder
+    warnings: tuple[str, ...] = ()
 
     def span(self, direction: int, position: int) -> tuple[float, float]:
         """Return the local interval of a cell position (of no length for a limit)."""
@@ -71,10 +73,18 @@ def analyse(equation: PointEquation) -> Analysis:
         for row in breaks
     )
     questions = MapQuestions(mapping, bounds, _labels(equation, bounds))
-    handed = orientation(mapping, equation)
+    handed = handedness(mapping, equation)
     boundary = derive_boundary(questions, questions.labels)
     return Analysis(
-        equation, mapping, breaks, bounds, boundary, questions.size, questions.magnitude, handed
+        equation,
+        mapping,
+        breaks,
+        bounds,
+        boundary,
+        questions.size,
+        questions.magnitude,
+        handed.sign,
+        (handed.warning,) if handed.warning else (),
     )
 
 

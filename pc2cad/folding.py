@@ -8,6 +8,8 @@ Zeros on collapsed sides and along tangent edges are normal; both signs are not.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +39,18 @@ class FoldedMapError(NotASolidError):
     """det J changes its sign inside the box: the map folds the solid over itself."""
 
 
-def orientation(mapping: Mapping3, equation: PointEquation) -> int:
-    """Return the sign of det J: +1 where (u, v, w) is right-handed in the solid, -1 else.
+@dataclass(frozen=True)
+class Handedness:
+    """The sign of det J, and where inside the box it is zero all the same."""
+
+    #: +1 where (u, v, w) is right-handed in the solid, -1 where it is left-handed
+    sign: int
+    #: a sentence on an inner place where det J vanishes without changing its sign, or nothing
+    warning: str = ""
+
+
+def handedness(mapping: Mapping3, equation: PointEquation) -> Handedness:
+    """Return the sign of det J.
 
     A sweep over the closed box is followed by a search for the smallest value from the worst
     places. Raises FlatMapError or FoldedMapError.
@@ -52,14 +64,23 @@ def orientation(mapping: Mapping3, equation: PointEquation) -> int:
     sign = 1 if signs.extremes[1] > signs.extremes[-1] else -1
     places = np.array([np.broadcast_to(g, sine.shape).ravel() for g in grid])
     order = np.argsort(np.where(np.isfinite(sine), sign * sine, np.inf).ravel())[:STARTS]
-    _search(signs, places[:, order], sign)
-    return sign
+    place = _search(signs, places[:, order], sign)
+    # a zero on a side is normal; moved inside along it, it has to be gone
+    place = np.clip(place, 0.05, 0.95)
+    if float(sign * signs.see(*place)) < 100 * ROUNDING:
+        return Handedness(
+            sign,
+            f"det J vanishes inside the box, near {signs.shown(place)}, without changing its sign: "
+            "the solid is sound, but its parameters are singular there",
+        )
+    return Handedness(sign)
 
 
-def _search(signs: Signs, places: Array, sign: int) -> None:
+def _search(signs: Signs, places: Array, sign: int) -> Array:
     """Walk from each place (3, n) to smaller sign·sine, on a stencil that halves where it stands.
 
-    The walk ends early where the smallest value is clear of zero and hardly falls any more.
+    The walk ends early where the smallest value is clear of zero and hardly falls any more. The
+    last place of the smallest value is returned, (3,).
     """
     stencil = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij")).reshape(3, -1)
     centre = stencil.shape[1] // 2
@@ -75,8 +96,9 @@ def _search(signs: Signs, places: Array, sign: int) -> None:
         places = np.take_along_axis(around, best[None, :, None], axis=2)[:, :, 0]
         smallest = float(values.min())
         if smallest > CLEAR and before - smallest < 0.05 * smallest:
-            return
+            break
         before = smallest
+    return np.asarray(places[:, values.min(axis=1).argmin()])
 
 
 class Signs:
@@ -132,11 +154,33 @@ class Signs:
             point = self._mapping.points(*place)
             raise FoldedMapError(
                 "det J changes its sign: the map folds the solid over itself near "
-                f"{self._shown(place)}, at ({', '.join(f'{x:.6g}' for x in point)}); a thinner "
-                "wall, a smaller section or a shorter domain may be valid"
+                f"{self.shown(place)}, at ({', '.join(f'{x:.6g}' for x in point)}); "
+                f"{self._advice(-minor)}"
             )
 
-    def _shown(self, place: Array) -> str:
+    def _advice(self, sign: int) -> str:
+        """Say how far each parameter can run before the fold, where that is from a whole side."""
+        found = []
+        fine, coarse = np.linspace(0.0, 1.0, 65), np.linspace(0.01, 0.99, 21)
+        for d, (name, (low, high)) in enumerate(
+            zip(PARAMETERS, self._equation.limits, strict=True)
+        ):
+            axes = [coarse] * 3
+            axes[d] = fine
+            tangents = self._mapping.tangents((0, 1, 2), *open_grid(*axes))
+            lines = np.moveaxis(sign * self.note(tangents, open_grid(*axes))[2], d, 0)
+            bad = np.nan_to_num(lines, nan=-1.0) < -ROUNDING
+            reach = int(bad.any(axis=(1, 2)).argmax())
+            back = int(bad[::-1].any(axis=(1, 2)).argmax())
+            if reach > 1:
+                found.append(f"{name} up to about {low + fine[reach - 1] * (high - low):.3g}")
+            elif back > 1:
+                found.append(f"{name} from about {high - fine[back - 1] * (high - low):.3g}")
+        wall = "a thinner wall or a smaller section may be valid"
+        return f"it keeps its sign for {' or for '.join(found)}; {wall}" if found else wall
+
+    def shown(self, place: Array) -> str:
+        """Return a place in local coordinates as the equation's own parameters."""
         limits = self._equation.limits
         return ", ".join(
             f"{name} = {low + x * (high - low):.4g}"

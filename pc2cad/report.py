@@ -76,6 +76,8 @@ class Report:
     solid: Integrals
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
+    #: what is unusual about the map but does not hinder, in sentences
+    warnings: tuple[str, ...] = ()
     #: seconds per stage
     times: Mapping[str, float] = field(default_factory=dict)
 

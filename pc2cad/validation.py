@@ -180,6 +180,7 @@ def _report(
         solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,
                         integrals.centroid),
         kernel_tolerance=findings.largest_tolerance,
+        warnings=analysis.warnings,
     )  # fmt: skip
 
 

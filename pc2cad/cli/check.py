@@ -55,6 +55,8 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield _integrals(report)
     yield "\nEvidence"
     yield table(_evidence(report, expected))
+    for warning in report.warnings:
+        yield f"\nWarning\n  {warning}"
     yield f"\nTimes\n  {', '.join(f'{k} {1000 * s:.0f} ms' for k, s in report.times.items())}"
 
 
