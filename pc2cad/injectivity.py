@@ -197,23 +197,27 @@ class _Mesh:
 def _check_outside(analysis: Analysis, mesh: _Mesh) -> None:
     """Refuse a solid that has material just outside one of its plane faces."""
     nodes = np.array([0.06, 0.21, 0.37, 0.5, 0.64, 0.81, 0.93])
+    beyond, names = [], []
     for patch, face in zip(mesh.patches, analysis.boundary.faces, strict=True):
         points = patch.function(nodes, nodes).reshape(-1, 3)
         if fit_plane(points, 1e-12 * analysis.size + 1e-14 * analysis.magnitude) is None:
             continue
         a, b, c = np.moveaxis(patch.halves(patch.cells()), 1, 0)
         outward = np.cross(b - a, c - a).sum(axis=0)
-        outward /= np.linalg.norm(outward)
-        beyond = points + OUTSIDE * analysis.size * outward
-        doubtful = beyond[winding_numbers(beyond, mesh.triangles) != 0]
-        wrong = mesh.first_contradiction(doubtful, 0)
-        if wrong is not None:
-            place = ", ".join(f"{x:.6g}" for x in doubtful[wrong[0]])
-            raise OverlappingMapError(
-                "the solid touches itself: just outside its face "
-                f"{analysis.boundary.name(face.patch)}, at ({place}), there is material again; "
-                f"{_advice(analysis)}"
-            )
+        beyond.append(points + OUTSIDE * analysis.size * outward / np.linalg.norm(outward))
+        names += [analysis.boundary.name(face.patch)] * len(points)
+    if not beyond:
+        return
+    places = np.concatenate(beyond)
+    doubtful = np.flatnonzero(winding_numbers(places, mesh.triangles) != 0)
+    wrong = mesh.first_contradiction(places[doubtful], 0)
+    if wrong is not None:
+        index = doubtful[wrong[0]]
+        raise OverlappingMapError(
+            f"the solid touches itself: just outside its face {names[index]}, at "
+            f"({', '.join(f'{x:.6g}' for x in places[index])}), there is material again; "
+            f"{_advice(analysis)}"
+        )
 
 
 def _refuse(analysis: Analysis, place: list[float], point: Array, number: int) -> None:
@@ -312,7 +316,7 @@ def _bows(function: CellFunction, n: int, m: int) -> tuple[float, float, float]:
         grid[1::2, 1::2] - (corner[:-1, :-1] + corner[1:, 1:]) / 2,
     )
     along, across, diagonal = (
-        float(np.sqrt((gap * gap).sum(axis=-1)).max()) for gap in differences
+        float(np.sqrt(np.einsum("...i,...i->...", gap, gap).max())) for gap in differences
     )
     return along, across, diagonal
 
@@ -354,7 +358,7 @@ def _spacing(images: Array) -> float:
     for axis in range(3):
         gap = np.diff(images, axis=axis)
         if gap.size:
-            steps.append(float(np.sqrt((gap * gap).sum(axis=-1)).max()))
+            steps.append(float(np.sqrt(np.einsum("...i,...i->...", gap, gap).max())))
     return max(steps)
 
 

@@ -54,11 +54,12 @@ def winding_numbers(points: Array, triangles: Array, seed: int = 0) -> Integers:
 
 def _columns(corners: Array, low: Array, cell: Array, columns: int) -> tuple[Integers, Integers]:
     """Return the triangles of every column as starts (columns² + 1,) and members."""
-    flat = corners[..., :2]
-    first = np.clip(np.floor((flat.min(axis=1) - low) / cell), 0, columns - 1).astype(np.int64)
-    last = np.clip(np.floor((flat.max(axis=1) - low) / cell), 0, columns - 1).astype(np.int64)
+    a, b, c = corners[:, 0, :2], corners[:, 1, :2], corners[:, 2, :2]
+    lowest, highest = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    first = np.clip(np.floor((lowest - low) / cell), 0, columns - 1).astype(np.int64)
+    last = np.clip(np.floor((highest - low) / cell), 0, columns - 1).astype(np.int64)
     spans = last - first + 1
-    counts = spans.prod(axis=1)
+    counts = spans[:, 0] * spans[:, 1]
     triangle = np.repeat(np.arange(len(corners)), counts)
     offset = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
     across = spans[triangle, 1]
@@ -74,12 +75,12 @@ def _columns(corners: Array, low: Array, cell: Array, columns: int) -> tuple[Int
 def _crossings(points: Array, corners: Array) -> Integers:
     """Return the sign with which a ray along +z from each point crosses its triangle, or 0."""
     x, y = (corners[:, :, k] - points[:, None, k] for k in (0, 1))
-    # twice the signed areas of the triangles that the point makes with each side
-    areas = x[:, (0, 1, 2)] * y[:, (1, 2, 0)] - x[:, (1, 2, 0)] * y[:, (0, 1, 2)]
-    up, down = (areas > 0).all(axis=1), (areas < 0).all(axis=1)
-    total = areas.sum(axis=1)
+    # twice the signed areas of the triangles that the point makes with each side; the side
+    # opposite to a corner carries its barycentric weight
+    a, b, c = (x[:, i] * y[:, j] - x[:, j] * y[:, i] for i, j in ((1, 2), (2, 0), (0, 1)))
+    up, down = (a > 0) & (b > 0) & (c > 0), (a < 0) & (b < 0) & (c < 0)
+    z = corners[:, :, 2]
     with np.errstate(invalid="ignore", divide="ignore"):
-        # the side opposite to corner k carries its barycentric weight
-        height = (areas[:, (1, 2, 0)] * corners[:, :, 2]).sum(axis=1) / total
+        height = (a * z[:, 0] + b * z[:, 1] + c * z[:, 2]) / (a + b + c)
     above = height > points[:, 2]
     return np.asarray((up & above).astype(np.int64) - (down & above).astype(np.int64))
