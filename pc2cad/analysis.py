@@ -54,6 +54,8 @@ class Analysis:
     magnitude: float
     #: +1 where (u, v, w) is right-handed in the solid (det J > 0), -1 where it is left-handed
     orientation: int
+    #: how surely det J keeps that sign
+    determinant: Verdict
     #: what is unusual, in sentences, but does not hinder
     warnings: tuple[str, ...] = ()
 
@@ -84,6 +86,7 @@ def analyse(equation: PointEquation) -> Analysis:
         questions.size,
         questions.magnitude,
         handed.sign,
+        handed.verdict,
         (handed.warning,) if handed.warning else (),
     )
 

@@ -2,51 +2,69 @@
 
 A polynomial lies in the convex hull of its Bernstein coefficients: when those of det J are all of
 one sign, and not all zero, det J cannot vanish inside the box. Where they are not, the box is
-halved a few times; what is then still open is left to samples.
+halved a few times; what is then still open is left to samples. The coefficients of M are taken by
+interpolation of its known degrees, and those of det J follow by exact rules; their rounding, some
+1e-15 of the largest, is allowed for.
 """
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.analysis import Analysis
-from pc2cad.equation.identity import Verdict
 from pc2cad.equation.point_equation import PARAMETERS
-from pc2cad.geometry.bernstein import bernstein
+from pc2cad.geometry.bernstein import degree_in
+from pc2cad.mapping import Mapping3, open_grid
 
 Array = NDArray[np.float64]
 
-#: halvings of the box, and boxes looked at, before the proof is given up
+#: a coefficient nearer to zero than this share of the largest is taken for zero
+ROUNDING = 1e-13
+#: halvings of the box, boxes looked at, and degree of M, beyond which the proof is given up
 DEEPEST = 5
 MOST_BOXES = 2000
+LARGEST_DEGREE = 8
 
 
-def determinant_sign(analysis: Analysis) -> Verdict:
-    """Say whether det J is proved to have one sign inside the box (PROVED or UNDECIDED)."""
-    columns = analysis.map.derivatives
-    trees = [tree for column in columns for tree in column]
-    tables = bernstein(trees, PARAMETERS)
-    if tables is None:
-        return Verdict.UNDECIDED
-    coefficients = _determinant(tables.reshape(*tables.shape[:3], 3, 3))
-    scale = float(np.abs(coefficients).max())
-    sign = 1.0 if coefficients.sum() > 0 else -1.0
-    boxes = [sign * coefficients / (scale or 1.0)]
+def proved_sign(mapping: Mapping3) -> int:
+    """Return the sign of det J where it is proved to be one inside the box, else 0."""
+    degrees = [degree_in(mapping.coordinates, name) for name in PARAMETERS]
+    if any(n is None or not 1 <= n <= LARGEST_DEGREE for n in degrees):
+        return 0
+    nodes = [(1 - np.cos(np.pi * np.arange(n + 1) / n)) / 2 for n in degrees if n]
+    control = mapping.points(*open_grid(*nodes))
+    for axis, t in enumerate(nodes):
+        control = np.moveaxis(
+            np.tensordot(np.linalg.inv(_basis(t)), control, axes=(1, axis)), 0, axis
+        )
+    tangents = [(len(nodes[d]) - 1) * np.diff(control, axis=d) for d in range(3)]
+    coefficients = _determinant(tangents)
+    bound = ROUNDING * float(np.prod([np.abs(m).max() for m in tangents]))
+    sign = 1 if coefficients.sum() > 0 else -1
+    boxes = [sign * coefficients]
+    if boxes[0].max() <= bound:
+        return 0
     for _ in range(DEEPEST + 1):
-        boxes = [box for box in boxes if box.min() < -1e-13]
+        boxes = [box for box in boxes if box.min() < -bound]
         if not boxes:
-            return Verdict.PROVED if scale else Verdict.UNDECIDED
+            return sign
         if len(boxes) * 8 > MOST_BOXES:
             break
         boxes = [part for box in boxes for part in _halve(box)]
-    return Verdict.UNDECIDED
+    return 0
 
 
-def _determinant(columns: Array) -> Array:
-    """Return Bernstein coefficients of the determinant: (l, m, n, 3 vectors, 3 axes) to a box."""
-    a, b, c = (columns[..., k, :] for k in range(3))
+def _basis(t: Array) -> Array:
+    """Return the Bernstein polynomials of degree len(t) - 1 at t, (len(t), len(t))."""
+    n = len(t) - 1
+    return np.array([[comb(n, k) * x**k * (1 - x) ** (n - k) for k in range(n + 1)] for x in t])
 
+
+def _determinant(tangents: list[Array]) -> Array:
+    """Return Bernstein coefficients of det J from those of M_u, M_v, M_w, (l, m, n, 3) each."""
+    a, b, c = tangents
     total: Array | float = 0.0
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         minor = _product(b[..., j], c[..., k]) - _product(b[..., k], c[..., j])

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.certificate import proved_sign
+from pc2cad.equation.identity import Verdict
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.errors import NotASolidError
 from pc2cad.mapping import Mapping3, open_grid
@@ -45,6 +47,8 @@ class Handedness:
 
     #: +1 where (u, v, w) is right-handed in the solid, -1 where it is left-handed
     sign: int
+    #: PROVED from Bernstein coefficients, or UNDECIDED where it only held wherever it was looked at
+    verdict: Verdict
     #: a sentence on an inner place where det J vanishes without changing its sign, or nothing
     warning: str = ""
 
@@ -52,9 +56,12 @@ class Handedness:
 def handedness(mapping: Mapping3, equation: PointEquation) -> Handedness:
     """Return the sign of det J.
 
-    A sweep over the closed box is followed by a search for the smallest value from the worst
-    places. Raises FlatMapError or FoldedMapError.
+    Where it is not proved, a sweep over the closed box is followed by a search for the smallest
+    value from the worst places. Raises FlatMapError or FoldedMapError.
     """
+    proved = proved_sign(mapping)
+    if proved:
+        return Handedness(proved, Verdict.PROVED, _inner_zero(Signs(equation, mapping), proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
     signs = Signs(equation, mapping)
@@ -66,14 +73,25 @@ def handedness(mapping: Mapping3, equation: PointEquation) -> Handedness:
     order = np.argsort(np.where(np.isfinite(sine), sign * sine, np.inf).ravel())[:STARTS]
     place = _search(signs, places[:, order], sign)
     # a zero on a side is normal; moved inside along it, it has to be gone
-    place = np.clip(place, 0.05, 0.95)
-    if float(sign * signs.see(*place)) < 100 * ROUNDING:
-        return Handedness(
-            sign,
-            f"det J vanishes inside the box, near {signs.shown(place)}, without changing its sign: "
-            "the solid is sound, but its parameters are singular there",
-        )
-    return Handedness(sign)
+    return Handedness(sign, Verdict.UNDECIDED, _zero_near(signs, sign, np.clip(place, 0.05, 0.95)))
+
+
+def _inner_zero(signs: Signs, sign: int) -> str:
+    """Return a warning where one of a few inner places has det J = 0."""
+    axis = np.array([0.21, 1 / 3, 0.5, 2 / 3, 0.83])
+    grid = open_grid(axis, axis, axis)
+    sine = sign * signs.see(*grid)
+    index = np.unravel_index(np.argmin(sine), sine.shape)
+    return _zero_near(signs, sign, np.array([axis[i] for i in index]))
+
+
+def _zero_near(signs: Signs, sign: int, place: Array) -> str:
+    if float(sign * signs.see(*place)) >= 100 * ROUNDING:
+        return ""
+    return (
+        f"det J vanishes inside the box, near {signs.shown(place)}, without changing its sign: the "
+        "solid is sound, but its parameters are singular there"
+    )
 
 
 def _search(signs: Signs, places: Array, sign: int) -> Array:

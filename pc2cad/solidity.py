@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pc2cad.analysis import Analysis
-from pc2cad.certificate import determinant_sign
 from pc2cad.equation.identity import Verdict
 from pc2cad.injectivity import check_injective
 
@@ -33,5 +32,5 @@ def check_solidity(analysis: Analysis) -> Solidity:
     """Return the evidence; raise NotASolidError (a subclass) where the image is no solid."""
     injective = check_injective(analysis)
     return Solidity(
-        determinant_sign(analysis), injective.images, injective.spacing, injective.outer_shell
+        analysis.determinant, injective.images, injective.spacing, injective.outer_shell
     )
