@@ -21,7 +21,7 @@ from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.equation.tree import Expr, number, substitute, symbol
 from pc2cad.errors import NotASolidError
 from pc2cad.folding import handedness
-from pc2cad.mapping import Mapping3, local_coordinates, open_grid
+from pc2cad.mapping import Mapping3, local_map, open_grid
 from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
 from pc2cad.topology.complex import BoundaryComplex
 from pc2cad.topology.quotient import derive_boundary
@@ -67,15 +67,14 @@ class Analysis:
 
 def analyse(equation: PointEquation) -> Analysis:
     """Derive the boundary of a point equation's image; raise NotASolidError where it has none."""
-    trees = local_coordinates(equation)
-    mapping = Mapping3(trees)
-    breaks = find_breaks(trees)
+    mapping = local_map(equation)
+    breaks = find_breaks(mapping.coordinates)
     bounds = tuple(
         (0.0, *(b.position for b in row if b.smoothness == 0 and 0 < b.position < 1), 1.0)
         for row in breaks
     )
     questions = MapQuestions(mapping, bounds, _labels(equation, bounds))
-    handed = handedness(mapping, equation)
+    handed = handedness(mapping)
     boundary = derive_boundary(questions, questions.labels)
     return Analysis(
         equation,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pc2cad.certificate import proved_sign
 from pc2cad.equation.identity import Verdict
-from pc2cad.equation.point_equation import PARAMETERS, PointEquation
+from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.errors import NotASolidError
 from pc2cad.mapping import Mapping3, open_grid
 
@@ -53,7 +53,7 @@ class Handedness:
     warning: str = ""
 
 
-def handedness(mapping: Mapping3, equation: PointEquation) -> Handedness:
+def handedness(mapping: Mapping3) -> Handedness:
     """Return the sign of det J.
 
     Where it is not proved, a sweep over the closed box is followed by a search for the smallest
@@ -61,10 +61,10 @@ def handedness(mapping: Mapping3, equation: PointEquation) -> Handedness:
     """
     proved = proved_sign(mapping)
     if proved:
-        return Handedness(proved, Verdict.PROVED, _inner_zero(Signs(equation, mapping), proved))
+        return Handedness(proved, Verdict.PROVED, _inner_zero(Signs(mapping), proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
-    signs = Signs(equation, mapping)
+    signs = Signs(mapping)
     grid = open_grid(axis, axis, axis)
     sine = signs.see(*grid)
     signs.check()
@@ -122,8 +122,7 @@ def _search(signs: Signs, places: Array, sign: int) -> Array:
 class Signs:
     """Watches the extremes of det J / |M_u||M_v||M_w| wherever the map is looked at."""
 
-    def __init__(self, equation: PointEquation, mapping: Mapping3) -> None:
-        self._equation = equation
+    def __init__(self, mapping: Mapping3) -> None:
         self._mapping = mapping
         #: largest value of +sine and of -sine seen
         self.extremes = {1: 0.0, -1: 0.0}
@@ -141,12 +140,13 @@ class Signs:
 
     def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
-        determinant = np.einsum("...i,...i->...", tangents[0], np.cross(tangents[1], tangents[2]))
-        a, b, c = (_lengths(m) for m in tangents)
-        size = a * b * c
         x, y, z = self._largest
-        rounding = _ERROR * (x * b * c + a * y * c + a * b * z)
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(all="ignore"):
+            normal = np.cross(tangents[1], tangents[2])
+            determinant = np.einsum("...i,...i->...", tangents[0], normal)
+            a, b, c = (_lengths(m) for m in tangents)
+            size = a * b * c
+            rounding = _ERROR * (x * b * c + a * y * c + a * b * z)
             sine = np.where(size > 0, determinant / (size + rounding / ROUNDING), 0.0)
         seen = np.where(np.isfinite(sine), sine, 0.0)
         for sign in (1, -1):
@@ -180,9 +180,7 @@ class Signs:
         """Say how far each parameter can run before the fold, where that is from a whole side."""
         found = []
         fine, coarse = np.linspace(0.0, 1.0, 65), np.linspace(0.01, 0.99, 21)
-        for d, (name, (low, high)) in enumerate(
-            zip(PARAMETERS, self._equation.limits, strict=True)
-        ):
+        for d, name in enumerate(PARAMETERS):
             axes = [coarse] * 3
             axes[d] = fine
             tangents = self._mapping.tangents((0, 1, 2), *open_grid(*axes))
@@ -191,18 +189,17 @@ class Signs:
             reach = int(bad.any(axis=(1, 2)).argmax())
             back = int(bad[::-1].any(axis=(1, 2)).argmax())
             if reach > 1:
-                found.append(f"{name} up to about {low + fine[reach - 1] * (high - low):.3g}")
+                found.append(f"{name} up to about {self._mapping.value(d, fine[reach - 1]):.3g}")
             elif back > 1:
-                found.append(f"{name} from about {high - fine[back - 1] * (high - low):.3g}")
+                found.append(f"{name} from about {self._mapping.value(d, 1 - fine[back - 1]):.3g}")
         wall = "a thinner wall or a smaller section may be valid"
         return f"it keeps its sign for {' or for '.join(found)}; {wall}" if found else wall
 
     def shown(self, place: Array) -> str:
         """Return a place in local coordinates as the equation's own parameters."""
-        limits = self._equation.limits
         return ", ".join(
-            f"{name} = {low + x * (high - low):.4g}"
-            for name, x, (low, high) in zip(PARAMETERS, place, limits, strict=True)
+            f"{name} = {self._mapping.value(d, float(place[d])):.4g}"
+            for d, name in enumerate(PARAMETERS)
         )
 
 

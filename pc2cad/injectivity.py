@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: chord error of the mesh, as a share of the part's size and of the depth of images under a face
 CHORD, DEPTH_SHARE = 1e-3, 4.0
+#: where walls are thin or directions start slowly, contradicting cells are refined instead
+FINEST_CHORD = 5e-5
 #: share of a direction's length at which images are taken just under a face
 UNDER_FACE = 0.02
 #: how far outside a plane face the winding number has to be 0, as a share of the part's size
@@ -66,7 +68,8 @@ def check_injective(analysis: Analysis) -> Injectivity:
     coarse = CHORD * analysis.size
     chords, _ = _chords(analysis, coarse)
     parameters = _inner_parameters(analysis, chords)
-    mesh = _Mesh.of(analysis, min(coarse, DEPTH_SHARE * _depth(analysis)))
+    fine = max(FINEST_CHORD * analysis.size, DEPTH_SHARE * _depth(analysis))
+    mesh = _Mesh.of(analysis, min(coarse, fine))
     images = analysis.map.points(*open_grid(*parameters))
     flat = images.reshape(-1, 3)
     doubtful = np.flatnonzero(winding_numbers(flat, mesh.triangles) != 1)
@@ -221,10 +224,8 @@ def _check_outside(analysis: Analysis, mesh: _Mesh) -> None:
 
 
 def _refuse(analysis: Analysis, place: list[float], point: Array, number: int) -> None:
-    limits = analysis.equation.limits
     shown = ", ".join(
-        f"{name} = {low + x * (high - low):.4g}"
-        for name, x, (low, high) in zip(PARAMETERS, place, limits, strict=True)
+        f"{name} = {analysis.map.value(d, place[d]):.4g}" for d, name in enumerate(PARAMETERS)
     )
     kind = "lies outside its own boundary" if number == 0 else f"is covered {abs(number)} times"
     raise OverlappingMapError(

@@ -17,19 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
-from pc2cad.equation.tree import Expr, add, mul, substitute, symbol
+from pc2cad.equation.radicals import take_out_ends
+from pc2cad.equation.scalar import evaluate
+from pc2cad.equation.tree import Expr, substitute, symbol
 
 Array = NDArray[np.float64]
-
-
-def local_coordinates(equation: PointEquation) -> tuple[Expr, Expr, Expr]:
-    """Return the trees of x, y, z with u, v, w running over [0, 1]."""
-    change = {
-        name: add(low, mul(add(high, -low), symbol(name)))
-        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-    }
-    x, y, z = substitute(equation.coordinates, change)
-    return x, y, z
 
 
 @dataclass(frozen=True)
@@ -40,6 +32,8 @@ class Mapping3:
     """
 
     coordinates: tuple[Expr, Expr, Expr]
+    #: the equation's own u, v and w as trees of the local ones
+    parameters: tuple[Expr, Expr, Expr]
     _programs: dict[tuple[str, ...], Program] = field(
         default_factory=dict, compare=False, repr=False
     )
@@ -57,6 +51,10 @@ class Mapping3:
     def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         """Return M, M_u, M_v and M_w, evaluated together; shapes as `points`."""
         return self._run(("M", *PARAMETERS), u, v, w)
+
+    def value(self, direction: int, local: float) -> float:
+        """Return the equation's own parameter at a local coordinate of one direction."""
+        return evaluate(self.parameters[direction], {PARAMETERS[direction]: local})
 
     @cached_property
     def derivatives(self) -> tuple[tuple[Expr, ...], ...]:
@@ -83,6 +81,50 @@ class Mapping3:
 
     def _trees_of(self, key: str) -> tuple[Expr, ...]:
         return self.coordinates if key == "M" else self.derivatives[PARAMETERS.index(key)]
+
+
+def local_map(equation: PointEquation) -> Mapping3:
+    """Return M over the unit box, without infinite speeds at its sides.
+
+    Where a derivative is infinite at a limit of its parameter (a square root that ends there), no
+    spline in that parameter would converge: the direction gets a parameter whose square it is, near
+    that end. The solid is the same, and all faces along the direction change alike.
+    """
+    u, v, w = (
+        low + (high - low) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
+    )
+    first = mapping = _mapping(equation, (u, v, w))
+    for _ in range(2):
+        slower = {
+            PARAMETERS[d]: change for d in range(3) if (change := _slower(mapping, d)) is not None
+        }
+        if not slower:
+            return mapping
+        u, v, w = substitute(mapping.parameters, slower)
+        mapping = _mapping(equation, (u, v, w))
+    return mapping if all(_slower(mapping, d) is None for d in range(3)) else first
+
+
+def _mapping(equation: PointEquation, parameters: tuple[Expr, Expr, Expr]) -> Mapping3:
+    change = dict(zip(PARAMETERS, parameters, strict=True))
+    x, y, z = take_out_ends(substitute(equation.coordinates, change))
+    return Mapping3((x, y, z), parameters)
+
+
+def _slower(mapping: Mapping3, direction: int) -> Expr | None:
+    """Return a parameter that starts (or ends) slowly where the speed is infinite, or None."""
+    across = np.array([0.13, 0.38, 0.61, 0.86])
+    grid = [across] * 3
+    grid[direction] = np.array([0.0, 0.5, 1.0])
+    speed = np.moveaxis(mapping.tangents((direction,), *open_grid(*grid))[0], direction, 0)
+    start, middle, end = (bool(np.isfinite(speed[i]).all()) for i in range(3))
+    t = symbol(PARAMETERS[direction])
+    if not middle or (start and end):
+        return None
+    if end:
+        return t**2
+    return t * (2 - t) if start else t**2 * (3 - 2 * t)
 
 
 def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:

@@ -53,7 +53,7 @@ class Properties:
 def integrate(analysis: Analysis) -> Properties:
     """Return the integrals; raise FoldedMapError where a quadrature node shows a fold."""
     centre = _centre(analysis)
-    signs = Signs(analysis.equation, analysis.map)
+    signs = Signs(analysis.map)
     densities = _Densities(analysis, centre, signs)
     moments, error = _refine(densities.volume, analysis, WHOLE_BOX)
     signs.check()
