@@ -308,18 +308,27 @@ def _chords(analysis: Analysis, bound: float) -> tuple[dict[Piece, int], float]:
 
 
 def _bows(function: CellFunction, n: int, m: int) -> tuple[float, float, float]:
-    """Return how far a face is from the mesh's edges along s, along t and along the diagonals."""
+    """Return how far a face is from the mesh's edges along s, along t and along the diagonals.
+
+    Only the offset across the cells counts: uneven speed moves points within the face.
+    """
     grid = function(np.linspace(0, 1, 2 * n + 1), np.linspace(0, 1, 2 * m + 1))
     corner = grid[::2, ::2]
-    differences = (
-        grid[1::2, ::2] - (corner[:-1] + corner[1:]) / 2,
-        grid[::2, 1::2] - (corner[:, :-1] + corner[:, 1:]) / 2,
-        grid[1::2, 1::2] - (corner[:-1, :-1] + corner[1:, 1:]) / 2,
+    normal = np.cross(corner[1:, 1:] - corner[:-1, :-1], corner[:-1, 1:] - corner[1:, :-1])
+    length = np.sqrt(np.einsum("...i,...i->...", normal, normal))
+    normal = normal / np.where(length > 0, length, 1.0)[..., None]
+    along = grid[1::2, ::2] - (corner[:-1] + corner[1:]) / 2
+    across = grid[::2, 1::2] - (corner[:, :-1] + corner[:, 1:]) / 2
+    diagonal = grid[1::2, 1::2] - (corner[:-1, :-1] + corner[1:, 1:]) / 2
+
+    def offset(*gaps: Array) -> float:
+        return max(float(np.abs(np.einsum("...i,...i->...", gap, normal)).max()) for gap in gaps)
+
+    return (
+        offset(along[:, :-1], along[:, 1:]),
+        offset(across[:-1], across[1:]),
+        offset(diagonal),
     )
-    along, across, diagonal = (
-        float(np.sqrt(np.einsum("...i,...i->...", gap, gap).max())) for gap in differences
-    )
-    return along, across, diagonal
 
 
 def _depth(analysis: Analysis) -> float:

@@ -155,7 +155,8 @@ class _Patch:
         Only the area needs a search: its square root is no polynomial.
         """
         ends = self.knots[1 - direction][0], self.knots[1 - direction][-1]
-        lines = ends[0] + (ends[1] - ends[0]) * np.array([0.083, 0.311, 0.547, 0.719, 0.934])
+        shares = np.array([0.004, 0.083, 0.311, 0.547, 0.719, 0.934, 0.996])
+        lines = ends[0] + (ends[1] - ends[0]) * shares
         known = None
         count = 3
         while True:
