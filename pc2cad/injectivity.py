@@ -66,10 +66,12 @@ class Injectivity:
 def check_injective(analysis: Analysis) -> Injectivity:
     """Return how injectivity was checked; raise OverlappingMapError or ShellsNotNestedError."""
     coarse = CHORD * analysis.size
-    chords, _ = _chords(analysis, coarse)
+    chords, error = _chords(analysis, coarse)
     parameters = _inner_parameters(analysis, chords)
     fine = max(FINEST_CHORD * analysis.size, DEPTH_SHARE * _depth(analysis))
-    mesh = _Mesh.of(analysis, min(coarse, fine))
+    if fine < coarse:
+        chords, error = _chords(analysis, fine)
+    mesh = _Mesh.of(analysis, chords, error)
     images = analysis.map.points(*open_grid(*parameters))
     flat = images.reshape(-1, 3)
     doubtful = np.flatnonzero(winding_numbers(flat, mesh.triangles) != 1)
@@ -142,8 +144,7 @@ class _Mesh:
     error: float
 
     @staticmethod
-    def of(analysis: Analysis, bound: float) -> _Mesh:
-        chords, error = _chords(analysis, bound)
+    def of(analysis: Analysis, chords: dict[Piece, int], error: float) -> _Mesh:
         patches = []
         for index, face in enumerate(analysis.boundary.faces):
             function = CellFunction(analysis, face.patch)
@@ -312,14 +313,19 @@ def _bows(function: CellFunction, n: int, m: int) -> tuple[float, float, float]:
 
     Only the offset across the cells counts: uneven speed moves points within the face.
     """
-    grid = function(np.linspace(0, 1, 2 * n + 1), np.linspace(0, 1, 2 * m + 1))
-    corner = grid[::2, ::2]
+    s, t = np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1)
+    corner = function(s, t)
     normal = np.cross(corner[1:, 1:] - corner[:-1, :-1], corner[:-1, 1:] - corner[1:, :-1])
     length = np.sqrt(np.einsum("...i,...i->...", normal, normal))
     normal = normal / np.where(length > 0, length, 1.0)[..., None]
-    along = grid[1::2, ::2] - (corner[:-1] + corner[1:]) / 2
-    across = grid[::2, 1::2] - (corner[:, :-1] + corner[:, 1:]) / 2
-    diagonal = grid[1::2, 1::2] - (corner[:-1, :-1] + corner[1:, 1:]) / 2
+    # an uneven place, where no wave has its zeros in all cells at once
+    share = 0.43
+    along = function(s[:-1] + share / n, t) - ((1 - share) * corner[:-1] + share * corner[1:])
+    across = function(s, t[:-1] + share / m) - (
+        (1 - share) * corner[:, :-1] + share * corner[:, 1:]
+    )
+    middle = function(s[:-1] + 0.5 / n, t[:-1] + 0.5 / m)
+    diagonal = middle - (corner[:-1, :-1] + corner[1:, 1:]) / 2
 
     def offset(*gaps: Array) -> float:
         return max(float(np.abs(np.einsum("...i,...i->...", gap, normal)).max()) for gap in gaps)

@@ -26,14 +26,15 @@ from pc2cad.equation.tree import PI, E, Expr, Number, as_expr, call, symbol
 from pc2cad.errors import InputError
 
 __all__ = [
-    "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "contour", "cos", "cosh", "cross",
-    "det", "diff", "distance", "dot", "e", "exit_from_plane", "exp", "length", "log", "metric",
-    "parameters", "pi", "point", "points", "polygon", "sin", "sine_wave", "sinh", "sqrt", "tan",
-    "tanh", "translate", "unit", "vector",
+    "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "contour", "cos", "cosh",
+    "cross", "det", "diff", "distance", "dot", "e", "exit_from_plane", "exp", "length", "log",
+    "metric", "parameters", "pi", "point", "points", "polygon", "sin", "sine_wave", "sinh",
+    "sqrt", "tan", "tanh", "translate", "unit", "vector",
 ]  # fmt: skip
 
 pi = PI
 e = E
+abs = abs  # the built-in function takes expressions
 
 
 def parameters() -> tuple[Expr, Expr, Expr]:

@@ -81,6 +81,9 @@ class Expr:
     def __neg__(self) -> Expr:
         return neg(self)
 
+    def __abs__(self) -> Expr:
+        return call("abs", self)
+
     def __repr__(self) -> str:
         from pc2cad.equation.printing import as_text
 

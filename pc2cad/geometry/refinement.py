@@ -24,6 +24,8 @@ Sampler = Callable[[Array], Array]
 
 #: more intervals than this in one direction are refused
 MOST_INTERVALS = 6000
+#: and so are intervals shorter than this: the kernel wants knots further apart than 1e-10
+FINEST_INTERVAL = 1e-9
 #: where an interval is checked, as fractions of its length: off the sites of every degree
 _CHECKS = np.array([0.113, 0.29, 0.5, 0.71, 0.887])
 
@@ -84,10 +86,10 @@ def _bisect(sample: Sampler, rules: DirectionRules, target: float) -> tuple[Arra
             )
         if worst <= target:
             return points, errors
-        if len(points) > MOST_INTERVALS:
+        if len(points) > MOST_INTERVALS or np.diff(points).min() < FINEST_INTERVAL:
             place = int(np.argmax(errors))
             raise ToleranceNotReachedError(
-                f"{MOST_INTERVALS} spline intervals leave a deviation of {worst:.3g} where "
+                f"{len(points) - 1} spline intervals leave a deviation of {worst:.3g} where "
                 f"{target:.3g} is needed, worst near {points[place]:.4g} of the direction's "
                 "length; a kink or a jump there, or a larger --tolerance, would explain or mend it"
             )
