@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.equation.point_equation import PARAMETERS
+from pc2cad.equation.tree import walk
 from pc2cad.geometry.bernstein import degree_in
 from pc2cad.mapping import Mapping3, open_grid
 
@@ -30,6 +31,8 @@ LARGEST_DEGREE = 8
 
 def proved_sign(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
+    if any(node.op == "pieces" for node in walk(mapping.coordinates)):
+        return 0  # one polynomial per piece, not one
     degrees = [degree_in(mapping.coordinates, name) for name in PARAMETERS]
     if any(n is None or not 1 <= n <= LARGEST_DEGREE for n in degrees):
         return 0
