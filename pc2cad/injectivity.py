@@ -188,7 +188,9 @@ class _Mesh:
         result = []
         for patch in self.patches:
             low, high = patch.boxes
-            low, high = low - 2 * self.error, high + 2 * self.error
+            # a face may leave the box of its corners: by the mesh's error, or within itself
+            pad = 2 * self.error + 0.25 * (high - low)
+            low, high = low - pad, high + pad
             met = np.zeros(len(low), dtype=bool)
             for x, y in places:
                 met |= (low[:, 0] <= x) & (x <= high[:, 0]) & (low[:, 1] <= y) & (y <= high[:, 1])

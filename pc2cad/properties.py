@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.errors import NotASolidError
 from pc2cad.folding import Signs
 from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import Cell, directions_of
@@ -38,6 +39,10 @@ _Rules = list[tuple[Array, Array]]
 _Density = Callable[[_Rules], tuple[Array, Array]]
 
 
+class NotIntegrableError(NotASolidError):
+    """The volume of the equation is not finite."""
+
+
 @dataclass(frozen=True)
 class Properties:
     """Integrals of the solid in model units, with an estimate of their relative error."""
@@ -57,6 +62,11 @@ def integrate(analysis: Analysis) -> Properties:
     densities = _Densities(analysis, centre, signs)
     moments, error = _refine(densities.volume, analysis, WHOLE_BOX)
     signs.check()
+    if not (np.isfinite(moments).all() and np.isfinite(error)):
+        raise NotIntegrableError(
+            "the equation or a derivative has no finite value inside the box: look for a division "
+            "by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
+        )
     volume = float(moments[0])
     first = moments[1:] / volume + centre
     areas, errors = [], [error]

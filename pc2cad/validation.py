@@ -97,7 +97,7 @@ def _check_integrals(solid: SolidIntegrals, true: Properties, model: BoundaryMod
     deviation = max(face.deviation for face in model.faces) + rounding
     slack = 1e-11 + 10 * true.relative_error
     volume_gap = abs(solid.volume - true.volume)
-    if volume_gap > 2 * true.area * deviation + slack * (true.volume + true.area * model.size):
+    if not volume_gap <= 2 * true.area * deviation + slack * (true.volume + true.area * model.size):
         raise IntegralsDisagreeError(
             f"the solid's volume is {solid.volume:.12g} and the equation's {true.volume:.12g}: "
             "the map folds or overlaps itself, or a face is wrong"
@@ -105,12 +105,15 @@ def _check_integrals(solid: SolidIntegrals, true: Properties, model: BoundaryMod
     area_gap = abs(solid.area - true.area)
     # area follows with distance times curvature, and no curvature says more than the thickness
     thickness = 2 * true.volume / true.area
-    if area_gap > (20 * deviation / thickness + 10 * slack) * true.area:
+    if not area_gap <= (20 * deviation / thickness + 10 * slack) * true.area:
         raise IntegralsDisagreeError(
             f"the solid's area is {solid.area:.12g} and the equation's {true.area:.12g}"
         )
     shift = float(np.linalg.norm(np.subtract(solid.centroid, true.centroid)))
-    if shift * true.volume > (4 * true.area * deviation + 10 * slack * true.volume) * model.size:
+    if (
+        not shift * true.volume
+        <= (4 * true.area * deviation + 10 * slack * true.volume) * model.size
+    ):
         raise IntegralsDisagreeError(
             f"the solid's centroid is {shift:.3g} away from the equation's"
         )

@@ -28,6 +28,8 @@ def winding_numbers(points: Array, triangles: Array, seed: int = 0) -> Integers:
     each point (see `ray_frame`), crossings count +1 outwards and -1 inwards. The triangles are
     sorted into columns along the ray, so that a point meets only those of its own.
     """
+    if len(triangles) == 0:
+        return np.zeros(len(points), dtype=np.int64)
     turn = ray_frame(seed)
     corners = triangles @ turn
     places = points @ turn

@@ -17,7 +17,7 @@ ALLOWED = {
     "topology": {"topology", "equation", "errors"},
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
     "analysis": {"equation", "errors", "folding", "mapping", "topology", "numpy"},
-    "properties": {"analysis", "folding", "mapping", "topology", "numpy"},
+    "properties": {"analysis", "errors", "folding", "mapping", "topology", "numpy"},
     "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
     "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
     "model": {"geometry", "topology", "numpy"},
