@@ -83,7 +83,6 @@ class DirectionClasses:
         self._analysis = analysis
         self._degree = degree
         self._owner: dict[Piece, Piece] = {}
-        self._flipped: dict[Piece, bool] = {}
         self._symmetric: set[Piece] = set()
         for edge in analysis.boundary.edges:
             first, *others = edge.members

@@ -24,7 +24,7 @@ from pc2cad.equation.tree import Expr, substitute, symbol, walk
 from pc2cad.errors import NotASolidError
 from pc2cad.geometry.carriers import fit_plane
 from pc2cad.mapping import open_grid
-from pc2cad.topology.cells import outward_sign
+from pc2cad.topology.cells import normal_direction, outward_sign
 from pc2cad.winding import Integers, ray_frame, winding_numbers
 
 Array = NDArray[np.float64]
@@ -347,7 +347,7 @@ def _depth(analysis: Analysis) -> float:
     nodes = np.linspace(0.07, 0.93, 7)
     depths = []
     for face in analysis.boundary.faces:
-        (d,) = (d for d in range(3) if face.patch[d] % 2 == 0)
+        d = normal_direction(face.patch)
         limit = analysis.span(d, face.patch[d])[0]
         grid = [nodes] * 3
         grid[d] = np.array([limit, UNDER_FACE if limit == 0 else 1 - UNDER_FACE])

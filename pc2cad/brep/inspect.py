@@ -1,4 +1,4 @@
-"""What the kernel says of a solid: validity, counts, tolerances and integrals."""
+"""What the kernel says of a solid: validity, counts and tolerances."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_Analyzer
-from OCP.BRepGProp import BRepGProp
-from OCP.GProp import GProp_GProps
 from OCP.TopAbs import (
     TopAbs_EDGE,
     TopAbs_FACE,
@@ -78,25 +76,3 @@ def _largest_tolerance(counts: dict[object, TopTools_IndexedMapOfShape]) -> floa
         for i in range(1, counts[kind].Size() + 1)
     )
     return largest
-
-
-@dataclass(frozen=True)
-class KernelProperties:
-    """Volume, area and centroid as the kernel integrates them."""
-
-    volume: float
-    area: float
-    centroid: tuple[float, float, float]
-
-
-def kernel_properties(solid: TopoDS_Shape, accuracy: float = 1e-9) -> KernelProperties:
-    """Integrate with the kernel's Gauss-Kronrod rule.
-
-    Its plain rule is off by 1e-3 on spline faces, and its adaptive one by any amount where a wavy
-    edge bounds a plane, whatever error it claims.
-    """
-    volume, area = GProp_GProps(), GProp_GProps()
-    BRepGProp.VolumePropertiesGK_s(solid, volume, accuracy, True, False, True, False, False)
-    BRepGProp.SurfaceProperties_s(solid, area, accuracy)
-    centre = volume.CentreOfMass()
-    return KernelProperties(volume.Mass(), area.Mass(), (centre.X(), centre.Y(), centre.Z()))

@@ -8,7 +8,7 @@ from math import ceil, floor
 from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import ZERO, Expr, piece_rows, rebuild, walk
+from pc2cad.equation.tree import ZERO, Expr, piece_rows, rewrite, walk
 from pc2cad.errors import InputError
 
 #: positions nearer than this (of a direction of length 1) are one break
@@ -57,16 +57,7 @@ def resolve_pieces(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 
     The trees are in the local coordinates of a cell: each symbol runs from 0 to 1.
     """
-    done: dict[Expr, Expr] = {}
-    for node in walk(roots):
-        if not node.args:
-            done[node] = node
-            continue
-        args = tuple(done[arg] for arg in node.args)
-        same = all(a is b for a, b in zip(args, node.args, strict=True))
-        moved = node if same else rebuild(node, args)
-        done[node] = _only_piece(moved) if moved.op == "pieces" else moved
-    return tuple(done[root] for root in roots)
+    return rewrite(roots, "pieces", _only_piece)
 
 
 def _only_piece(node: Expr) -> Expr:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from pc2cad.equation.normal_form import normal_form
-from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, rebuild, walk
+from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, rewrite, walk
 
 
 def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
@@ -16,13 +16,7 @@ def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 
     Every symbol is a local parameter and runs from 0 to 1.
     """
-    done: dict[Expr, Expr] = {}
-    for node in walk(roots):
-        args = tuple(done[arg] for arg in node.args)
-        same = all(a is b for a, b in zip(args, node.args, strict=True))
-        moved = node if same else rebuild(node, args)
-        done[node] = _factored(moved) if moved.op == "sqrt" else moved
-    return tuple(done[root] for root in roots)
+    return rewrite(roots, "sqrt", _factored)
 
 
 def _factored(node: Expr) -> Expr:

@@ -8,7 +8,7 @@ comparison of two references. Numbers are exact fractions; nothing is rounded in
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, Final
 from weakref import WeakValueDictionary
@@ -314,4 +314,15 @@ def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, 
             done[node] = node
         else:
             done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
+    return tuple(done[root] for root in roots)
+
+
+def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> tuple[Expr, ...]:
+    """Return the trees with every node of one operation changed, operands first."""
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots):
+        args = tuple(done[arg] for arg in node.args)
+        same = all(a is b for a, b in zip(args, node.args, strict=True))
+        moved = node if same else rebuild(node, args)
+        done[node] = change(moved) if moved.op == op else moved
     return tuple(done[root] for root in roots)
