@@ -42,8 +42,8 @@ ALLOWED = {
     "export": {"export", "errors", "mesh", "numpy", "OCP"},
     "mesh": {"mesh", "errors", "numpy", "scipy", "OCP"},
 }  # fmt: skip
-#: within the equation room only the vectorised evaluation needs arrays
-NUMPY_IN_EQUATION = {"evaluation"}
+#: within the equation room only the vectorised evaluations need arrays
+NUMPY_IN_EQUATION = {"evaluation", "intervals"}
 #: what topology takes from the equation room: the three-valued answer, nothing else
 TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
 OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "vtk"}
@@ -96,7 +96,7 @@ def test_every_room_is_in_the_table_or_outside_it() -> None:
     assert top - outside == set(ALLOWED)
 
 
-def test_numpy_is_loaded_by_one_module_of_the_equation_room() -> None:
+def test_numpy_is_loaded_by_the_evaluations_of_the_equation_room_only() -> None:
     using = {p.stem for p in files_of("equation") if "numpy" in {room(m) for m in imports(p)}}
     assert using == NUMPY_IN_EQUATION
 
