@@ -24,7 +24,8 @@ def add_template(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "-s", "--set", metavar="NAME=VALUE", action="append", default=[], dest="settings",
-        help="value of a parameter, a number or a constant expression such as 1/3 (repeatable)",
+        help="value of a parameter, a number or a constant expression such as 1/3; or a current "
+        "point in the place of one of the template's, such as 'A=[4+u, 0, 0]' (repeatable)",
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pc2cad.cli.inputs import add_template, bind, load
+from pc2cad.cli.inputs import add_template, bind, load, read_settings
 from pc2cad.cli.output import one_line, say
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the equation and its system."""
     template, path = load(arguments)
     equation = bind(template, arguments)
+    moved, _ = template.split(read_settings(arguments.settings))
+    template = template.move(moved) if moved else template
     lines = _latex(template) if arguments.latex else _text(template, equation, path)
     for line in lines:
         say(line)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Final
@@ -59,6 +59,22 @@ class PointEquation:
     units: str = "mm"
     parameters: Mapping[str, float] = field(default_factory=dict)
     expectations: Expectations = Expectations()
+    #: makes the equation again with other points, where it knows the names of its points
+    mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
+        default=None, repr=False, compare=False
+    )
+
+    def move(self, **points: Any) -> PointEquation:
+        """Return the equation with points replaced by current points (the moving simplex).
+
+        ``equation.move(A=(4 + u, 0, 0))``; see `Template.move` for what a point may be. Raises
+        InputError where the equation does not come from a template with these points.
+        """
+        if self.mover is None:
+            raise InputError(
+                f"the equation {self.name} has no named points to move; those of a template have"
+            )
+        return self.mover(points)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

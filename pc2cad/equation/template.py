@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 from pc2cad.equation.language import nearest, read_expression
@@ -18,7 +19,7 @@ from pc2cad.equation.point_equation import (
 )
 from pc2cad.equation.points import Combination, Value
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import Expr, Number, as_expr, substitute
+from pc2cad.equation.tree import Expr, Number, as_expr
 from pc2cad.errors import InputError
 
 
@@ -50,6 +51,10 @@ class Definition:
     value: Value
 
 
+#: what may stand for a template's point: text, a point, or three coordinates
+Moved = str | Combination | Sequence[Expr | Number]
+
+
 @dataclass(frozen=True)
 class Template:
     """A template as read: every expression is a tree in its parameters and u, v, w."""
@@ -70,45 +75,79 @@ class Template:
     #: name of the figure -> the tree that states it (three for the centroid)
     expected: Mapping[str, tuple[Expr, ...]]
 
-    def bind(self, values: Mapping[str, Number | str | Expr] | None = None) -> PointEquation:
+    #: reads the template again with values for its parameters and other points
+    _again: Callable[[Mapping[str, Expr], Mapping[str, Moved]], Template] = field(repr=False)
+
+    def move(self, points: Mapping[str, Moved]) -> Template:
+        """Return the template with some of its points replaced by current points.
+
+        A point is three coordinates that may depend on u, v, w and the parameters, as text
+        (``"[4+u, 0, 0]"``, ``"A + vector(0, 0, u)"`` with the template's own A), as a point or as
+        a sequence. The equation stays as it is; derivatives in it see the moving point. What
+        [expect] states of the points as they were is dropped. Raises TemplateError or InputError.
+        """
+        self._check_names(points, [p.name for p in self.points], "point")
+        return self._again({}, points)
+
+    def bind(
+        self, values: Mapping[str, Number | str | Expr | Moved] | None = None
+    ) -> PointEquation:
         """Return the point equation with these parameter values (the defaults elsewhere).
 
-        A value is a number or the text of a constant expression such as ``1/3``. Raises
-        InputError for an unknown name, and ParameterRangeError outside min…max.
+        A value is a number or the text of a constant expression such as ``1/3``; the name of a
+        point takes what `move` takes. Raises InputError for an unknown name, and
+        ParameterRangeError outside min…max.
         """
-        given = {name: _constant(name, value) for name, value in (values or {}).items()}
+        moved, rest = self.split(values or {})
+        given = {name: _constant(name, value) for name, value in rest.items()}
         known = [p.name for p in self.parameters]
+        self._check_names(given, [*known, *(p.name for p in self.points)], "parameter")
+        bound = {p.name: given.get(p.name, p.default) for p in self.parameters}
+        for parameter in self.parameters:
+            _check_range(parameter, bound[parameter.name])
+        return self._again(bound, moved)._equation(bound, partial(self._bind_moved, values or {}))
+
+    def split(self, values: Mapping[str, Any]) -> tuple[dict[str, Moved], dict[str, Any]]:
+        """Return what moves points and what sets parameters, told apart by the names."""
+        points = {p.name for p in self.points}
+        moved = {name: value for name, value in values.items() if name in points}
+        return moved, {name: value for name, value in values.items() if name not in points}
+
+    def _check_names(self, given: Mapping[str, Any], known: list[str], what: str) -> None:
         for name in given:
             if name not in known:
                 listed = ", ".join(known) or "none"
                 raise InputError(
-                    f"{self.name} has no parameter '{name}' (it has: {listed})"
-                    f"{nearest(name, known)}"
+                    f"{self.name} has no {what} '{name}' (it has: {listed}){nearest(name, known)}"
                 )
-        bound = {p.name: given.get(p.name, p.default) for p in self.parameters}
-        for parameter in self.parameters:
-            _check_range(parameter, bound[parameter.name])
-        M = self.M.substitute(bound)
-        check_point(M)
+
+    def _bind_moved(self, values: Mapping[str, Any], points: Mapping[str, Moved]) -> PointEquation:
+        self._check_names(points, [p.name for p in self.points], "point")
+        return self.bind({**values, **points})
+
+    def _equation(
+        self, bound: dict[str, Expr], mover: Callable[[Mapping[str, Moved]], PointEquation]
+    ) -> PointEquation:
+        """Return the equation of a template that was read with all its parameters bound."""
+        check_point(self.M)
+        u, v, w = (interval(p, d) for p, d in zip(PARAMETERS, self.domain, strict=True))
         return PointEquation(
-            M.coordinates,
-            tuple(
-                interval(p, substitute(limits, bound))
-                for p, limits in zip(PARAMETERS, self.domain, strict=True)
-            ),  # type: ignore[arg-type]
+            self.M.coordinates,
+            (u, v, w),
             name=self.name,
             title=self.title,
             about=self.about,
             source=self.source,
             units=self.units,
             parameters={name: evaluate(value, {}) for name, value in bound.items()},
-            expectations=self._expectations(bound),
+            expectations=self._expectations(),
+            mover=mover,
         )
 
-    def _expectations(self, bound: dict[str, Expr]) -> Expectations:
+    def _expectations(self) -> Expectations:
         figures: dict[str, Any] = {}
         for name, trees in self.expected.items():
-            numbers = tuple(evaluate(tree, {}) for tree in substitute(trees, bound))
+            numbers = tuple(evaluate(tree, {}) for tree in trees)
             if name == "centroid":
                 figures[name] = numbers
             else:

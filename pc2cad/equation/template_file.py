@@ -9,14 +9,15 @@ import stat
 import tomllib
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from pc2cad.equation import curves
 from pc2cad.equation.language import PARAMETER_NAMES, RESERVED_NAMES, nearest, read_expression
 from pc2cad.equation.point_equation import UNITS, Interval
-from pc2cad.equation.points import Combination, Value, kind_of, point
-from pc2cad.equation.template import Definition, Parameter, Template, TemplateError
+from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
+from pc2cad.equation.template import Definition, Moved, Parameter, Template, TemplateError
 from pc2cad.equation.tree import ONE, ZERO, Expr, number, symbol
 from pc2cad.errors import InputError
 
@@ -53,7 +54,17 @@ def parse_template(text: str, name: str, file: str = "template") -> Template:
         raise TemplateError(f"{file}: not valid TOML: {error}") from error
     except (RecursionError, MemoryError) as error:
         raise TemplateError(f"{file}: the TOML is nested too deeply") from error
-    return _Reader(file, data).template(name)
+    return _read(name, file, data, {}, {})
+
+
+def _read(
+    name: str,
+    file: str,
+    data: dict[str, Any],
+    bound: Mapping[str, Expr],
+    moved: Mapping[str, Moved],
+) -> Template:
+    return _Reader(file, data, bound, moved).template(name)
 
 
 def _read_text(path: Path) -> str:
@@ -84,9 +95,18 @@ def _decimal(text: str) -> Fraction | float:
 class _Reader:
     """Reads the tables in the order in which they may refer to one another."""
 
-    def __init__(self, file: str, data: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        file: str,
+        data: dict[str, Any],
+        bound: Mapping[str, Expr],
+        moved: Mapping[str, Moved],
+    ) -> None:
         self._file = file
         self._data = data
+        #: values of parameters (without them, all are symbols) and what replaces points
+        self._bound = bound
+        self._moved = moved
         self._names: dict[str, Value] = {}
         self._curves: dict[str, Any] = {}
 
@@ -108,6 +128,7 @@ class _Reader:
         return Template(
             name, texts["title"], texts["about"], texts["source"], units, parameters, points,
             dict(self._curves), lets, domain, solid, M, self._expected(),
+            partial(_read, name, self._file, self._data),
         )  # fmt: skip
 
     def _fail(self, key: str, message: str) -> Any:
@@ -184,7 +205,8 @@ class _Reader:
                 Parameter(name, limits["default"], limits.get("min"), limits.get("max"), about)
             )
         for parameter in result:
-            self._define(f"[parameters] {parameter.name}", parameter.name, symbol(parameter.name))
+            value = self._bound.get(parameter.name, symbol(parameter.name))
+            self._define(f"[parameters] {parameter.name}", parameter.name, value)
         return tuple(result)
 
     def _points(self) -> tuple[Definition, ...]:
@@ -198,7 +220,38 @@ class _Reader:
             result.append(Definition(name, text, value))
         for definition in result:
             self._define(f"[points] {definition.name}", definition.name, definition.value)
-        return tuple(result)
+        return self._move(result)
+
+    def _move(self, points: list[Definition]) -> tuple[Definition, ...]:
+        """Return the points with current points in the place of those that are moved."""
+        known = self._names | {p: symbol(p) for p in PARAMETER_NAMES}
+        moved = [self._current(d, known) if d.name in self._moved else d for d in points]
+        self._names |= {d.name: d.value for d in moved}
+        return tuple(moved)
+
+    def _current(self, fixed: Definition, known: Mapping[str, Value]) -> Definition:
+        raw = self._moved[fixed.name]
+        key = f"the point {fixed.name}"
+        try:
+            if isinstance(raw, str):
+                value = read_expression(raw, known)
+            elif isinstance(raw, Combination):
+                value = raw
+            elif len(raw) == 3:
+                value = point(*raw)
+            else:
+                raise InputError(f"a point has 3 coordinates, here are {len(raw)}")
+            kind = kind_of(value)
+            strange = set().union(*(c.symbols for c in value.coordinates)) - set(known) if (
+                isinstance(value, Combination)
+            ) else set()  # fmt: skip
+        except InputError as error:
+            raise InputError(f"{key}: {error}") from error
+        if kind is not Kind.POINT:
+            raise InputError(f"{key} must be a point, [x, y, z], and {kind.value} was given")
+        if strange:
+            raise InputError(f"{key} depends on {sorted(strange)[0]}, which nothing defines")
+        return Definition(fixed.name, raw if isinstance(raw, str) else repr(value), value)
 
     def _domain(self) -> tuple[Interval, Interval, Interval]:
         table = self._table("domain")
@@ -281,7 +334,8 @@ class _Reader:
         table = self._table("expect")
         self._check_keys(table, _EXPECTED, "[expect] ")
         result = {}
-        for name, raw in table.items():
+        for name, raw in table.items() if not self._moved else ():
+            # what is stated of the points as written need not hold of moved ones
             key = f"[expect] {name}"
             values = raw if name == "centroid" else [raw]
             if not isinstance(values, list) or len(values) != (3 if name == "centroid" else 1):
