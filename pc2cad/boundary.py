@@ -27,6 +27,7 @@ from pc2cad.geometry.carriers import (
     Evidence,
     Line,
     Plane,
+    Segment,
     SplineCurve,
     SplineSurface,
     fit_plane,
@@ -233,14 +234,16 @@ class _Representation:
             return plane_face(group, plane, self._boundary, inward, edges)
         exact = self._face_exact[index]
         if exact is not None:
-            return ModelFace(name, (index,), exact, cell.uses, (), inward, "exact", 0.0, 0)
+            return ModelFace(name, (index,), exact, cell.uses, (), _whole(cell.uses), False, inward,
+                             "exact", 0.0, 0)  # fmt: skip
         s, t = self._space(function, 0), self._space(function, 1)
         poles = fit_surface(function, s, t)
         self._take_edges(poles, cell.uses, edges)
         deviation = surface_deviation(function, s, t, poles)
         carrier = SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
-        return ModelFace(name, (index,), carrier, cell.uses, (), inward, self._evidence(function),
-                         deviation.largest, deviation.samples)  # fmt: skip
+        return ModelFace(name, (index,), carrier, cell.uses, (), _whole(cell.uses), False, inward,
+                         self._evidence(function), deviation.largest,
+                         deviation.samples)  # fmt: skip
 
     def _take_edges(self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]) -> None:
         """Put the poles of the edges (and collapsed vertices) into the rows of a face."""
@@ -252,6 +255,16 @@ class _Representation:
             carrier = edges[use.edge].carrier
             if isinstance(carrier, SplineCurve) and len(carrier.poles) == len(row):
                 row[...] = carrier.poles if use.forward == anticlockwise else carrier.poles[::-1]
+
+
+def _whole(uses: tuple[EdgeUse, ...]) -> tuple[Segment, ...]:
+    """Return the sides of the unit square, each along its edge's own direction."""
+    square = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+    sides = [Segment(square[i], square[(i + 1) % 4]) for i in range(4)]
+    return tuple(
+        side if use.forward or use.edge is None else side.reversed()
+        for side, use in zip(sides, uses, strict=True)
+    )
 
 
 def _rank(vectors: Array) -> int:

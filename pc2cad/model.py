@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.geometry.carriers import CurveCarrier, Evidence, SurfaceCarrier
+from pc2cad.geometry.carriers import CurveCarrier, Evidence, PCurve, SurfaceCarrier
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 Array = NDArray[np.float64]
@@ -32,9 +32,10 @@ Wire = tuple[tuple[int, bool], ...]
 class ModelFace:
     """A face with its carrier.
 
-    A plane's normal points out of the solid and its boundary is `wires`, the outer one first. A
-    spline's boundary is its whole parameter rectangle; `reversed` says that its own normal points
-    inwards.
+    A plane's normal points out of the solid and its boundary is `wires`, the outer one first. Any
+    other face is bounded by its four `uses`: their `pcurves` run along the edges' own directions
+    (those of collapsed sides along the walk). `turned` says that the walk goes clockwise in the
+    carrier's parameters, `reversed` that the carrier's own normal points into the solid.
     """
 
     name: str
@@ -43,6 +44,8 @@ class ModelFace:
     carrier: SurfaceCarrier
     uses: tuple[EdgeUse, ...]
     wires: tuple[Wire, ...]
+    pcurves: tuple[PCurve, ...]
+    turned: bool
     reversed: bool
     evidence: Evidence
     deviation: float

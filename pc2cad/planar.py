@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pc2cad.geometry.carriers import Evidence, Line, Plane
+from pc2cad.geometry.carriers import Arc, Evidence, Line, Plane
 from pc2cad.model import ModelEdge, ModelFace, Wire
 from pc2cad.topology.cells import Cell, normal_direction
 from pc2cad.topology.complex import BoundaryComplex
@@ -73,7 +73,7 @@ def plane_face(
         if use.edge is not None and counts.count(use.edge) == 1
     ]
     wires = _chains(walk, boundary, edges)
-    return ModelFace(name, group, plane[0], uses, wires, False, plane[1], 0.0, 0)
+    return ModelFace(name, group, plane[0], uses, wires, (), False, False, plane[1], 0.0, 0)
 
 
 def _chains(
@@ -102,5 +102,10 @@ def _extent(wire: Wire, edges: list[ModelEdge]) -> float:
     points = []
     for edge, _ in wire:
         carrier = edges[edge].carrier
-        points += [carrier.start, carrier.end] if isinstance(carrier, Line) else list(carrier.poles)
+        if isinstance(carrier, Line):
+            points += [carrier.start, carrier.end]
+        elif isinstance(carrier, Arc):
+            points += list(carrier.points(np.linspace(carrier.start, carrier.end, 33)))
+        else:
+            points += list(carrier.poles)
     return float(np.linalg.norm(np.ptp(np.array(points), axis=0)))

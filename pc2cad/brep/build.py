@@ -28,7 +28,7 @@ from OCP.TopoDS import (
 
 from pc2cad.brep import geometry
 from pc2cad.errors import KernelError
-from pc2cad.geometry.carriers import Array, Plane
+from pc2cad.geometry.carriers import Array, PCurve, Plane, SplineSurface
 from pc2cad.model import BoundaryModel, ModelFace
 
 #: the kernel's own confusion distance; what it is given is exact to far less
@@ -67,7 +67,7 @@ class _Build:
         self._builder = BRep_Builder()
         self._check_size()
         self._vertices = [self._vertex(position) for position in model.vertices]
-        self._ranges: list[float] = []
+        self._ranges: list[tuple[float, float]] = []
         self._edges = [self._edge(index) for index in range(len(model.edges))]
 
     def _check_size(self) -> None:
@@ -96,17 +96,17 @@ class _Build:
 
     def _edge(self, index: int) -> TopoDS_Edge:
         data = self._model.edges[index]
-        curve, end = geometry.curve(data.carrier)
+        curve, first, last = geometry.curve(data.carrier)
         edge = TopoDS_Edge()
         self._builder.MakeEdge(edge, curve, KERNEL_TOLERANCE)
-        self._bound(edge, data.start, data.end, end)
-        self._ranges.append(end)
+        self._bound(edge, data.start, data.end, (first, last))
+        self._ranges.append((first, last))
         return edge
 
-    def _bound(self, edge: TopoDS_Edge, start: int, end: int, range_end: float) -> None:
+    def _bound(self, edge: TopoDS_Edge, start: int, end: int, span: tuple[float, float]) -> None:
         self._builder.Add(edge, self._vertices[start].Oriented(TopAbs_FORWARD))
         self._builder.Add(edge, self._vertices[end].Oriented(TopAbs_REVERSED))
-        self._builder.Range(edge, 0.0, range_end)
+        self._builder.Range(edge, *span)
 
     def _face(self, data: ModelFace) -> TopoDS_Face:
         face = TopoDS_Face()
@@ -119,7 +119,8 @@ class _Build:
                 ]))  # fmt: skip
             return face
         self._builder.Add(face, self._wire(self._rectangle(face, data)))
-        self._builder.NaturalRestriction(face, True)
+        if isinstance(data.carrier, SplineSurface):
+            self._builder.NaturalRestriction(face, True)
         return TopoDS.Face_s(face.Reversed()) if data.reversed else face
 
     def _wire(self, edges: list[TopoDS_Shape]) -> TopoDS_Wire:
@@ -131,41 +132,41 @@ class _Build:
         return wire
 
     def _rectangle(self, face: TopoDS_Face, data: ModelFace) -> list[TopoDS_Shape]:
-        """Return the four sides of a spline face, with their pcurves set."""
+        """Return the four sides of a face, anti-clockwise in its parameters, with pcurves set."""
         sides: list[TopoDS_Shape] = []
         counts = [use.edge for use in data.uses]
-        for side, use in enumerate(data.uses):
+        for use, pcurve in zip(data.uses, data.pcurves, strict=True):
             if use.edge is None:
-                sides.append(self._degenerated(face, side, use.vertex))
-                continue
-            edge = self._edges[use.edge]
-            if counts.count(use.edge) == 1:
-                pcurve = geometry.boundary_pcurve(side, use.forward, self._ranges[use.edge])
-                self._builder.UpdateEdge(edge, pcurve, face, KERNEL_TOLERANCE)
-            elif use.forward:
-                self._seam(face, data, use.edge)
-            sides.append(edge.Oriented(TopAbs_FORWARD if use.forward else TopAbs_REVERSED))
-        return sides
+                edge, forward = self._degenerated(face, pcurve, use.vertex), not data.turned
+            else:
+                edge, forward = self._edges[use.edge], use.forward != data.turned
+                if counts.count(use.edge) == 1:
+                    self._lay(face, use.edge, pcurve)
+                elif use.forward:
+                    self._seam(face, data, use.edge)
+            sides.append(edge.Oriented(TopAbs_FORWARD if forward else TopAbs_REVERSED))
+        return sides[::-1] if data.turned else sides
+
+    def _lay(self, face: TopoDS_Face, edge: int, *pcurves: PCurve) -> None:
+        curves = [geometry.pcurve(data, *self._ranges[edge]) for data in pcurves]
+        self._builder.UpdateEdge(self._edges[edge], *curves, face, KERNEL_TOLERANCE)
 
     def _seam(self, face: TopoDS_Face, data: ModelFace, edge: int) -> None:
         """Give a seam its two pcurves: that of the forward use first."""
         pcurves = {
-            use.forward: geometry.boundary_pcurve(side, use.forward, self._ranges[edge])
-            for side, use in enumerate(data.uses)
+            use.forward != data.turned: pcurve
+            for use, pcurve in zip(data.uses, data.pcurves, strict=True)
             if use.edge == edge
         }
-        self._builder.UpdateEdge(
-            self._edges[edge], pcurves[True], pcurves[False], face, KERNEL_TOLERANCE
-        )
+        self._lay(face, edge, pcurves[True], pcurves[False])
 
-    def _degenerated(self, face: TopoDS_Face, side: int, vertex: int) -> TopoDS_Shape:
+    def _degenerated(self, face: TopoDS_Face, pcurve: PCurve, vertex: int) -> TopoDS_Edge:
         edge = TopoDS_Edge()
         self._builder.MakeEdge(edge)
-        self._builder.UpdateEdge(
-            edge, geometry.boundary_pcurve(side, True, 1.0), face, KERNEL_TOLERANCE
-        )
-        self._bound(edge, vertex, vertex, 1.0)
-        self._builder.Range(edge, face, 0.0, 1.0)
+        span = (0.0, geometry.length(pcurve))
+        self._builder.UpdateEdge(edge, geometry.pcurve(pcurve, *span), face, KERNEL_TOLERANCE)
+        self._bound(edge, vertex, vertex, span)
+        self._builder.Range(edge, face, *span)
         self._builder.Degenerated(edge, True)
         return edge
 

@@ -2,16 +2,52 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
+
 import numpy as np
 from numpy.typing import NDArray
-from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_Line, Geom_Plane
+from OCP.Geom import (
+    Geom_BSplineCurve,
+    Geom_BSplineSurface,
+    Geom_Circle,
+    Geom_ConicalSurface,
+    Geom_Curve,
+    Geom_CylindricalSurface,
+    Geom_Ellipse,
+    Geom_Line,
+    Geom_Plane,
+    Geom_SphericalSurface,
+    Geom_Surface,
+    Geom_SurfaceOfLinearExtrusion,
+    Geom_SurfaceOfRevolution,
+    Geom_ToroidalSurface,
+)
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_Line
-from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
+from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
+from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
 
 from pc2cad.errors import KernelError
-from pc2cad.geometry.carriers import Array, CurveCarrier, Line, Plane, SplineCurve, SplineSurface
+from pc2cad.geometry.carriers import (
+    Arc,
+    Array,
+    Cone,
+    CurveCarrier,
+    Cylinder,
+    Extrusion,
+    Frame,
+    Line,
+    PCurve,
+    Plane,
+    Revolution,
+    Segment,
+    Sphere,
+    SplineCurve,
+    SplinePath,
+    SplineSurface,
+    SurfaceCarrier,
+    Torus,
+)
 
 
 def check_finite(values: Array, what: str) -> None:
@@ -20,15 +56,33 @@ def check_finite(values: Array, what: str) -> None:
         raise KernelError(f"{what} has a coordinate that is not finite")
 
 
-def curve(carrier: CurveCarrier) -> tuple[Geom_Line | Geom_BSplineCurve, float]:
-    """Return the kernel's curve and the upper end of its parameter range, which begins at 0."""
+def _point(p: Array) -> gp_Pnt:
+    return gp_Pnt(*map(float, p))
+
+
+def _axes(frame: Frame) -> gp_Ax3:
+    check_finite(np.array([frame.origin, *frame.axes]), "a frame")
+    z, x = (gp_Dir(*map(float, frame.axes[i])) for i in (2, 0))
+    return gp_Ax3(_point(frame.origin), z, x)
+
+
+# -- curves ----------------------------------------------------------------------------------------
+
+
+def curve(carrier: CurveCarrier) -> tuple[Geom_Curve, float, float]:
+    """Return the kernel's curve and the range of its parameter."""
     if isinstance(carrier, Line):
         check_finite(np.array([carrier.start, carrier.end]), "an edge")
         along = carrier.end - carrier.start
         length = float(np.linalg.norm(along))
-        start = gp_Pnt(*map(float, carrier.start))
-        return Geom_Line(start, gp_Dir(*map(float, along / length))), length
-    return _spline_curve(carrier), 1.0
+        direction = gp_Dir(*map(float, along / length))
+        return Geom_Line(_point(carrier.start), direction), 0.0, length
+    if isinstance(carrier, Arc):
+        place = _axes(carrier.frame).Ax2()
+        major, minor = carrier.radii
+        conic = Geom_Circle(place, major) if major == minor else Geom_Ellipse(place, major, minor)
+        return conic, carrier.start, carrier.end
+    return _spline_curve(carrier), 0.0, 1.0
 
 
 def _spline_curve(carrier: SplineCurve) -> Geom_BSplineCurve:
@@ -37,13 +91,18 @@ def _spline_curve(carrier: SplineCurve) -> Geom_BSplineCurve:
     for i, (x, y, z) in enumerate(carrier.poles.tolist(), start=1):
         poles.SetValue(i, gp_Pnt(x, y, z))
     knots, multiplicities = _knots(carrier.knots)
-    return Geom_BSplineCurve(poles, knots, multiplicities, carrier.degree, False)
+    if carrier.weights is None:
+        return Geom_BSplineCurve(poles, knots, multiplicities, carrier.degree, False)
+    weights = TColStd_Array1OfReal(1, len(carrier.weights))
+    for i, weight in enumerate(carrier.weights.tolist(), start=1):
+        weights.SetValue(i, weight)
+    return Geom_BSplineCurve(poles, weights, knots, multiplicities, carrier.degree, False)
 
 
 def _knots(flat: NDArray[np.float64]) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
     check_finite(flat, "a knot vector")
     values, counts = np.unique(flat, return_counts=True)
-    if len(values) > 1 and np.diff(values).min() < 1e-10:
+    if len(values) > 1 and np.diff(values).min() < 1e-10 * (values[-1] - values[0]):
         raise KernelError("two knots are nearer than 1e-10 of the parameter range")
     knots = TColStd_Array1OfReal(1, len(values))
     multiplicities = TColStd_Array1OfInteger(1, len(values))
@@ -53,12 +112,56 @@ def _knots(flat: NDArray[np.float64]) -> tuple[TColStd_Array1OfReal, TColStd_Arr
     return knots, multiplicities
 
 
-def surface(carrier: Plane | SplineSurface) -> Geom_Plane | Geom_BSplineSurface:
+# -- surfaces --------------------------------------------------------------------------------------
+
+
+@singledispatch
+def surface(carrier: SurfaceCarrier) -> Geom_Surface:
     """Return the kernel's surface."""
-    if isinstance(carrier, Plane):
-        check_finite(np.array([carrier.origin, carrier.normal]), "a plane")
-        origin = gp_Pnt(*map(float, carrier.origin))
-        return Geom_Plane(gp_Ax3(origin, gp_Dir(*map(float, carrier.normal))))
+    raise TypeError(f"no surface is known for a {type(carrier).__name__}")
+
+
+@surface.register
+def _(carrier: Plane) -> Geom_Surface:
+    check_finite(np.array([carrier.origin, carrier.normal]), "a plane")
+    return Geom_Plane(gp_Ax3(_point(carrier.origin), gp_Dir(*map(float, carrier.normal))))
+
+
+@surface.register
+def _(carrier: Cylinder) -> Geom_Surface:
+    return Geom_CylindricalSurface(_axes(carrier.frame), carrier.radius)
+
+
+@surface.register
+def _(carrier: Cone) -> Geom_Surface:
+    return Geom_ConicalSurface(_axes(carrier.frame), carrier.angle, carrier.radius)
+
+
+@surface.register
+def _(carrier: Sphere) -> Geom_Surface:
+    return Geom_SphericalSurface(_axes(carrier.frame), carrier.radius)
+
+
+@surface.register
+def _(carrier: Torus) -> Geom_Surface:
+    return Geom_ToroidalSurface(_axes(carrier.frame), carrier.major, carrier.minor)
+
+
+@surface.register
+def _(carrier: Extrusion) -> Geom_Surface:
+    direction = gp_Dir(*map(float, carrier.direction))
+    return Geom_SurfaceOfLinearExtrusion(curve(carrier.basis)[0], direction)
+
+
+@surface.register
+def _(carrier: Revolution) -> Geom_Surface:
+    place = _axes(carrier.frame)
+    axis = gp_Ax1(place.Location(), place.Direction())
+    return Geom_SurfaceOfRevolution(curve(carrier.basis)[0], axis)
+
+
+@surface.register
+def _(carrier: SplineSurface) -> Geom_Surface:
     check_finite(carrier.poles, "a face's pole")
     rows, columns, _ = carrier.poles.shape
     poles = TColgp_Array2OfPnt(1, rows, 1, columns)
@@ -67,32 +170,44 @@ def surface(carrier: Plane | SplineSurface) -> Geom_Plane | Geom_BSplineSurface:
         for j, (x, y, z) in enumerate(row, start=1):
             set_value(i, j, gp_Pnt(x, y, z))
     (knots_s, counts_s), (knots_t, counts_t) = (_knots(k) for k in carrier.knots)
-    return Geom_BSplineSurface(
-        poles, knots_s, knots_t, counts_s, counts_t, *carrier.degrees, False, False
-    )
+    spaces = (knots_s, knots_t, counts_s, counts_t, *carrier.degrees, False, False)
+    if carrier.weights is None:
+        return Geom_BSplineSurface(poles, *spaces)
+    weights = TColStd_Array2OfReal(1, rows, 1, columns)
+    for i, line in enumerate(carrier.weights.tolist(), start=1):
+        for j, weight in enumerate(line, start=1):
+            weights.SetValue(i, j, weight)
+    return Geom_BSplineSurface(poles, weights, *spaces)
 
 
-#: the four sides of the unit square in anti-clockwise order, each from its start
-_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+# -- curves in parameter planes --------------------------------------------------------------------
 
 
-def boundary_pcurve(side: int, along_walk: bool, range_end: float) -> Geom2d_Curve:
-    """Return the straight curve along one side of the parameter square.
+def pcurve(data: PCurve, first: float, last: float) -> Geom2d_Curve:
+    """Return the curve in a surface's parameters over the range of its edge."""
+    if isinstance(data, SplinePath):
+        return _path(data.degree, first + (last - first) * data.knots, data.poles)
+    start, end = np.array(data.start), np.array(data.end)
+    along = end - start
+    length = float(np.hypot(*along))
+    # speed 1 but for rounding: a line; the kernel has no other speed for one
+    if abs(length - (last - first)) <= 1e-12 * max(length, 1.0):
+        origin = start - first * along / length
+        direction = gp_Dir2d(*map(float, along))
+        return Geom2d_Line(gp_Pnt2d(*map(float, origin)), direction)
+    return _path(1, np.array([first, first, last, last]), np.array([start, end]))
 
-    `side` counts anti-clockwise from t=0. The parameter runs from 0 to `range_end` at the edge's
-    own speed, along the walk or against it.
-    """
-    start, end = _SQUARE[side], _SQUARE[(side + 1) % 4]
-    if not along_walk:
-        start, end = end, start
-    if range_end == 1.0:
-        direction = gp_Dir2d(end[0] - start[0], end[1] - start[1])
-        return Geom2d_Line(gp_Pnt2d(*start), direction)
-    poles = TColgp_Array1OfPnt2d(1, 2)
-    poles.SetValue(1, gp_Pnt2d(*start))
-    poles.SetValue(2, gp_Pnt2d(*end))
-    knots, counts = TColStd_Array1OfReal(1, 2), TColStd_Array1OfInteger(1, 2)
-    for i, knot in enumerate((0.0, range_end), start=1):
-        knots.SetValue(i, knot)
-        counts.SetValue(i, 2)
-    return Geom2d_BSplineCurve(poles, knots, counts, 1, False)
+
+def length(data: PCurve) -> float:
+    """Return the length of the chord in the parameter plane."""
+    ends = (data.start, data.end) if isinstance(data, Segment) else data.poles[[0, -1]]
+    return float(np.hypot(*np.subtract(*ends)))
+
+
+def _path(degree: int, flat: Array, points: Array) -> Geom2d_BSplineCurve:
+    check_finite(points, "a curve in a face's parameters")
+    poles = TColgp_Array1OfPnt2d(1, len(points))
+    for i, (x, y) in enumerate(points.tolist(), start=1):
+        poles.SetValue(i, gp_Pnt2d(x, y))
+    knots, counts = _knots(flat)
+    return Geom2d_BSplineCurve(poles, knots, counts, degree, False)
