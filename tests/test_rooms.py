@@ -39,14 +39,14 @@ ALLOWED = {
         "solidity",
         "topology", "numpy",
     },
-    "export": {"export", "errors", "mesh", "numpy", "OCP"},
+    "export": {"export", "errors", "mesh", "numpy", "OCP", "lib3mf", "vtkmodules"},
     "mesh": {"mesh", "errors", "numpy", "scipy", "OCP"},
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays
 NUMPY_IN_EQUATION = {"evaluation", "intervals"}
 #: what topology takes from the equation room: the three-valued answer, nothing else
 TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
-OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "vtk"}
+OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "lib3mf", "vtk", "vtkmodules"}
 
 
 def imports(path: Path) -> set[str]:

@@ -6,10 +6,10 @@ import argparse
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from pc2cad.cli.inputs import add_template, add_tolerance, bind, load, named, read_length
-from pc2cad.cli.output import Progress, say, shown
+from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import FileNotWrittenError, InputError
 
 if TYPE_CHECKING:
@@ -43,13 +43,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--deflection", metavar="LENGTH",
-        help="largest distance of an STL chord from its surface, in model units",
+        help="largest distance of a triangle's edge from its surface, in model units "
+        "(formats of triangles)",
     )  # fmt: skip
     parser.add_argument(
         "--degree", type=int, choices=(3, 5, 7), default=5,
         help="degree of splines, where one is needed (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
+    parser.add_argument(
+        "--list-formats", action=_ListFormats, nargs=0,
+        help="show the formats, what each keeps of the solid, and exit",
+    )  # fmt: skip
+
+
+class _ListFormats(argparse.Action):
+    """Prints the registry of formats."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from pc2cad.export.registry import FORMATS
+
+        rows = [(" ".join(f.extensions), f.title, f.precision) for f in FORMATS]
+        say(table([("ending", "format", "precision"), *rows], indent=""))
+        parser.exit()
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -93,7 +109,7 @@ def _loss(path: str) -> str:
     """Return what the file's format does to the solid, where it does something."""
     from pc2cad.export.registry import format_for
 
-    return "; written as triangles" if format_for(path).name == "stl" else ""
+    return "; written as triangles" if format_for(path).triangles else ""
 
 
 def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:

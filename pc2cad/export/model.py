@@ -89,9 +89,9 @@ class ExportOptions:
 
     #: application protocol of a STEP file
     step_schema: StepSchema = "AP242"
-    #: STL: largest distance of a chord from its surface, in model units; None chooses it
+    #: triangles: largest distance of a chord from its surface, in model units; None chooses it
     deflection: float | None = None
-    #: STL: largest angle between neighbouring chords, in radians
+    #: triangles: largest angle between neighbouring chords, in radians
     angular_deflection: float = 0.3
     #: ISO 8601 time for the file's header; None takes SOURCE_DATE_EPOCH, else the present time
     timestamp: str | None = None

@@ -29,6 +29,8 @@ class Format:
     precision: str
     #: module with ``encode(exportable, options) -> bytes``
     module: str
+    #: whether it holds triangles instead of the boundary's surfaces
+    triangles: bool = False
 
     def encoder(self) -> Encoder:
         """Import the format's module and return its ``encode``."""
@@ -40,10 +42,26 @@ FORMATS: tuple[Format, ...] = (
     Format(
         name="step",
         extensions=(".step", ".stp"),
-        title="STEP (ISO 10303-21, AP242 or AP214), exact boundary representation",
+        title="STEP (ISO 10303-21, AP242 or AP214), boundary representation",
         specification="https://www.iso.org/standard/63141.html",
-        precision="every number is written so that the same double comes back",
+        precision="exact: every double comes back",
         module="pc2cad.export.step",
+    ),
+    Format(
+        name="brep",
+        extensions=(".brep",),
+        title="BREP, the kernel's own text",
+        specification="https://dev.opencascade.org/doc/overview/html/specification__brep_format.html",
+        precision="exact: every double comes back; neither unit nor names",
+        module="pc2cad.export.brep",
+    ),
+    Format(
+        name="iges",
+        extensions=(".igs", ".iges"),
+        title="IGES 5.3, manifold solid B-rep (entity 186)",
+        specification="https://web.archive.org/web/20180920102345/https://shop.iges5x.org/",
+        precision="exact: every double comes back; names of eight characters",
+        module="pc2cad.export.iges",
     ),
     Format(
         name="stl",
@@ -52,6 +70,43 @@ FORMATS: tuple[Format, ...] = (
         specification="https://www.loc.gov/preservation/digital/formats/fdd/fdd000505.shtml",
         precision="chords within the deflection, single-precision coordinates (7 digits)",
         module="pc2cad.export.stl",
+        triangles=True,
+    ),
+    Format(
+        name="stl text",
+        extensions=(".ast",),
+        title="STL (ASCII), triangles",
+        specification="https://www.loc.gov/preservation/digital/formats/fdd/fdd000506.shtml",
+        precision="chords within the deflection, single-precision coordinates (7 digits)",
+        module="pc2cad.export.stl_text",
+        triangles=True,
+    ),
+    Format(
+        name="3mf",
+        extensions=(".3mf",),
+        title="3MF, triangles for printing, with unit, names and colours",
+        specification="https://3mf.io/spec/",
+        precision="chords within the deflection, single-precision coordinates (7 digits)",
+        module="pc2cad.export.threemf",
+        triangles=True,
+    ),
+    Format(
+        name="glb",
+        extensions=(".glb",),
+        title="GLB (glTF 2.0), triangles in metres, Y up, with names and colours",
+        specification="https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html",
+        precision="chords within the deflection, single-precision coordinates (7 digits)",
+        module="pc2cad.export.glb",
+        triangles=True,
+    ),
+    Format(
+        name="vtp",
+        extensions=(".vtp",),
+        title="VTP (VTK XML), triangles with the side of each",
+        specification="https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html",
+        precision="chords within the deflection, every double comes back",
+        module="pc2cad.export.vtp",
+        triangles=True,
     ),
 )
 

@@ -1,4 +1,4 @@
-"""STL, binary: the triangles of the solid's boundary.
+"""STL: the triangles of the solid's boundary, binary and as text.
 
 Specification: https://www.loc.gov/preservation/digital/formats/fdd/fdd000505.shtml
 
@@ -14,20 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad import __version__
-from pc2cad.errors import KernelError
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.part21 import one_line
-from pc2cad.mesh.triangles import (
-    IntArray,
-    Triangles,
-    edge_defects,
-    enclosed_volume,
-    tessellate,
-    weld,
-)
-
-#: Share of the volume that rounding to single precision may change.
-ROUNDING_LIMIT = 1e-3
+from pc2cad.export.surface import single_precision, surface
 
 HEADER_SIZE = 80
 
@@ -42,41 +31,21 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
         KernelError: the solid could not be meshed, or single precision is too coarse for it.
 
     """
-    mesh = tessellate(
-        exportable.solid,
-        deflection=options.deflection,
-        angular_deflection=options.angular_deflection,
-        reference_volume=exportable.properties.volume,
-    )
-    vertices, triangles = _rounded(mesh)
-    corners = vertices[triangles]
-    facets = np.zeros(len(triangles), dtype=_FACET)
+    corners = facet_corners(exportable, options)
+    facets = np.zeros(len(corners), dtype=_FACET)
     facets["corners"] = corners
-    facets["normal"] = _normals(corners.astype(np.float64))
-    count = len(triangles).to_bytes(4, "little")
+    facets["normal"] = facet_normals(corners)
+    count = len(corners).to_bytes(4, "little")
     return _header(exportable) + count + facets.tobytes()
 
 
-def _rounded(mesh: Triangles) -> tuple[NDArray[np.float32], IntArray]:
-    """Return vertices (n, 3) in single precision and the triangles that are left, still closed."""
-    with np.errstate(over="ignore"):
-        rounded = mesh.vertices.astype(np.float32)
-    vertices, triangles, _ = weld(rounded, mesh.triangles)
-    defects = edge_defects(triangles, len(vertices))
-    finite = bool(np.isfinite(vertices).all())
-    change = enclosed_volume(vertices, triangles) - mesh.volume if finite else np.inf
-    if not defects.closed or not abs(change) <= ROUNDING_LIMIT * mesh.volume:
-        size = float(np.ptp(mesh.vertices, axis=0).max())
-        distance = float(np.abs(mesh.vertices).max())
-        raise KernelError(
-            "STL's single precision (7 digits) is too coarse for this part: it is "
-            f"{size:.3g} large and lies up to {distance:.3g} from the origin; "
-            "move it nearer to the origin or write STEP."
-        )
-    return vertices.astype(np.float32), triangles
+def facet_corners(exportable: Exportable, options: ExportOptions) -> NDArray[np.float64]:
+    """Return the corners of the facets, (m, 3, 3), as single precision holds them."""
+    mesh = single_precision(surface(exportable, options), "STL")
+    return mesh.vertices[mesh.triangles]
 
 
-def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def facet_normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return unit normals, (m, 3), of triangles, (m, 3, 3); 0 where three corners are in line."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths: Any = np.linalg.norm(normals, axis=1, keepdims=True)

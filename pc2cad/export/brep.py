@@ -1,0 +1,37 @@
+"""BREP, the kernel's own text format: the boundary representation as it is in memory.
+
+Specification: https://dev.opencascade.org/doc/overview/html/specification__brep_format.html
+
+It holds neither a unit nor names.
+"""
+
+from __future__ import annotations
+
+import io
+
+from OCP.BRep import BRep_Builder
+from OCP.BRepTools import BRepTools
+from OCP.Standard import Standard_Failure
+from OCP.TopoDS import TopoDS_Shape
+
+from pc2cad.errors import KernelError
+from pc2cad.export.kernel import census, check_read_back, check_solid
+from pc2cad.export.model import Exportable, ExportOptions
+
+
+def encode(exportable: Exportable, _options: ExportOptions) -> bytes:
+    """Return the BREP file of `exportable`, coordinates in its unit.
+
+    Raises:
+        KernelError: there is no solid, the kernel refused it, or it does not read back as it was.
+
+    """
+    check_solid(exportable.solid)
+    stream, found = io.BytesIO(), TopoDS_Shape()
+    try:
+        BRepTools.Write_s(exportable.solid, stream)
+        BRepTools.Read_s(found, io.BytesIO(stream.getvalue()), BRep_Builder())
+    except Standard_Failure as failure:
+        raise KernelError(f"The kernel could not write the solid as BREP: {failure}.") from None
+    check_read_back(found, census(exportable), "BREP text")
+    return stream.getvalue()

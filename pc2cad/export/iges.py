@@ -1,0 +1,136 @@
+"""IGES 5.3 with a manifold solid B-rep object (entity 186).
+
+Specification: https://web.archive.org/web/20180920102345/https://shop.iges5x.org/
+
+The kernel translates the solid; its numbers are written with 17 digits, so that the same doubles
+come back. Labels have eight characters at most.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.IGESCAFControl import IGESCAFControl_Writer
+from OCP.IGESControl import IGESControl_Controller, IGESControl_Reader
+from OCP.IGESData import IGESData_IGESWriter
+from OCP.Standard import Standard_Failure
+from OCP.TCollection import TCollection_HAsciiString
+
+from pc2cad import __version__
+from pc2cad.errors import KernelError
+from pc2cad.export import part21
+from pc2cad.export.kernel import (
+    Census,
+    census,
+    check_read_back,
+    check_solid,
+    document,
+    kernel_parameters,
+    quiet_kernel,
+)
+from pc2cad.export.model import Exportable, ExportOptions
+
+_UNIT_NAMES = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH"}
+
+#: Parameters of the kernel's translators; they belong to the process, hence are put back.
+_PARAMETERS: dict[str, int | str] = {
+    "write.iges.brep.mode": 1,
+    "write.convertsurface.mode": 0,
+    "write.precision.mode": 1,
+    "read.precision.mode": 0,
+    "read.maxprecision.mode": 0,
+    "read.stdsameparameter.mode": 0,
+    "read.surfacecurve.mode": 0,
+    # knots of low continuity stay as they are
+    "read.iges.bspline.continuity": 0,
+}
+
+
+def encode(exportable: Exportable, options: ExportOptions) -> bytes:
+    """Return the IGES file of `exportable`.
+
+    The same input, time stamp and library versions give the same bytes at every call.
+
+    Raises:
+        InputError: the time stamp cannot be read.
+        KernelError: there is no solid, the kernel refused it, or it does not read back as it was.
+
+    """
+    check_solid(exportable.solid)
+    # Init also defines the parameters that are set below
+    IGESControl_Controller.Init_s()
+    unit = _UNIT_NAMES[exportable.units]
+    stamp = datetime.fromisoformat(options.time_stamp()).strftime("%Y%m%d.%H%M%S")
+    try:
+        # the unit of the file, and of the coordinates here, in writing and in reading
+        units = {"write.iges.unit": unit, "xstep.cascade.unit": unit}
+        with quiet_kernel(), kernel_parameters({**_PARAMETERS, **units}):
+            text = _text(exportable, stamp)
+            _check(text, census(exportable))
+    except Standard_Failure as failure:
+        raise KernelError(f"The kernel could not translate the solid to IGES: {failure}.") from None
+    return text
+
+
+def _text(exportable: Exportable, stamp: str) -> bytes:
+    writer = IGESCAFControl_Writer()
+    writer.SetNameMode(True)
+    writer.SetColorMode(True)
+    names = {f"F{i}": face.name for i, face in enumerate(exportable.faces)}
+    names["P"] = _ascii(exportable.name) or "unnamed"
+    if not writer.Transfer(document(exportable, lambda key: names[key])):
+        raise KernelError("The kernel could not translate the solid to an IGES model.")
+    writer.ComputeModel()
+    model = writer.Model()
+    _head(model, _ascii(exportable.name) or "unnamed", stamp)
+    text_writer = IGESData_IGESWriter(model)
+    numbers = text_writer.FloatWriter()
+    numbers.SetFormat(part21.SAFE_FORMAT, True)
+    numbers.SetFormatForRange(part21.EXACT_FORMAT, *part21.EXACT_RANGE)
+    text_writer.SendModel(model.Protocol())
+    stream = io.BytesIO()  # only a real BytesIO: an exception in ours would end the process
+    if not text_writer.Print(stream):
+        raise KernelError("The kernel could not write its IGES model as text.")
+    return stream.getvalue()
+
+
+def _head(model: Any, name: str, stamp: str) -> None:
+    """Fill the global section: what the kernel takes from the machine says nothing of the part."""
+
+    def text(value: str) -> Any:
+        return TCollection_HAsciiString(value)
+
+    head = model.GlobalSection()
+    head.SetSendName(text(name))
+    head.SetReceiveName(text(name))
+    head.SetFileName(text(name))
+    head.SetAuthorName(text(""))
+    head.SetCompanyName(text(""))
+    head.SetSystemId(text(f"pc2cad {__version__}"))
+    head.SetDate(text(stamp))
+    head.SetLastChangeDate(text(stamp))
+    model.SetGlobalSection(head)
+
+
+def _ascii(text: str) -> str:
+    return part21.one_line(text, 60).encode("ascii", "replace").decode()
+
+
+def _check(text: bytes, original: Census) -> None:
+    """Read the file as another program would and compare it with the solid."""
+    reader = IGESControl_Reader()
+    # the kernel reads IGES from files only
+    with tempfile.TemporaryDirectory(prefix="pc2cad-") as folder:
+        path = Path(folder) / "check.igs"
+        path.write_bytes(text)
+        if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+            raise KernelError("The kernel cannot read the IGES text that it wrote.")
+    reader.TransferRoots()
+    if reader.NbShapes() != 1:
+        raise KernelError(f"The IGES text reads back as {reader.NbShapes()} shapes, not as one.")
+    check_read_back(reader.OneShape(), original, "IGES text")

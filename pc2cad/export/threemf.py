@@ -1,0 +1,140 @@
+"""3MF, core specification with triangle sets and the materials extension for colours.
+
+Specification: https://3mf.io/spec/
+
+Written by the 3MF Consortium's own library, lib3mf, and read back by it in strict mode. Each side
+of the box is a triangle set of its name.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import uuid
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad import __version__
+from pc2cad.errors import KernelError
+from pc2cad.export.model import Exportable, ExportOptions, NamedFace
+from pc2cad.export.part21 import one_line
+from pc2cad.export.surface import faces_in_order, single_precision, surface
+from pc2cad.mesh.triangles import Triangles
+
+_UNITS = {"mm": "MilliMeter", "cm": "CentiMeter", "m": "Meter", "in": "Inch"}
+#: digits of the largest coordinate: one more than single precision holds
+_DIGITS = 9
+#: distance in units of single precision's rounding that the library's reader may be off
+_READER_ROUNDING = 4.0
+
+
+def encode(exportable: Exportable, options: ExportOptions) -> bytes:
+    """Return the 3MF file of `exportable`.
+
+    Raises:
+        InputError: the deflection is too fine for the size of the part.
+        KernelError: the solid could not be meshed, single precision is too coarse for it, or
+            lib3mf refuses the file.
+
+    """
+    import lib3mf
+
+    mesh = single_precision(surface(exportable, options), "3MF")
+    wrapper = lib3mf.get_wrapper()
+    try:
+        data = _written(lib3mf, wrapper, exportable, mesh)
+        _check(wrapper, data, mesh)
+    except lib3mf.ELib3MFException as error:
+        raise KernelError(f"lib3mf refused the part: {error}.") from None
+    return data
+
+
+def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles) -> bytes:
+    model = wrapper.CreateModel()
+    model.SetUnit(getattr(library.ModelUnit, _UNITS[exportable.units]))
+    texts = {
+        "Title": one_line(exportable.name) or "unnamed",
+        "Description": one_line(exportable.description, 1000),
+        "Application": f"pc2cad {__version__}",
+    }
+    for key, value in texts.items():
+        if value:
+            model.GetMetaDataGroup().AddMetaData("", key, value, "xs:string", True)
+    thing = model.AddMeshObject()
+    thing.SetName(texts["Title"])
+    thing.SetGeometry(
+        _records(library.Position, mesh.vertices.astype(np.float32)),
+        _records(library.Triangle, mesh.triangles.astype(np.uint32)),
+    )
+    faces = faces_in_order(exportable)
+    for i, face in enumerate(faces):
+        members = thing.AddTriangleSet(f"side{i}", face.name)
+        members.SetTriangleList(np.flatnonzero(mesh.faces == i).tolist())
+    if any(face.colour for face in faces):
+        _colour(library, wrapper, model, thing, faces, mesh)
+    item = model.AddBuildItem(thing, wrapper.GetIdentityTransform())
+    # the library's identifiers are random; these depend on the part
+    content = f"{texts['Title']} {mesh.vertices.tobytes().hex()}"
+    for number, identified in enumerate((thing.SetUUID, item.SetUUID, model.SetBuildUUID)):
+        identified(str(uuid.uuid5(uuid.NAMESPACE_URL, f"{number} {content}")))
+    writer = model.QueryWriter("3mf")
+    writer.SetStrictModeActive(True)
+    # fixed decimals: the library would overflow with more than 18 digits in all
+    magnitude = math.floor(math.log10(np.abs(mesh.vertices).max()))
+    writer.SetDecimalPrecision(min(max(_DIGITS - 1 - magnitude, 1), 16))
+    return bytes(writer.WriteToBuffer())
+
+
+def _colour(
+    library: Any,
+    wrapper: Any,
+    model: Any,
+    thing: Any,
+    faces: tuple[NamedFace, ...],
+    mesh: Triangles,
+) -> None:
+    """Give each triangle the colour of its side; grey where there is none."""
+    group = model.AddColorGroup()
+    numbers = [
+        group.AddColor(wrapper.FloatRGBAToColor(*(face.colour or (0.7, 0.7, 0.7)), 1.0))
+        for face in faces
+    ]
+    thing.SetObjectLevelProperty(group.GetResourceID(), numbers[0])
+    rows = np.empty((len(mesh.triangles), 4), dtype=np.uint32)
+    rows[:, 0] = group.GetResourceID()
+    rows[:, 1:] = np.array(numbers, dtype=np.uint32)[mesh.faces][:, None]
+    thing.SetAllTriangleProperties(_records(library.TriangleProperties, rows))
+
+
+def _records(kind: Any, rows: NDArray[Any]) -> Any:
+    """Return rows as an array of one of the library's structures."""
+    assert ctypes.sizeof(kind) == rows.itemsize * rows.shape[1]
+    return (kind * len(rows)).from_buffer_copy(np.ascontiguousarray(rows).tobytes())
+
+
+def _check(wrapper: Any, data: bytes, mesh: Triangles) -> None:
+    """Read the file strictly, as a slicer would, and compare it with the mesh."""
+    model = wrapper.CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromBuffer(data)
+    things = model.GetMeshObjects()
+    if reader.GetWarningCount() or not things.MoveNext():
+        raise KernelError("The 3MF file reads back with warnings, or without its mesh.")
+    thing = things.GetCurrentMeshObject()
+    counts = (thing.GetVertexCount(), thing.GetTriangleCount())
+    if counts != (len(mesh.vertices), len(mesh.triangles)) or not thing.IsManifoldAndOriented():
+        raise KernelError(
+            f"The 3MF file reads back with {counts[0]} corners and {counts[1]} triangles instead "
+            f"of {len(mesh.vertices)} and {len(mesh.triangles)}, or not closed."
+        )
+    found = np.frombuffer(_vertices(thing), dtype=np.float32).reshape(-1, 3)
+    off = float(np.abs(found - mesh.vertices).max())
+    if not off <= _READER_ROUNDING * np.finfo(np.float32).eps * np.abs(mesh.vertices).max():
+        raise KernelError(f"The 3MF file reads back with coordinates that are {off:.3g} off.")
+
+
+def _vertices(thing: Any) -> bytes:
+    return b"".join(bytes(position) for position in thing.GetVertices())
