@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from fractions import Fraction
 from math import pi
 from pathlib import Path
 
@@ -11,8 +12,14 @@ import pytest
 from consumers.step_file import check_step
 
 import pc2cad as pc
+from pc2cad.equation.breaks import Break, find_breaks, resolve_pieces
+from pc2cad.equation.calculus import derivatives
+from pc2cad.equation.evaluation import Program
+from pc2cad.equation.scalar import evaluate
+from pc2cad.equation.tree import number, pieces, substitute, walk
 
 u, v, w = pc.parameters()
+HALF = number(Fraction(1, 2))
 RECTANGLE = [(2, 1), (-2, 1), (-2, -1), (2, -1)]
 HEXAGON_OF_SPEC = [(2, 0), (1, 1.5), (-1, 1.8), (-2.2, 0.2), (-1.2, -1.4), (0.8, -1.7)]
 
@@ -80,3 +87,22 @@ def test_contour_starting_between_two_nodes_is_the_same_solid() -> None:
     x, y = pc.contour(HEXAGON_OF_SPEC, v + 1 / 12)
     part = pc.compile_part((x * w, y * w, 5 * u))
     assert part.report.solid.volume == pytest.approx(5 * 46859 / 4000, rel=1e-13)
+
+
+def test_open_pieces_go_on_and_may_be_any_functions() -> None:
+    breaks = tuple(map(Fraction, (0, "1/2", 1)))
+    line = pieces(u, breaks, ((number(0), number(1)), (HALF, number(3))), 0, closed=False)
+    (slope,) = derivatives((line,), "u")
+    for place, value, rise in ((-1, -1, 1), (0.25, 0.25, 1), (0.75, 1.25, 3), (1, 2, 3), (2, 5, 3)):
+        assert evaluate(line, {"u": place}) == pytest.approx(value)
+        assert Program((line, slope))({"u": np.array(float(place))}) == pytest.approx((value, rise))
+        (folded,) = substitute((line,), {"u": number(place)})
+        assert folded is number(Fraction(value))
+    arc = pieces(u, breaks, ((pc.sin(pc.pi * u),), (1 + v - v * pc.cos(u),)), 1, closed=False)
+    assert find_breaks((arc,)) == ((Break(0.5, 1),), (), ())
+    (slope,) = derivatives((arc,), "u")
+    assert slope.payload.smoothness == 0
+    assert evaluate(slope, {"u": 0.25, "v": 9}) == pytest.approx(pi * np.cos(pi / 4))
+    assert evaluate(slope, {"u": 0.75, "v": 9}) == pytest.approx(9 * np.sin(0.75))
+    (only,) = resolve_pieces(substitute((arc,), {"u": HALF + HALF * u}))
+    assert not any(node.op == "pieces" for node in walk((only,)))

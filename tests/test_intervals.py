@@ -59,9 +59,9 @@ def exact(node, args, places):
     if node.op == "pieces":
         breaks = [mpmath.mpf(b.numerator) / b.denominator for b in node.payload[0]]
         t = args[0]
-        period = breaks[-1] - breaks[0]
-        t = (t - breaks[0]) % period + breaks[0]
-        i = max(i for i in range(len(breaks) - 1) if breaks[i] <= t)
+        if node.payload.closed:
+            t = (t - breaks[0]) % (breaks[-1] - breaks[0]) + breaks[0]
+        i = max((i for i in range(len(breaks) - 1) if breaks[i] <= t), default=0)
         row = [exact(c, [], {}) for c in piece_rows(node)[i]]
         return sum(c * (t - breaks[i]) ** k for k, c in enumerate(row))
     simple = {
@@ -114,16 +114,24 @@ def test_compound_trees_hold(root, a, b, c, d, s, t):
     holds(root, {k: v for k, v in boxes.items() if k in root.symbols}, {"x": s, "y": t})
 
 
-PIECES = pieces(
-    X, tuple(map(Fraction, (1, 2, 4, 5))),
-    tuple(tuple(number(c) for c in row) for row in ((1, 2, -3), (0, 5, -1), (6, 1, -6))), 0,
+PIECES, OPEN_PIECES = (
+    pieces(
+        X, tuple(map(Fraction, (1, 2, 4, 5))),
+        tuple(tuple(number(c) for c in row) for row in ((1, 2, -3), (0, 5, -1), (6, 1, -6))),
+        0, closed,
+    ) for closed in (True, False)
 )  # fmt: skip
 
 
 @many
-@given(a=st.floats(-20, 20), width=st.floats(0, 9) | st.sampled_from([0.0, 1.0, 4.0]), share=inside)
-def test_pieces_hold(a, width, share):
-    holds(PIECES, {"x": (a, a + width)}, {"x": share})
+@given(
+    root=st.sampled_from([PIECES, OPEN_PIECES]),
+    a=st.floats(-20, 20),
+    width=st.floats(0, 9) | st.sampled_from([0.0, 1.0, 4.0]),
+    share=inside,
+)
+def test_pieces_hold(root, a, width, share):
+    holds(root, {"x": (a, a + width)}, {"x": share})
 
 
 @many

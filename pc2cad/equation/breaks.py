@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, floor
 
 from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import ZERO, Expr, piece_rows, rewrite, walk
+from pc2cad.equation.tree import ANALYTIC, ZERO, Expr, piece_rows, rewrite, walk
 from pc2cad.errors import InputError
 
 #: positions nearer than this (of a direction of length 1) are one break
@@ -44,8 +45,10 @@ def find_breaks(roots: tuple[Expr, ...]) -> tuple[tuple[Break, ...], ...]:
                 "only when that is a·v + b in one of the parameters"
             )
         (name,) = argument.symbols
-        breaks, _, smoothness = node.payload
-        for position in _positions(argument, name, [float(b) for b in breaks]):
+        breaks, _, smoothness, closed = node.payload
+        if smoothness == ANALYTIC:
+            continue
+        for position in _positions(argument, name, [float(b) for b in breaks], closed):
             table = found[PARAMETERS.index(name)]
             same = next((p for p in table if abs(p - position) < SAME_POSITION), position)
             table[same] = min(table.get(same, smoothness), smoothness)
@@ -66,13 +69,16 @@ def _only_piece(node: Expr) -> Expr:
         return node
     (name,) = argument.symbols
     low, high = sorted(evaluate(argument, {name: x}) for x in (0.0, 1.0))
-    breaks, _, _ = node.payload
+    breaks, _, _, closed = node.payload
     period = breaks[-1] - breaks[0]
-    turn = floor(((low + high) / 2 - float(breaks[0])) / float(period))
-    for row, start, end in zip(piece_rows(node), breaks, breaks[1:], strict=False):
+    turn = floor(((low + high) / 2 - float(breaks[0])) / float(period)) if closed else 0
+    rows = piece_rows(node)
+    for i, (row, start, end) in enumerate(zip(rows, breaks, breaks[1:], strict=False)):
         shift = start + turn * period
         width = float(end - start) * SAME_POSITION
-        if float(shift) - width <= low and high <= float(shift + end - start) + width:
+        begins = float(shift) - width <= low or (not closed and i == 0)
+        ends = high <= float(shift + end - start) + width or (not closed and i == len(rows) - 1)
+        if begins and ends:
             value: Expr = ZERO
             for coefficient in reversed(row):
                 value = value * (argument - shift) + coefficient
@@ -91,12 +97,18 @@ def _is_affine(argument: Expr) -> bool:
     return True
 
 
-def _positions(argument: Expr, name: str, breaks: list[float]) -> list[float]:
+def _positions(argument: Expr, name: str, breaks: list[float], closed: bool) -> list[float]:
     at = [evaluate(argument, {name: x}) for x in (0.0, 1.0)]
     slope = at[1] - at[0]
+    if not closed:
+        return _within((b - at[0]) / slope for b in breaks[1:-1])
     period = breaks[-1] - breaks[0]
     low, high = min(at), max(at)
     turns = range(floor((low - breaks[0]) / period), ceil((high - breaks[0]) / period) + 1)
-    places = [(b + k * period - at[0]) / slope for k in turns for b in breaks[:-1]]
-    inside = [p for p in places if -SAME_POSITION <= p <= 1 + SAME_POSITION]
-    return sorted(min(max(p, 0.0), 1.0) for p in inside)
+    return _within((b + k * period - at[0]) / slope for k in turns for b in breaks[:-1])
+
+
+def _within(places: Iterable[float]) -> list[float]:
+    """Return the places in [0, 1], ascending; what lies beside an end is the end."""
+    inside = (p for p in places if -SAME_POSITION <= p <= 1 + SAME_POSITION)
+    return sorted(0.0 if p < SAME_POSITION else 1.0 if p > 1 - SAME_POSITION else p for p in inside)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pc2cad.equation.functions import FUNCTIONS
-from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, piece_rows, pieces, walk
+from pc2cad.equation.tree import ANALYTIC, ONE, ZERO, Expr, call, number, piece_rows, pieces, walk
 
 
 def derivatives(roots: tuple[Expr, ...], name: str) -> tuple[Expr, ...]:
@@ -48,10 +48,13 @@ def _power_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
 
 
 def _pieces_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
-    breaks, width, smoothness = node.payload
+    breaks, width, smoothness, closed = node.payload
     rows = piece_rows(node)
+    inner = done[node.args[0]]
+    lower = smoothness if smoothness == ANALYTIC else max(smoothness - 1, 0)
     along = tuple(tuple(row[k] * number(k) for k in range(1, width)) or (ZERO,) for row in rows)
-    result = pieces(node.args[0], breaks, along, max(smoothness - 1, 0)) * done[node.args[0]]
-    # the coefficients may depend on the parameters as well
+    result = pieces(node.args[0], breaks, along, lower, closed) * inner
+    # the coefficients may depend on the parameters as well, and on that of the pieces
     across = tuple(tuple(done[c] for c in row) for row in rows)
-    return result + pieces(node.args[0], breaks, across, smoothness)
+    after = smoothness if inner is ZERO else lower
+    return result + pieces(node.args[0], breaks, across, after, closed)

@@ -109,15 +109,16 @@ def _integer_power(a: Value, n: int) -> Value:
 
 
 def _pieces_step(node: Expr) -> _Run:
-    breaks, width, _ = node.payload
+    breaks, width, _, closed = node.payload
     knots = np.array([float(b) for b in breaks])
     period = knots[-1] - knots[0]
 
     def run(values: Mapping[str, Value], t: Value, *flat: Value) -> Value:
-        # the closing break belongs to the last piece of its own turn, so that one-sided
-        # derivatives at the end of a domain are those from inside
-        inside = (t >= knots[0]) & (t <= knots[-1])
-        t = np.where(inside, t, (t - knots[0]) % period + knots[0])
+        if closed:
+            # the closing break belongs to the last piece of its own turn, so that one-sided
+            # derivatives at the end of a domain are those from inside
+            inside = (t >= knots[0]) & (t <= knots[-1])
+            t = np.where(inside, t, (t - knots[0]) % period + knots[0])
         index = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
         local = t - knots[index]
         value: Value = 0.0

@@ -360,9 +360,11 @@ def _power(node: Expr, args: tuple[Interval, ...]) -> Interval:
 
 
 def _pieces(node: Expr, args: tuple[Interval, ...]) -> Interval:
-    """Enclose a closed piecewise polynomial: the hull over all pieces that the argument meets."""
-    breaks, width, _ = node.payload
+    """Enclose a piecewise polynomial: the hull over all pieces that the argument meets."""
+    breaks, width, _, closed = node.payload
     t, flat = args[0], args[1:]
+    if not closed:
+        return _open_pieces(t, [float(b) for b in breaks], flat, width)
     knots = [float(b) for b in breaks]
     period = knots[-1] - knots[0]
     turn = np.floor((t.lower - knots[0]) / period) * period
@@ -392,6 +394,31 @@ def _pieces(node: Expr, args: tuple[Interval, ...]) -> Interval:
             far = high - low >= period
             lower = np.where(far, np.minimum(lower, value.lower), lower)
             upper = np.where(far, np.maximum(upper, value.upper), upper)
+    return _whole_line_where(~np.isfinite(t.lower) | ~np.isfinite(t.upper), Interval(lower, upper))
+
+
+def _open_pieces(
+    t: Interval, knots: list[float], flat: tuple[Interval, ...], width: int
+) -> Interval:
+    """Enclose pieces of which the first and the last go on without end."""
+    slack = 4 * ULP * (np.abs(t.lower) + np.abs(t.upper) + abs(knots[0]) + abs(knots[-1]))
+    low, high = t.lower - slack, t.upper + slack
+    lower: Array = np.asarray(INFINITE)
+    upper: Array = np.asarray(-INFINITE)
+    last = len(knots) - 2
+    for i in range(last + 1):
+        begin = knots[i] if i else -INFINITE
+        end = knots[i + 1] if i < last else INFINITE
+        met = (low <= end) & (high >= begin)
+        if not np.any(met):
+            continue
+        # where the piece is not met the interval may be upside down, and is not used
+        start = np.where(met, np.maximum(low, begin), begin if i else knots[0])
+        stop = np.where(met, np.minimum(high, end), start)
+        local = Interval(start - knots[i] - slack, stop - knots[i] + slack)
+        value = _polynomial(flat[i * width : (i + 1) * width], local)
+        lower = np.where(met, np.minimum(lower, value.lower), lower)
+        upper = np.where(met, np.maximum(upper, value.upper), upper)
     return _whole_line_where(~np.isfinite(t.lower) | ~np.isfinite(t.upper), Interval(lower, upper))
 
 

@@ -54,12 +54,12 @@ def _value(node: Expr, args: list[float], values: Mapping[str, float]) -> float:
 
 
 def _piece_value(node: Expr, args: list[float]) -> float:
-    breaks, width, _ = node.payload
+    breaks, width, _, closed = node.payload
     t, flat = args[0], args[1:]
     first, last = float(breaks[0]), float(breaks[-1])
-    if not first <= t <= last:
+    if closed and not first <= t <= last:
         t = (t - first) % (last - first) + first
-    index = max(i for i in range(len(breaks) - 1) if float(breaks[i]) <= t)
+    index = max((i for i in range(len(breaks) - 1) if float(breaks[i]) <= t), default=0)
     value = 0.0
     for coefficient in reversed(flat[index * width : (index + 1) * width]):
         value = value * (t - float(breaks[index])) + coefficient

@@ -102,14 +102,16 @@ def _expression(node: Expr, args: list[Any]) -> Any:
 
 
 def _pieces(node: Expr, args: list[Any]) -> Any:
-    breaks, width, _ = node.payload
+    breaks, width, _, closed = node.payload
     first, period = breaks[0], breaks[-1] - breaks[0]
     start = sympy.Rational(first.numerator, first.denominator)
-    t = start + sympy.Mod(args[0] - start, sympy.Rational(period.numerator, period.denominator))
+    turn = sympy.Rational(period.numerator, period.denominator)
+    t = start + sympy.Mod(args[0] - start, turn) if closed else args[0]
     branches = []
     for i in range(len(piece_rows(node))):
         low = sympy.Rational(breaks[i].numerator, breaks[i].denominator)
         high = sympy.Rational(breaks[i + 1].numerator, breaks[i + 1].denominator)
         row = args[1 + i * width : 1 + (i + 1) * width]
-        branches.append((sum(c * (t - low) ** k for k, c in enumerate(row)), t < high))
+        last = not closed and i == len(breaks) - 2
+        branches.append((sum(c * (t - low) ** k for k, c in enumerate(row)), last or t < high))
     return sympy.Piecewise(*branches)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from weakref import WeakValueDictionary
 
 from pc2cad.errors import InputError
@@ -24,6 +24,22 @@ LARGEST_FOLDED_BITS: Final = 512
 LARGEST_EXPONENT: Final = 1000
 
 _interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
+
+
+#: order of continuity of what is one analytic function but for rounding: its breaks do not count
+ANALYTIC: Final = 99
+
+
+class Layout(NamedTuple):
+    """The payload of a ``pieces`` node: everything but the argument and the coefficients."""
+
+    breaks: tuple[Fraction, ...]
+    #: coefficients per piece
+    width: int
+    #: order of continuity at the breaks; `ANALYTIC` where nothing changes there
+    smoothness: int
+    #: repeats with the period breaks[-1] - breaks[0]; else the end pieces go on
+    closed: bool
 
 
 class ValueDomainError(InputError):
@@ -238,32 +254,39 @@ def call(name: str, *args: Expr) -> Expr:
 
 
 def pieces(
-    arg: Expr, breaks: tuple[Fraction, ...], rows: tuple[tuple[Expr, ...], ...], smoothness: int
+    arg: Expr,
+    breaks: tuple[Fraction, ...],
+    rows: tuple[tuple[Expr, ...], ...],
+    smoothness: int,
+    closed: bool = True,
 ) -> Expr:
-    """Return a closed piecewise polynomial of `arg`, of period breaks[-1] - breaks[0].
+    """Return a piecewise polynomial of `arg`.
 
     ``rows[i]`` holds the ascending coefficients on [breaks[i], breaks[i+1]] in the local variable
-    arg - breaks[i]; all rows have one length. `smoothness` is the order of continuity (0: value,
-    1: first derivative) at every break, the closing one included.
+    arg - breaks[i]; all rows have one length. Coefficients may be functions themselves: rows of
+    one are the pieces of any piecewise function. `smoothness` is the order of continuity (0: value,
+    1: first derivative) at every break. A closed one has the period breaks[-1] - breaks[0], and
+    its smoothness at the closing break as well; an open one goes on with its end pieces.
     """
     width = len(rows[0])
-    if all(c is ZERO for row in rows for c in row):
-        return ZERO
+    if all(c is rows[0][0] for (c, *_) in rows) and all(c is ZERO for row in rows for c in row[1:]):
+        return rows[0][0]
     if arg.op == "number":
-        period = breaks[-1] - breaks[0]
-        t = (arg.payload - breaks[0]) % period + breaks[0]
-        index = max(i for i in range(len(rows)) if breaks[i] <= t)
+        t = arg.payload
+        if closed:
+            t = (t - breaks[0]) % (breaks[-1] - breaks[0]) + breaks[0]
+        index = max((i for i in range(len(rows)) if breaks[i] <= t), default=0)
         value = ZERO
         for coefficient in reversed(rows[index]):
             value = value * (t - breaks[index]) + coefficient
         return value
     flat = tuple(c for row in rows for c in row)
-    return _make("pieces", (arg, *flat), (breaks, width, smoothness))
+    return _make("pieces", (arg, *flat), Layout(breaks, width, smoothness, closed))
 
 
 def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
     """Return the coefficient rows of a ``pieces`` node."""
-    _, width, _ = node.payload
+    width = node.payload.width
     flat = node.args[1:]
     return tuple(flat[i : i + width] for i in range(0, len(flat), width))
 
@@ -281,9 +304,9 @@ def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     if node.op == "neg":
         return neg(*args)
     if node.op == "pieces":
-        breaks, width, smoothness = node.payload
+        breaks, width, smoothness, closed = node.payload
         rows = tuple(args[1 + i : 1 + i + width] for i in range(0, len(args) - 1, width))
-        return pieces(args[0], breaks, rows, smoothness)
+        return pieces(args[0], breaks, rows, smoothness, closed)
     return call(node.op, *args)
 
 

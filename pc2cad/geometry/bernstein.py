@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pc2cad.equation.normal_form import NormalForm, normal_form
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import Expr, walk
+from pc2cad.equation.tree import ANALYTIC, Expr, walk
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,9 @@ def _node_degree(node: Expr, degrees: list[int | None]) -> int | None:
         whole = exponent.denominator == 1 and 0 < exponent <= LARGEST_DEGREE
         return known[0] * int(exponent) if whole else None
     if node.op == "pieces":
-        width: int = node.payload[1]
+        width: int = node.payload.width
+        if node.payload.smoothness == ANALYTIC and degrees[0] != 0:
+            return None  # its breaks are not among those of the direction
         return known[0] * (width - 1) + max(known[1:])
     return None
 
