@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pc2cad.equation.template_file import read_template as read_template
     from pc2cad.part import Part as Part
     from pc2cad.python import *  # noqa: F403
+    from pc2cad.studies.study import study as study
 
 _HOMES = {
     "Part": "pc2cad.part",
@@ -32,6 +33,7 @@ _HOMES = {
     "compile_part": "pc2cad.compiler",
     "from_sympy": "pc2cad.equation.sympy_bridge",
     "read_template": "pc2cad.equation.template_file",
+    "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.equation.sympy_bridge",
 }
 

@@ -40,6 +40,10 @@ ALLOWED = {
         "topology", "numpy",
     },
     "export": {"export", "errors", "mesh", "numpy", "OCP", "lib3mf", "vtkmodules"},
+    "studies": {
+        "studies", "compiler", "equation", "errors", "export", "library", "report", "numpy",
+        "scipy", "__version__",
+    },
     "mesh": {"mesh", "errors", "numpy", "scipy", "OCP"},
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays

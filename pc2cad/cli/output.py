@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from contextlib import suppress
 from threading import Lock, Timer
 from types import TracebackType
@@ -77,6 +78,15 @@ class Progress:
         self._shown = False
         self._timer: Timer | None = None
         self._lock = Lock()
+        self._due = time.monotonic() + PATIENCE
+
+    def update(self, state: str) -> None:
+        """Show how far a long stage is, a few times a second at most."""
+        if self._active and time.monotonic() >= self._due:
+            self._due = time.monotonic() + PATIENCE / 4
+            with self._lock:
+                self._shown = True
+                self._write(f"\r\x1b[K{state}")
 
     def __call__(self, stage: str) -> None:
         """Begin a stage."""

@@ -40,7 +40,7 @@ _CURVE_KEYS: Final = {
 
 def read_template(path: str | os.PathLike[str]) -> Template:
     """Read a template file; raise TemplateError for whatever is not as the format asks."""
-    return parse_template(_read_text(Path(path)), Path(path).stem, str(path))
+    return parse_template(read_template_text(Path(path)), Path(path).stem, str(path))
 
 
 def parse_template(text: str, name: str, file: str = "template") -> Template:
@@ -67,7 +67,8 @@ def _read(
     return _Reader(file, data, bound, moved).template(name)
 
 
-def _read_text(path: Path) -> str:
+def read_template_text(path: Path) -> str:
+    """Return the text of a template file; raise TemplateError where it is no such file."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise TemplateError(f"{path}: not a regular file")

@@ -1,0 +1,147 @@
+"""``pc2cad study``: many variants of a template, with a table of what became of each."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from pc2cad.cli.inputs import add_template, add_tolerance, named, read_length, read_settings
+from pc2cad.cli.output import Progress, say, shown, table
+from pc2cad.errors import InputError
+
+if TYPE_CHECKING:
+    from pc2cad.studies.local import Limits
+    from pc2cad.studies.run import Progress as State
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the template, the variants, the engine and its limits."""
+    add_template(parser)
+    what = parser.add_argument_group("variants")
+    what.add_argument(
+        "--vary", metavar="NAME=FROM:TO:COUNT", action="append", default=[],
+        help="values of a parameter: FROM:TO:COUNT, a list A,B,C, or FROM:TO for a sample "
+        "(repeatable: every combination)",
+    )  # fmt: skip
+    what.add_argument("--table", metavar="FILE", help="variants from a CSV or Parquet table")
+    what.add_argument(
+        "--sample", metavar="METHOD:COUNT",
+        help="draw a sample of the ranges: lhs:500 (Latin hypercube) or sobol:512",
+    )  # fmt: skip
+    what.add_argument("--seed", type=int, default=1, help="of the sample (default: %(default)s)")
+    add_tolerance(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="FOLDER", required=True,
+        help="folder for the journal, the results table and the files",
+    )  # fmt: skip
+    parser.add_argument(
+        "--formats", metavar="A,B", default="step",
+        help="files of every variant, by their endings (default: %(default)s; 'none' for none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--store", metavar="ADDRESS",
+        help="where files go: a folder or an address for fsspec (default: FOLDER/files)",
+    )  # fmt: skip
+    parser.add_argument("--resume", action="store_true", help="go on with an interrupted study")
+    how = parser.add_argument_group("workers")
+    how.add_argument(
+        "--workers", type=int, default=0, metavar="N",
+        help="worker processes (default: as many as processors)",
+    )  # fmt: skip
+    how.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster, for example tcp://…")
+    how.add_argument(
+        "--time-limit", type=float, default=300.0, metavar="SECONDS",
+        help="end a variant that takes longer (default: %(default)s)",
+    )  # fmt: skip
+    how.add_argument(
+        "--memory-limit", type=float, default=4.0, metavar="GIB",
+        help="end a variant that takes more memory (default: %(default)s)",
+    )  # fmt: skip
+    how.add_argument(
+        "--stop-after", type=int, default=100, metavar="N",
+        help="give up when the first N variants all fail, 0 for never (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the study; exit code 0 even where variants were refused: the table says which."""
+    from pc2cad.studies.study import study
+
+    begun = time.monotonic()
+    with Progress(arguments.quiet) as progress, named(arguments.template):
+
+        def show(state: State) -> None:
+            left = state.remaining
+            rest = "" if left is None else f", about {_duration(left)} left"
+            progress.update(f"{state.finished} of {state.total} variants{rest}")
+
+        result = study(
+            arguments.template,
+            arguments.output,
+            vary=_vary(arguments.vary),
+            table=arguments.table,
+            sampling=arguments.sample,
+            seed=arguments.seed,
+            fixed=_fixed(arguments.settings),
+            formats=_formats(arguments.formats),
+            tolerance=read_length("--tolerance", arguments.tolerance),
+            workers=arguments.workers,
+            cluster=arguments.dask,
+            limits=_limits(arguments),
+            store=arguments.store,
+            resume=arguments.resume,
+            stop_after=arguments.stop_after or None,
+            progress=show,
+        )
+    if not arguments.quiet:
+        spent = _duration(time.monotonic() - begun)
+        say(f"{shown(arguments.output)}: {len(result.rows)} variants, {result.built} worked out "
+            f"now in {spent}")  # fmt: skip
+        say(table([(status, str(count)) for status, count in sorted(result.counts.items())]))
+        if not result.with_parquet:
+            say("  results.csv only: Parquet needs pip install 'pc2cad[study]'")
+    return 0
+
+
+def _vary(texts: Sequence[str]) -> dict[str, str | Sequence[float]]:
+    axes: dict[str, str | Sequence[float]] = {}
+    for text in texts:
+        name, sign, given = (part.strip() for part in text.partition("="))
+        if not (name and sign and given):
+            raise InputError(
+                f"--vary '{text[:80]}': write NAME=FROM:TO:COUNT, NAME=A,B,C or, for a sample, "
+                "NAME=FROM:TO"
+            )
+        if name in axes:
+            raise InputError(f"--vary {name[:80]}: the parameter is varied twice")
+        axes[name] = given
+    return axes
+
+
+def _fixed(settings: Sequence[str]) -> dict[str, float]:
+    from pc2cad.studies.plan import read_number
+
+    return {name: read_number(f"-s {name}", text) for name, text in read_settings(settings).items()}
+
+
+def _formats(text: str) -> list[str]:
+    formats = [ending.strip().lstrip(".").lower() for ending in text.split(",")]
+    return [] if formats == ["none"] else formats
+
+
+def _limits(arguments: argparse.Namespace) -> Limits:
+    from pc2cad.studies.local import Limits
+
+    if arguments.workers < 0 or min(arguments.time_limit, arguments.memory_limit) <= 0:
+        raise InputError("--workers, --time-limit and --memory-limit take positive numbers")
+    return Limits(seconds=arguments.time_limit, memory=int(arguments.memory_limit * 1024**3))
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"

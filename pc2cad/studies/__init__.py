@@ -1,0 +1,1 @@
+"""Studies: many variants of one template, planned, run by workers that may die, and resumed."""

@@ -1,0 +1,106 @@
+"""The same jobs on a Dask cluster.
+
+A Dask worker hands each job to a guarded process of its own (`LocalEngine` with one worker), so
+that a crash of the kernel ends that process and never the Dask worker, whose other tasks would be
+blamed for it.
+"""
+
+from __future__ import annotations
+
+import atexit
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from itertools import islice
+from types import TracebackType
+from typing import Any
+
+from pc2cad.errors import InputError, KernelError
+from pc2cad.studies.local import Limits, LocalEngine
+from pc2cad.studies.variant import STATUS, Job, Outcome, Task
+
+#: jobs under way for each thread of the cluster: none waits for the scheduler
+AHEAD = 3
+
+
+class ClusterLostError(KernelError):
+    """The Dask cluster cannot be reached, or has ended."""
+
+
+_engines = threading.local()
+
+
+def _guarded(task: Task, limits: Limits, job: Job) -> Outcome:
+    """Run one job in this thread's guarded process; runs on a Dask worker."""
+    kept: tuple[Task, Limits, LocalEngine] | None = getattr(_engines, "engine", None)
+    if kept is None or kept[:2] != (task, limits):
+        if kept is not None:
+            kept[2].__exit__(None, None, None)
+        kept = (task, limits, LocalEngine(task, 1, limits))
+        _engines.engine = kept
+        atexit.register(kept[2].__exit__, None, None, None)
+    (outcome,) = kept[2].run([job])
+    return outcome
+
+
+class DaskEngine:
+    """Runs jobs on a Dask cluster: an address, or a cluster object such as `LocalCluster`."""
+
+    def __init__(self, task: Task, cluster: Any, limits: Limits | None = None) -> None:
+        try:
+            import distributed
+        except ImportError as error:
+            raise InputError("Dask is not installed: pip install 'pc2cad[study]'") from error
+        self._distributed = distributed
+        self._task = task
+        self._limits = limits or Limits()
+        try:
+            self._client = distributed.Client(cluster, timeout="10s")
+        except (OSError, ValueError, TimeoutError) as error:
+            raise ClusterLostError(f"the Dask cluster {cluster} cannot be reached: {error}") from (
+                error
+            )
+
+    def run(self, jobs: Iterable[Job]) -> Iterator[Outcome]:
+        """Yield the outcome of every job, in the order in which they end."""
+        source = iter(jobs)
+        (task,) = self._client.scatter([self._task], broadcast=True, hash=False)
+        waiting: dict[Any, Job] = {}
+
+        def submit(job: Job) -> Any:
+            future = self._client.submit(_guarded, task, self._limits, job, pure=False, retries=2)
+            waiting[future] = job
+            return future
+
+        threads = max(1, sum(self._client.nthreads().values()))
+        ended = self._distributed.as_completed(
+            [submit(job) for job in islice(source, AHEAD * threads)]
+        )
+        for future in ended:
+            job = waiting.pop(future)
+            yield self._result(future, job)
+            for job in islice(source, 1):
+                ended.add(submit(job))
+
+    def _result(self, future: Any, job: Job) -> Outcome:
+        if future.status == "lost":
+            raise ClusterLostError("the Dask cluster has ended; go on with --resume")
+        try:
+            outcome: Outcome = future.result()
+        except Exception as error:  # what the cluster raises is the fate of this variant
+            if isinstance(error, self._distributed.client.FutureCancelledError):
+                raise ClusterLostError("the Dask cluster has ended; go on with --resume") from error
+            return Outcome(job.key, STATUS[5], f"the cluster gave it up: {error}")
+        return outcome
+
+    def __enter__(self) -> DaskEngine:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        with suppress(OSError, TimeoutError):
+            self._client.close()

@@ -1,0 +1,134 @@
+"""The journal of a study: one line per finished variant, on the disk before the next is taken up.
+
+The journal is the truth; the results table is made from it. A process that dies leaves at most one
+torn line at the end, which is cut off when the study is resumed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO
+
+from pc2cad.errors import FileNotWrittenError, InputError
+from pc2cad.studies.variant import Outcome
+
+NAME = "journal.jsonl"
+
+
+class JournalInUseError(InputError):
+    """Another process works on the same study."""
+
+
+class StudyDiffersError(InputError):
+    """The folder holds another study, or one that was not asked to go on."""
+
+
+class Journal:
+    """An open journal: the outcomes it holds, and a way to add one.
+
+    Raises JournalInUseError, StudyDiffersError or FileNotWrittenError when it is opened.
+    """
+
+    def __init__(self, folder: Path, fingerprint: str, resume: bool) -> None:
+        self.outcomes: dict[str, Outcome] = {}
+        path = folder / NAME
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file: BinaryIO = open(path, "a+b")  # noqa: SIM115  # closed by __exit__
+        except OSError as error:
+            raise FileNotWrittenError(
+                f"the journal {path} cannot be written: {error.strerror}"
+            ) from error
+        try:
+            if not stat.S_ISREG(os.fstat(self._file.fileno()).st_mode):
+                raise FileNotWrittenError(f"the journal {path} is a device, not a file")
+            _lock(self._file, folder)
+            self._begin(fingerprint, resume, folder)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _begin(self, fingerprint: str, resume: bool, folder: Path) -> None:
+        self._file.seek(0)
+        whole, lines = _read(self._file.read())
+        header = next(lines, None)
+        if header is None:
+            self._file.truncate(0)
+            self._append({"study": fingerprint})
+            return
+        if header.get("study") != fingerprint:
+            raise StudyDiffersError(
+                f"{folder} holds another study: its template, version, formats or options differ; "
+                "choose another folder"
+            )
+        if not resume:
+            raise StudyDiffersError(
+                f"{folder} holds this study already; go on with it by --resume, or choose another "
+                "folder"
+            )
+        self._file.truncate(whole)
+        for line in lines:
+            outcome = Outcome.from_dict(line)
+            self.outcomes[outcome.key] = outcome
+
+    def add(self, outcome: Outcome) -> None:
+        """Append an outcome and bring it to the disk."""
+        self.outcomes[outcome.key] = outcome
+        self._append(asdict(outcome))
+
+    def _append(self, data: dict[str, Any]) -> None:
+        try:
+            self._file.write(json.dumps(data, allow_nan=False).encode() + b"\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise FileNotWrittenError(
+                f"the journal cannot be written: {error.strerror}; what was finished before is kept"
+            ) from error
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        with suppress(OSError):  # what could not be flushed was reported when it was added
+            self._file.close()
+
+
+def _read(data: bytes) -> tuple[int, Iterator[dict[str, Any]]]:
+    """Return the length of the whole lines, and what they hold."""
+    lines = []
+    whole = 0
+    for line in data.splitlines(keepends=True):
+        try:
+            parsed = json.loads(line) if line.endswith(b"\n") else None
+        except ValueError:
+            parsed = None
+        if not isinstance(parsed, dict):
+            break
+        lines.append(parsed)
+        whole += len(line)
+    return whole, iter(lines)
+
+
+def _lock(file: BinaryIO, folder: Path) -> None:
+    """Keep a second process out for as long as the file is open."""
+    try:
+        import fcntl
+    except ImportError:  # no such lock on this system
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise JournalInUseError(f"another process works on the study in {folder}") from error

@@ -1,0 +1,96 @@
+"""``pc.study``: a study from a template's name to its results table."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from pc2cad.equation.template_file import parse_template, read_template_text
+from pc2cad.errors import InputError
+from pc2cad.export.registry import format_for
+from pc2cad.library import find_template
+from pc2cad.studies.local import Limits, LocalEngine
+from pc2cad.studies.plan import Plan, check_plan, grid, read_axis, read_table, sample
+from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
+from pc2cad.studies.variant import Task
+
+
+def study(
+    template: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    vary: Mapping[str, str | Sequence[float]] | None = None,
+    table: str | os.PathLike[str] | None = None,
+    sampling: str | None = None,
+    seed: int = 1,
+    fixed: Mapping[str, float] | None = None,
+    formats: Sequence[str] = ("step",),
+    tolerance: float | None = None,
+    workers: int = 0,
+    cluster: Any = None,
+    limits: Limits | None = None,
+    store: str | None = None,
+    resume: bool = False,
+    stop_after: int | None = 100,
+    progress: Callable[[Progress], None] | None = None,
+) -> StudyResult:
+    """Build many variants of a template and return the table of what became of each.
+
+    `vary` maps parameters to values, or to texts as ``--vary`` takes them (``"0.1:0.9:17"``);
+    every combination is a variant, unless `sampling` (``"lhs:500"``, ``"sobol:512"``) draws from
+    their ranges. `table` names a CSV or Parquet file of variants instead. `fixed` sets parameters
+    that do not vary. Files go to ``folder/files``, or to the `store`: a folder or an address for
+    fsspec. `cluster` is a Dask cluster or its address; without one, `workers` processes of this
+    machine do the work (0: one for each processor), each variant within the `limits`. `resume`
+    goes on where an interrupted study stopped. See `run_study` for the rest; raises PlanError and
+    TemplateError besides.
+    """
+    path = find_template(os.fspath(template))
+    plan = _plan(vary or {}, table, sampling, seed)
+    task = Task(
+        template=read_template_text(path),
+        name=path.stem,
+        formats=tuple(dict.fromkeys(formats)),
+        store=store or os.path.join(os.path.abspath(folder), "files"),
+        tolerance=tolerance,
+        fixed=dict(fixed or {}),
+    )
+    for ending in task.formats:
+        format_for(f"part.{ending}")
+    read = parse_template(task.template, task.name, str(path))
+    check_plan(plan, read)
+    read.bind(task.fixed)
+    return run_study(
+        plan, task, Path(folder), _engine(cluster, workers, limits or Limits()),
+        resume=resume, stop_after=stop_after, progress=progress,
+    )  # fmt: skip
+
+
+def _plan(
+    vary: Mapping[str, str | Sequence[float]],
+    table: str | os.PathLike[str] | None,
+    sampling: str | None,
+    seed: int,
+) -> Plan:
+    if table is not None:
+        if vary or sampling:
+            raise InputError("a table gives the variants; nothing else varies or samples them")
+        return read_table(Path(table))
+    axes = [read_axis(name, given) for name, given in vary.items()]
+    return grid(axes) if sampling is None else sample(axes, sampling, seed)
+
+
+def _engine(
+    cluster: Any, workers: int, limits: Limits
+) -> Callable[[Task], AbstractContextManager[Engine]]:
+    def make(task: Task) -> AbstractContextManager[Engine]:
+        if cluster is None:
+            return LocalEngine(task, workers, limits)
+        from pc2cad.studies.dask import DaskEngine
+
+        return DaskEngine(task, cluster, limits)
+
+    return make

@@ -1,0 +1,155 @@
+"""One variant of a study: what identifies it, how it is built, and what is kept of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from pc2cad import __version__
+from pc2cad.errors import PointCadError
+from pc2cad.studies.store import open_store
+
+if TYPE_CHECKING:
+    from pc2cad.equation.template import Template
+    from pc2cad.report import Report
+
+#: what a refusal is called in the table, by its exit code
+STATUS = {2: "bad input", 3: "not a solid", 4: "tolerance not reached", 5: "failed"}
+BUILT = "built"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What all variants of a study have in common."""
+
+    template: str
+    name: str
+    #: file name endings without the dot
+    formats: tuple[str, ...]
+    #: folder or address that files go to
+    store: str
+    tolerance: float | None = None
+    degree: int = 5
+    #: values of parameters that do not vary
+    fixed: Mapping[str, float] = field(default_factory=dict)
+
+    def key(self, values: Mapping[str, float]) -> str:
+        """Return the content hash of a variant: equal keys are one and the same part."""
+        content = {
+            "version": __version__,
+            "template": self.template,
+            "tolerance": self.tolerance,
+            "degree": self.degree,
+            "values": sorted((name, repr(float(v))) for name, v in self.values(values).items()),
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+    def values(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return all parameters that are set, the varied ones included."""
+        return {**self.fixed, **values}
+
+    def fingerprint(self) -> str:
+        """Return the content hash of everything that the variants have in common."""
+        content = asdict(self) | {"version": __version__, "store": ""}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One variant as it is handed to a worker."""
+
+    key: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a variant: figures where it was built, the reason where it was not."""
+
+    key: str
+    status: str
+    reason: str = ""
+    #: column -> value: volume, area, centroid, deviation, evidence, counts
+    figures: Mapping[str, float | int | str] = field(default_factory=dict)
+    #: format -> file name in the store
+    files: Mapping[str, str] = field(default_factory=dict)
+    #: seconds of work, and of each part of it
+    times: Mapping[str, float] = field(default_factory=dict)
+
+    @staticmethod
+    def from_dict(data: Mapping[str, Any]) -> Outcome:
+        """Return the outcome that `dataclasses.asdict` turned into plain data."""
+        return Outcome(**data)
+
+
+def run_variant(task: Task, job: Job) -> Outcome:
+    """Build a variant and write its files; whatever goes wrong is an outcome, not an exception."""
+    start = time.perf_counter()
+    try:
+        figures, files, times = _build(task, job)
+    except PointCadError as error:
+        status, reason = STATUS[error.exit_code], str(error)
+    except MemoryError:
+        status, reason = STATUS[5], "there is not enough memory for this solid"
+    except RecursionError:
+        status, reason = STATUS[2], "an expression is nested too deeply"
+    except Exception as error:  # one variant must not end the study
+        status, reason = STATUS[5], f"an unexpected error: {type(error).__name__}: {error}"
+    else:
+        times["total"] = time.perf_counter() - start
+        return Outcome(job.key, BUILT, "", figures, files, times)
+    return Outcome(job.key, status, " ".join(reason.split()),
+                   times={"total": time.perf_counter() - start})  # fmt: skip
+
+
+def _build(
+    task: Task, job: Job
+) -> tuple[dict[str, float | int | str], dict[str, str], dict[str, float]]:
+    from pc2cad.compiler import compile_equation
+    from pc2cad.export.model import ExportOptions
+    from pc2cad.export.registry import format_for
+
+    equation = _template(task.template, task.name).bind(task.values(job.values))
+    part = compile_equation(equation, task.tolerance, task.degree)
+    times = {name: float(seconds) for name, seconds in part.report.times.items()}
+    start = time.perf_counter()
+    store = open_store(task.store)
+    exportable = part.exportable()
+    encoded = {
+        kind: format_for(f"part.{kind}").encoder()(exportable, ExportOptions())
+        for kind in task.formats
+    }
+    files = {kind: f"{job.key}.{kind}" for kind in task.formats}
+    for kind, data in encoded.items():
+        store.write(files[kind], data)
+    times["write"] = time.perf_counter() - start
+    return figures_of(part.report), files, times
+
+
+@lru_cache(maxsize=8)
+def _template(text: str, name: str) -> Template:
+    from pc2cad.equation.template_file import parse_template
+
+    return parse_template(text, name, name)
+
+
+def figures_of(report: Report) -> dict[str, float | int | str]:
+    """Return the figures of a report that a row of the results table holds."""
+    x, y, z = report.equation.centroid
+    return {
+        "units": report.units,
+        "volume": report.equation.volume,
+        "area": report.equation.area,
+        "centroid_x": x,
+        "centroid_y": y,
+        "centroid_z": z,
+        "deviation": report.deviation,
+        "evidence": report.evidence,
+        "faces": len(report.faces),
+        "shells": report.shells,
+    }

@@ -1,0 +1,420 @@
+"""Studies: plans, workers that die, journals that are cut short, tables that stay right."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+import pc2cad as pc
+from pc2cad.cli.main import main
+from pc2cad.errors import InputError
+from pc2cad.studies.journal import Journal, JournalInUseError, StudyDiffersError
+from pc2cad.studies.local import Limits, LocalEngine, WorkerNotStartedError
+from pc2cad.studies.plan import Plan, PlanError, grid, read_axis, read_table, sample
+from pc2cad.studies.run import NothingBuiltError, StudyResult, run_study
+from pc2cad.studies.table import rows
+from pc2cad.studies.variant import Outcome, Task
+
+FAULTY = str(Path(__file__).parent / "faulty_worker.py")
+BRICK = """
+title = "Brick"
+[parameters]
+p = { default = 0.5, min = 0.01, max = 1 }
+[solid]
+x = "4*p*u"
+y = "2*v"
+z = "3*w"
+"""
+
+
+def task(folder: Path, formats: tuple[str, ...] = ()) -> Task:
+    return Task(BRICK, "brick", formats, str(folder / "files"))
+
+
+def plan(values: Sequence[float]) -> Plan:
+    return grid([read_axis("p", values)])
+
+
+def study(folder: Path, values: Sequence[float], **options: object) -> StudyResult:
+    def engine(task: Task) -> LocalEngine:
+        return LocalEngine(task, 1, Limits(seconds=30))
+
+    return run_study(plan(values), task(folder, ("step",)), folder, engine, **options)  # type: ignore[arg-type]
+
+
+# -- plans -------------------------------------------------------------------------------------
+
+
+def test_a_range_holds_decimals_and_not_their_neighbours() -> None:
+    values = read_axis("p", "0.1:0.9:17").values
+    assert values == tuple(float(f"{0.1 + 0.05 * i:.2f}") for i in range(17))
+    assert read_axis("p", "1/3, 2/3").values == (1 / 3, 2 / 3)
+
+
+def test_a_grid_runs_its_last_axis_fastest() -> None:
+    variants = grid([read_axis("a", "1,2"), read_axis("b", "3:5:3")]).variants
+    assert variants == ((1, 3), (1, 4), (1, 5), (2, 3), (2, 4), (2, 5))
+
+
+@pytest.mark.parametrize("method", ["lhs:16", "sobol:16"])
+def test_a_sample_puts_one_variant_into_each_stratum(method: str) -> None:
+    axes = [read_axis("a", "2:6"), read_axis("b", "10,20")]
+    drawn = sample(axes, method, seed=3)
+    assert drawn == sample(axes, method, seed=3) != sample(axes, method, seed=4)
+    assert sorted(int((a - 2) * 4) for a, _ in drawn.variants) == list(range(16))
+    assert sorted(b for _, b in drawn.variants) == [10] * 8 + [20] * 8
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ("0:1:1000000000000", "more than"), ("0:1:0", "whole number"), ("0:1:2.5", "whole number"),
+        ("1:1:5", "equal ends"), ("1:0", "empty"), ("1,5;2", "2"), ("nan", "nan"),
+        ("1e999", "1e999"), ("0:1:3:4", "FROM:TO:COUNT"), ("__import__('os')", "__import__"),
+        ("0x10", "0x10"), ("", "empty"),
+    ],
+)  # fmt: skip
+def test_values_that_make_no_axis_are_refused(given: str, reason: str) -> None:
+    with pytest.raises(PlanError, match=reason):
+        read_axis("p", given)
+
+
+def test_what_cannot_be_laid_out_is_counted_first() -> None:
+    axes = [read_axis(name, "0:1:1000") for name in "abcd"]
+    with pytest.raises(PlanError, match="1000000000000 variants"):
+        grid(axes)
+    with pytest.raises(PlanError, match="needs a count"):
+        grid([read_axis("p", "0:1")])
+    with pytest.raises(PlanError, match="sobol:64 or sobol:128"):
+        sample([read_axis("p", "0:1")], "sobol:100")
+    with pytest.raises(PlanError, match="twice"):
+        grid([read_axis("p", "1"), read_axis("p", "2")])
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("p,q\n1,2\n3\n", "row 3 has 1 values"), ("p;q\n1;2\n", "semicolons"), ("", "empty"),
+        ("p,p\n1,2\n", "twice"), ("p\n=1+1\n", "row 2, p"), ("p\n2026-11-21 10:00\n", "row 2, p"),
+        ('p\n"1\n', "not a table"), ("p\n", "0 variants"), ("p\nnan\n", "nan"),
+    ],
+)  # fmt: skip
+def test_tables_with_mistakes_are_refused(tmp_path: Path, text: str, reason: str) -> None:
+    path = tmp_path / "variants.csv"
+    path.write_text(text)
+    with pytest.raises(PlanError, match=reason):
+        read_table(path)
+
+
+def test_a_results_table_is_a_table_of_variants(tmp_path: Path) -> None:
+    path = tmp_path / "variants.csv"
+    path.write_bytes(b"\xef\xbb\xbfp, q\r\n0.25,1/2\r\n\r\n0.5,2\r\n")
+    assert read_table(path) == Plan(("p", "q"), ((0.25, 0.5), (0.5, 2.0)))
+
+
+# -- workers -----------------------------------------------------------------------------------
+
+
+def test_a_worker_that_fails_loses_its_own_variant_only(tmp_path: Path) -> None:
+    limits = Limits(seconds=3, memory=1024**3)
+
+    def engine(task: Task) -> LocalEngine:
+        return LocalEngine(task, 2, limits, (FAULTY, str(tmp_path)))
+
+    values = [0.05 * i for i in range(1, 17)] + [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
+    values = sorted({round(value, 2) for value in values})
+    result = run_study(plan(values), task(tmp_path), tmp_path, engine)
+    reasons = {row["p"]: row["reason"] for row in result.rows if row["status"] != "built"}
+    assert set(reasons) == {0.1, 0.2, 0.3, 0.4, 0.7}
+    assert "SIGSEGV" in reasons[0.1]
+    assert "time limit of 3 s" in reasons[0.2]
+    assert "memory limit of 1 GiB" in reasons[0.3]
+    assert "exit code 7" in reasons[0.4]
+    assert (tmp_path / "tried").exists(), "the crash that another try mends was not provoked"
+    built = [row for row in result.rows if row["status"] == "built"]
+    assert len(built) == len(values) - 5
+    assert all(row["volume"] == pytest.approx(24 * row["p"], rel=1e-14) for row in built)
+
+
+def test_workers_that_cannot_start_end_the_study(tmp_path: Path) -> None:
+    def engine(task: Task) -> LocalEngine:
+        return LocalEngine(task, 1, Limits(), ("-c", "raise SystemExit(1)"))
+
+    with pytest.raises(WorkerNotStartedError, match="before it was ready"):
+        run_study(plan([0.5]), task(tmp_path), tmp_path, engine)
+
+
+def test_a_study_in_which_nothing_is_built_stops(tmp_path: Path) -> None:
+    with pytest.raises(NothingBuiltError, match="first 3 variants"):
+        study(tmp_path, [5, 6, 7, 8, 9, 10], stop_after=3)
+
+
+# -- journal and table -------------------------------------------------------------------------
+
+
+def test_table_and_files_are_those_of_the_plan(tmp_path: Path) -> None:
+    result = study(tmp_path, [0.25, 2.0, 0.5])
+    with open(tmp_path / "results.csv", newline="") as stream:
+        read = list(csv.DictReader(stream))
+    assert [row["status"] for row in read] == ["built", "bad input", "built"]
+    assert "outside its range" in read[1]["reason"]
+    assert [float(row["volume"]) for row in (read[0], read[2])] == pytest.approx([6, 12], rel=1e-14)
+    for row in (read[0], read[2]):
+        assert (tmp_path / row["step"]).read_bytes().startswith(b"ISO-10303-21;")
+    assert result.counts == {"built": 2, "bad input": 1}
+    pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    table = parquet.read_table(tmp_path / "results.parquet").to_pylist()
+    assert [row["volume"] for row in table] == [row["volume"] for row in result.rows]
+
+
+def test_a_finished_study_is_not_done_again(tmp_path: Path) -> None:
+    first = study(tmp_path, [0.25, 0.5])
+    with pytest.raises(StudyDiffersError, match="--resume"):
+        study(tmp_path, [0.25, 0.5])
+    again = study(tmp_path, [0.25, 0.5, 0.75], resume=True)
+    assert (first.built, again.built) == (2, 1)
+    assert again.rows[:2] == first.rows
+    (tmp_path / str(again.rows[0]["step"])).unlink()
+    assert study(tmp_path, [0.25, 0.5], resume=True).built == 1, "a file that is gone comes back"
+
+
+def test_another_study_does_not_write_into_the_folder(tmp_path: Path) -> None:
+    study(tmp_path, [0.25])
+    other = Task(BRICK.replace("3*w", "4*w"), "brick", (), str(tmp_path / "files"))
+    with pytest.raises(StudyDiffersError, match="another study"):
+        run_study(plan([0.25]), other, tmp_path, LocalEngine, resume=True)
+
+
+def test_two_processes_do_not_share_a_study(tmp_path: Path) -> None:
+    study(tmp_path, [0.25])
+    fcntl = pytest.importorskip("fcntl")
+    with open(tmp_path / "journal.jsonl", "ab") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        with pytest.raises(JournalInUseError):
+            study(tmp_path, [0.25], resume=True)
+
+
+@pytest.mark.parametrize("torn", [b'{"key": "abc", "sta', b"\x00\x00\x00\x00", b"{}", b"7\n"])
+def test_a_torn_line_is_cut_off(tmp_path: Path, torn: bytes) -> None:
+    with Journal(tmp_path, "study", resume=False) as journal:
+        journal.add(Outcome("one", "built", figures={"volume": 0.1}))
+        journal.add(Outcome("two", "failed", "because"))
+    path = tmp_path / "journal.jsonl"
+    whole = path.read_bytes()
+    path.write_bytes(whole + torn)
+    with Journal(tmp_path, "study", resume=True) as journal:
+        assert set(journal.outcomes) == {"one", "two"}
+        assert journal.outcomes["one"].figures["volume"] == 0.1
+        assert path.read_bytes() == whole
+        journal.add(Outcome("three", "built"))
+    assert path.read_bytes().startswith(whole)
+    assert path.read_bytes().count(b"\n") == 4
+
+
+def test_equal_variants_are_built_once(tmp_path: Path) -> None:
+    repeated = Plan(("p",), ((0.25,), (0.5,), (0.25,), (0.250,)))
+    result = run_study(repeated, task(tmp_path), tmp_path, LocalEngine)
+    assert result.built == 2
+    assert [row["volume"] for row in result.rows] == pytest.approx([6, 12, 6, 6], rel=1e-14)
+
+
+def test_any_number_of_workers_gives_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    contents = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        result = pc.study(
+            "pyramid_cut", folder, vary={"p": "0.2:0.8:4"}, formats=("step", "stl"), workers=workers
+        )
+        rows = [
+            {name: cell for name, cell in row.items() if not name.startswith("seconds")}
+            for row in result.rows
+        ]
+        files = {path.name: path.read_bytes() for path in sorted((folder / "files").iterdir())}
+        contents.append((rows, files))
+    assert contents[0] == contents[1]
+    assert len(contents[0][1]) == 8
+
+
+def test_a_killed_study_loses_and_repeats_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    command = [
+        sys.executable, "-m", "pc2cad.cli.main", "study", "pyramid_cut", "--vary", "p=0.1:0.9:30",
+        "-o", str(folder), "--workers", "2", "--resume",
+    ]  # fmt: skip
+    journal = folder / "journal.jsonl"
+    for more in (3, 11):
+        process = subprocess.Popen(command, stderr=subprocess.PIPE)
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline and process.poll() is None:
+            if journal.exists() and journal.read_bytes().count(b"\n") > more:
+                break
+            time.sleep(0.005)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert process.returncode == -signal.SIGKILL, process.stderr and process.stderr.read()
+        assert process.stderr is not None
+        process.stderr.close()
+        with open(folder / "results.csv", newline="") as stream:
+            assert len(list(csv.DictReader(stream))) == 30, "the table is whole at every moment"
+    _no_orphans()
+    subprocess.run(command, check=True, timeout=120, stdout=subprocess.DEVNULL)
+    keys = [json.loads(line).get("key") for line in journal.read_bytes().splitlines()[1:]]
+    assert len(keys) == len(set(keys)) == 30
+    with open(folder / "results.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert all(row["status"] == "built" for row in rows)
+    for row in rows:
+        exact = 31.5 * (1 - float(row["p"]) * 0.25 * 0.75)
+        assert float(row["volume"]) == pytest.approx(exact, rel=1e-14)
+    assert not list((folder / "files").glob(".pc2cad-*"))
+
+
+def _no_orphans() -> None:
+    """Wait for the workers of a killed study to end, which the system sees to."""
+    if sys.platform != "linux":
+        return
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        alive = []
+        for folder in Path("/proc").iterdir():
+            try:
+                line = (folder / "cmdline").read_bytes() if folder.name.isdigit() else b""
+                parent = (folder / "stat").read_text().split()[3] if line else "0"
+            except OSError:
+                continue
+            if b"pc2cad.studies.worker" in line and parent == "1":
+                alive.append(folder.name)
+        if not alive:
+            return
+        time.sleep(0.1)
+    pytest.fail(f"workers outlive their study: {alive}")
+
+
+# -- Dask and addresses ------------------------------------------------------------------------
+
+
+def test_dask_gives_the_same_rows(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    local = study(tmp_path / "local", [0.25, 0.5, 2.0, 0.75])
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+    ) as cluster:
+        from pc2cad.studies.dask import DaskEngine
+
+        def engine(task: Task) -> DaskEngine:
+            return DaskEngine(task, cluster)
+
+        folder = tmp_path / "dask"
+        shared = run_study(plan([0.25, 0.5, 2.0, 0.75]), task(folder, ("step",)), folder, engine)
+    for a, b in zip(local.rows, shared.rows, strict=True):
+        assert a["volume"] == b["volume"]
+        assert (a["status"], a["reason"], a["step"]) == (b["status"], b["reason"], b["step"])
+
+
+def test_a_cluster_that_is_not_there_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed")
+    arguments = ["study", "pyramid", "--table", "no.csv", "-o", str(tmp_path / "s")]
+    assert main([*arguments, "--dask", "tcp://127.0.0.1:1"]) == 2
+    assert "there is no such file" in capsys.readouterr().err
+
+
+def test_files_go_to_an_address(tmp_path: Path) -> None:
+    pytest.importorskip("fsspec")
+    address = f"file://{tmp_path / 'elsewhere'}"
+    result = pc.study("pyramid_cut", tmp_path / "s", vary={"p": [0.5]}, store=address, workers=1)
+    name = Path(str(result.rows[0]["step"])).name
+    assert (tmp_path / "elsewhere" / name).read_bytes().startswith(b"ISO-10303-21;")
+    assert pc.study(
+        "pyramid_cut", tmp_path / "s", vary={"p": [0.5]}, store=address, workers=1, resume=True
+    ).built == 0  # fmt: skip
+
+
+# -- the command -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "reason"),
+    [
+        (["--vary", "p=0.1:0.9:3", "--formats", "doc"], 2, "'.doc'"),
+        (["--vary", "z=0.1:0.9:3"], 2, "no parameter 'z'"),
+        (["--vary", "p"], 2, "NAME=FROM:TO:COUNT"),
+        ([], 2, "at least one parameter"),
+        (["--vary", "p=1,2", "--table", "x.csv"], 2, "a table gives the variants"),
+        (["--vary", "p=1,2", "--workers", "-1"], 2, "positive"),
+        (["--vary", "p=1,2", "-s", "q=__import__"], 2, "-s q"),
+    ],
+)
+def test_mistakes_are_told_before_any_worker_starts(
+    arguments: list[str], code: int, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "study"
+    assert main(["study", "pyramid_cut", "-o", str(folder), *arguments]) == code
+    assert reason in capsys.readouterr().err
+    assert not folder.exists()
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    arguments = ["study", "pyramid_cut", "--vary", "p=0.5", "-o", str(tmp_path / "file" / "x")]
+    assert main(arguments) == 5
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("device", ["/dev/full", "/dev/zero"])
+def test_a_device_is_no_journal(
+    device: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if not os.path.exists(device):
+        pytest.skip(f"this system has no {device}")
+    (tmp_path / "journal.jsonl").symlink_to(device)
+    assert main(["study", "pyramid_cut", "--vary", "p=0.5", "-o", str(tmp_path)]) == 5
+    assert "is a device" in capsys.readouterr().err
+
+
+def test_a_full_disk_under_the_journal_is_one_sentence(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    script = (
+        "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600));"
+        "import sys; from pc2cad.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    )
+    assert resource
+    done = subprocess.run(
+        [sys.executable, "-c", script, "study", "pyramid_cut", "--vary", "p=0.5,0.6,0.7",
+         "--formats", "none", "-o", str(tmp_path / "s"), "--workers", "1"],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 5
+    assert "cannot be written" in done.stderr or "Cannot write" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_plots_show_columns_and_refuse_others(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from pc2cad.studies.overview import plot
+
+    outcomes = {"a": Outcome("a", "built", figures={"volume": 2.0, "evidence": "exact"}),
+                "b": Outcome("b", "not a solid", "it folds")}  # fmt: skip
+    table = rows(plan([0.25, 0.5, 1.0]), ["a", "b", "c"], outcomes, ())
+    assert [row["status"] for row in table] == ["built", "not a solid", "waiting"]
+    assert plot(table, "volume", "p").startswith(b"\x89PNG")
+    with pytest.raises(InputError, match="no column of numbers 'evidence'"):
+        plot(table, "evidence", "p")
