@@ -95,10 +95,10 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code; ``argv`` is without the command's name."""
-    tolerate_encodings()
-    if argv is None and not sys.warnoptions:
-        warnings.simplefilter("ignore")  # stderr is for our own sentences
     try:
+        tolerate_encodings()
+        if argv is None and not sys.warnoptions:
+            warnings.simplefilter("ignore")  # stderr is for our own sentences
         code = _run(argv)
         if sys.stdout is not None:
             sys.stdout.flush()
