@@ -23,18 +23,22 @@ if TYPE_CHECKING:
     from pc2cad.equation.sympy_bridge import from_sympy as from_sympy
     from pc2cad.equation.sympy_bridge import to_sympy as to_sympy
     from pc2cad.equation.template_file import read_template as read_template
+    from pc2cad.export.mesh_files import write_mesh as write_mesh
     from pc2cad.part import Part as Part
     from pc2cad.python import *  # noqa: F403
     from pc2cad.studies.study import study as study
+    from pc2cad.volume import mesh_part as mesh_part
 
 _HOMES = {
     "Part": "pc2cad.part",
     "compile_equation": "pc2cad.compiler",
     "compile_part": "pc2cad.compiler",
     "from_sympy": "pc2cad.equation.sympy_bridge",
+    "mesh_part": "pc2cad.volume",
     "read_template": "pc2cad.equation.template_file",
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.equation.sympy_bridge",
+    "write_mesh": "pc2cad.export.mesh_files",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pc2cad.brep.build import BuiltSolid
 from pc2cad.equation.point_equation import PointEquation
@@ -15,6 +15,8 @@ from pc2cad.report import Report
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
+
+    from pc2cad.mesh.volume_mesh import VolumeMesh
 
 #: one colour per side, u=0, u=1, v=0 …: distinguishable also for colour-blind eyes (Okabe, Ito)
 SIDE_COLOURS = {
@@ -62,6 +64,22 @@ class Part:
         ending, FileNotWrittenError or KernelError.
         """
         write(self.exportable(colours), path, options)
+
+    def mesh(
+        self,
+        *,
+        cells: tuple[int, int, int] | None = None,
+        size: float | None = None,
+        order: Literal[1, 2] = 1,
+    ) -> VolumeMesh:
+        """Return structured hexahedra of the equation's own (u,v,w) grid.
+
+        `cells` along u, v and w, or the `size` of the longest ones in model units. Raises
+        UnsuitableGridError, or InvertedElementError where the cells are too coarse.
+        """
+        from pc2cad.volume import MeshOptions, mesh_equation
+
+        return mesh_equation(self.equation, MeshOptions(cells, size, order))[0]
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""

@@ -44,7 +44,8 @@ ALLOWED = {
         "studies", "compiler", "equation", "errors", "export", "library", "report", "numpy",
         "scipy", "__version__",
     },
-    "mesh": {"mesh", "errors", "numpy", "scipy", "OCP"},
+    "mesh": {"mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP"},
+    "volume": {"analysis", "equation", "errors", "mesh", "properties", "solidity"},
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays
 NUMPY_IN_EQUATION = {"evaluation", "intervals"}

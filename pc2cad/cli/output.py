@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from threading import Lock, Timer
 from types import TracebackType
@@ -54,7 +55,7 @@ def tolerate_encodings() -> None:
                 reconfigure(errors="replace" if stream is sys.stdout else "backslashreplace")
 
 
-def table(rows: list[tuple[str, ...]], indent: str = "  ") -> str:
+def table(rows: Sequence[tuple[str, ...]], indent: str = "  ") -> str:
     """Return rows of cells as aligned columns; columns of figures are aligned to the right."""
     columns = []
     for cells in zip(*rows, strict=True):

@@ -10,7 +10,8 @@ import errno
 import os
 import secrets
 import stat
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pc2cad.errors import FileNotWrittenError
@@ -54,10 +55,18 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 
 def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write `data` to `path` in one step: afterwards there is the whole new file or the old one.
+    """Write `data` to `path` in one step: see `replacing`."""
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        stream.write(data)
 
-    A symbolic link stays and the file that it points to is replaced. A replaced file keeps its
-    permissions, a new one gets the usual permissions of the process.
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give the name of an empty file to fill, which then takes the place of `path` in one step.
+
+    Afterwards there is the whole new file or, after any error inside, the old one. A symbolic link
+    stays and the file that it points to is replaced. A replaced file keeps its permissions, a new
+    one gets the usual permissions of the process.
 
     Raises:
         FileNotWrittenError: it could not be written; the old file is untouched and no temporary
@@ -69,13 +78,13 @@ def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
     try:
         descriptor, temporary = _create_beside(target, 0o666 if mode is None else mode)
         try:
-            # the descriptor belongs to the file object from here on
-            with open(descriptor, "wb") as stream:
+            try:
                 if mode is not None:
                     os.fchmod(descriptor, mode)
-                stream.write(data)
-                stream.flush()
+                yield Path(temporary)
                 os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
             os.replace(temporary, target)
         except BaseException:
             with suppress(OSError):

@@ -1,0 +1,162 @@
+"""``pc2cad mesh``: a template compiled into a volume mesh for finite elements."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from pc2cad.cli.inputs import add_template, bind, load, named, read_length
+from pc2cad.cli.output import Progress, say, shown, table
+from pc2cad.errors import InputError
+
+if TYPE_CHECKING:
+    from pc2cad.mesh.grid import Grading
+    from pc2cad.volume import MeshOptions, MeshReport
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the template, the outputs and the options."""
+    add_template(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", action="append", required=True, dest="outputs",
+        help="file to write, its format by its ending: .vtu, .inp (CalculiX, Abaqus), .msh "
+        "(gmsh), .vtk, .med (repeatable)",
+    )  # fmt: skip
+    cells = parser.add_mutually_exclusive_group()
+    cells.add_argument("--cells", metavar="NxNxN", help="cells along u, v and w, e.g. 40x24x3")
+    cells.add_argument(
+        "--size", metavar="LENGTH",
+        help="length of the longest cells, in model units (default: a tenth of the cube root of "
+        "the volume)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--order", type=int, choices=(1, 2), default=1,
+        help="order of the elements: 2 has curved ones with a node on every edge "
+        "(default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--grade", metavar="DIRECTION=RATIO", action="append", default=[],
+        help="let cells grow along u, v or w: last over first (w=4), or middle over both ends "
+        "(w=4,both) (repeatable)",
+    )  # fmt: skip
+    parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
+    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Mesh the template and write every file."""
+    template, path = load(arguments)
+    equation = bind(template, arguments)
+    with Progress(arguments.quiet) as progress:
+        progress("load NumPy and SciPy")
+        from pc2cad.export.files import check_target, write_atomically
+        from pc2cad.export.mesh_files import check_mesh_writable, write_mesh
+        from pc2cad.volume import mesh_equation
+
+        options = _options(arguments)
+        for output in arguments.outputs:
+            check_mesh_writable(output)
+        if arguments.report is not None:
+            check_target(arguments.report)
+        _check_different(arguments, os.path.realpath(path))
+        with named(arguments.template):
+            mesh, report = mesh_equation(equation, options, progress)
+        for output in arguments.outputs:
+            progress(f"write {os.path.basename(output)}")
+            write_mesh(mesh, output)
+        if arguments.report is not None:
+            text = json.dumps(report.to_dict(), indent=2, allow_nan=False)
+            write_atomically(arguments.report, f"{text}\n".encode())
+    if not arguments.quiet:
+        for output in arguments.outputs:
+            say(f"{shown(output)}: {_summary(report)}")
+        for paragraph in _paragraphs(report):
+            say(paragraph)
+    return 0
+
+
+def _check_different(arguments: argparse.Namespace, template: str) -> None:
+    from pc2cad.cli.build import OutputClashError
+
+    taken = {template: "the template"}
+    for path in (*arguments.outputs, *((arguments.report,) if arguments.report else ())):
+        real = os.path.realpath(path)
+        if real in taken:
+            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
+        taken[real] = f"another output, {path}"
+
+
+def _options(arguments: argparse.Namespace) -> MeshOptions:
+    from pc2cad.volume import MeshOptions
+
+    return MeshOptions(
+        _cells(arguments.cells), read_length("--size", arguments.size), arguments.order,
+        _grading(arguments.grade),
+    )  # fmt: skip
+
+
+def _cells(text: str | None) -> tuple[int, int, int] | None:
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,9})[x×,](\d{1,9})[x×,](\d{1,9})", text.strip())
+    if found is None or any(int(n) == 0 for n in found.groups()):
+        raise InputError(f"--cells '{text[:40]}': write three numbers, for example 40x24x3")
+    u, v, w = (int(n) for n in found.groups())
+    return u, v, w
+
+
+def _grading(texts: list[str]) -> tuple[Grading, Grading, Grading]:
+    from pc2cad.mesh.grid import Grading
+
+    gradings = {name: Grading() for name in "uvw"}
+    for text in texts:
+        found = re.fullmatch(r"([uvw])=([0-9.eE+-]+)(,both)?", text.strip())
+        try:
+            ratio = float(found[2]) if found else 0.0
+        except ValueError:
+            ratio = 0.0
+        if found is None or not 1e-6 <= ratio <= 1e6:
+            raise InputError(
+                f"--grade '{text[:40]}': write a direction and a ratio between 1e-6 and 1e6, for "
+                "example w=4 or w=4,both"
+            )
+        gradings[found[1]] = Grading(ratio, found[3] is not None)
+    return gradings["u"], gradings["v"], gradings["w"]
+
+
+def _summary(report: MeshReport) -> str:
+    kinds = ", ".join(f"{count} {_plural(kind, count)}" for kind, count in report.elements.items())
+    return f"{report.nodes} nodes; {kinds} of order {report.order}"
+
+
+def _plural(kind: str, count: int) -> str:
+    names = {"hexahedron": "hexahedra", "wedge": "wedges", "pyramid": "pyramids"}
+    if count == 1:
+        return "tetrahedron" if kind == "tetra" else kind
+    return names.get(kind, "tetrahedra")
+
+
+def _paragraphs(report: MeshReport) -> Iterator[str]:
+    quality = report.quality
+    rows = [
+        ("volume", f"{report.volume:.10g} {report.units}^3",
+         f"{report.volume_difference:+.1e} of the equation's"),
+        ("scaled Jacobian", f"{quality.scaled_jacobian:.3g}",
+         f"mean {quality.mean_scaled_jacobian:.3g}"),
+        ("aspect", f"{quality.aspect:.3g}", f"mean {quality.mean_aspect:.3g}"),
+    ]  # fmt: skip
+    if report.cells is not None:
+        rows.insert(0, ("cells", "x".join(map(str, report.cells)), "along u, v, w"))
+    yield table(rows)
+    yield table(
+        [("side", "facets", "area", "difference")]
+        + [
+            (name, str(side.facets), f"{side.area:.10g} {report.units}^2",
+             f"{side.area / side.equation_area - 1:+.1e}")
+            for name, side in report.sides.items()
+        ]
+    )  # fmt: skip

@@ -1,0 +1,63 @@
+"""gmsh meshes (.msh), format 2.2, binary: sides as physical surfaces, elements as a volume."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pc2cad.export.mesh_files import Ints, cell_blocks, reordered, whole_sides
+from pc2cad.mesh.volume_mesh import VolumeMesh
+
+#: element numbers of gmsh by type and order
+_CODES = {
+    ("hexahedron", 1): 5, ("hexahedron", 2): 17, ("wedge", 1): 6, ("wedge", 2): 18,
+    ("pyramid", 1): 7, ("pyramid", 2): 19, ("tetra", 1): 4, ("tetra", 2): 11,
+    ("quad", 1): 3, ("quad", 2): 16, ("triangle", 1): 2, ("triangle", 2): 9,
+}  # fmt: skip
+#: gmsh's order of edges, where it is not VTK's
+_EDGES = {
+    "hexahedron": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 7),
+                   (5, 6), (6, 7)),
+    "wedge": ((0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)),
+    "pyramid": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 4), (2, 3), (2, 4), (3, 4)),
+    "tetra": ((0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)),
+}  # fmt: skip
+_CHUNK = 1 << 18
+
+
+def write(mesh: VolumeMesh, path: Path) -> None:
+    """Write the mesh; the physical volume is called ``solid``."""
+    sides = whole_sides(mesh.sides)
+    volume = len(sides) + 1
+    names = [f'2 {k} "{name}"' for k, name in enumerate(sides, start=1)]
+    blocks = cell_blocks(mesh)
+    with open(path, "wb") as stream:
+        stream.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
+        listed = "\n".join([str(volume), *names, f'3 {volume} "solid"'])
+        stream.write(f"$PhysicalNames\n{listed}\n$EndPhysicalNames\n".encode())
+        stream.write(f"$Nodes\n{len(mesh.points)}\n".encode())
+        for start in range(0, len(mesh.points), _CHUNK):
+            places = mesh.points[start : start + _CHUNK]
+            rows = np.empty(len(places), dtype=[("number", "i4"), ("place", "f8", 3)])
+            rows["number"] = np.arange(start + 1, start + 1 + len(places))
+            rows["place"] = places
+            stream.write(rows.tobytes())
+        cells = sum(len(nodes) for _, nodes, _ in blocks)
+        stream.write(f"\n$EndNodes\n$Elements\n{cells}\n".encode())
+        first = 1
+        for kind, nodes, side in blocks:
+            for start in range(0, len(nodes), _CHUNK):
+                part = _ordered(kind, nodes[start : start + _CHUNK], mesh.order)
+                head = np.array([_CODES[kind, mesh.order], len(part), 2], dtype=np.int32)
+                numbers = np.empty((len(part), 3 + part.shape[1]), dtype=np.int32)
+                numbers[:, 0] = np.arange(first, first + len(part))
+                numbers[:, 1:3] = side or volume
+                numbers[:, 3:] = part + 1
+                stream.write(head.tobytes() + numbers.tobytes())
+                first += len(part)
+        stream.write(b"\n$EndElements\n")
+
+
+def _ordered(kind: str, nodes: Ints, order: int) -> Ints:
+    return reordered(kind, nodes, order, _EDGES[kind]) if kind in _EDGES else nodes

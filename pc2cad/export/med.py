@@ -1,0 +1,127 @@
+"""MED meshes (.med) for Salome and code_aster: HDF5 with the sides as groups of faces and nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.export.mesh_files import Ints, cell_blocks, whole_sides
+from pc2cad.mesh.elements import TYPES
+from pc2cad.mesh.volume_mesh import VolumeMesh
+
+_CODES = {
+    ("hexahedron", 1): "HE8", ("hexahedron", 2): "H20", ("wedge", 1): "PE6", ("wedge", 2): "P15",
+    ("pyramid", 1): "PY5", ("pyramid", 2): "P13", ("tetra", 1): "TE4", ("tetra", 2): "T10",
+    ("quad", 1): "QU4", ("quad", 2): "QU8", ("triangle", 1): "TR3", ("triangle", 2): "TR6",
+}  # fmt: skip
+#: MED numbers the base of a volume the other way round
+_CORNERS = {
+    "hexahedron": (0, 3, 2, 1, 4, 7, 6, 5), "wedge": (0, 2, 1, 3, 5, 4),
+    "pyramid": (0, 3, 2, 1, 4), "tetra": (0, 2, 1, 3),
+}  # fmt: skip
+_STEP = "-0000000000000000001-0000000000000000001"
+_NO_PROFILE = np.bytes_("MED_NO_PROFILE_INTERNAL")
+
+
+def write(mesh: VolumeMesh, path: Path) -> None:
+    """Write the mesh, version 3.0 of the format, which all readers in use take."""
+    import h5py
+
+    sides = whole_sides(mesh.sides)
+    with h5py.File(path, "w") as file:
+        _attributes(file.create_group("INFOS_GENERALES"), MAJ=3, MIN=0, REL=0)
+        body = file.create_group("ENS_MAA").create_group("mesh")
+        _attributes(
+            body, DIM=3, ESP=3, REP=0, UNT=np.bytes_(" " * 16), SRT=1, TYP=0,
+            UNI=np.bytes_(f"{mesh.units:<16}" * 3),
+            NOM=np.bytes_("".join(f"{axis:<16}" for axis in "XYZ")),
+            DES=np.bytes_(mesh.name.encode("ascii", "replace")[:200]),
+        )  # fmt: skip
+        step = body.create_group(_STEP)
+        _attributes(step, CGT=1, NDT=-1, NOR=-1, PDT=-1.0)
+        family, groups = _node_families(mesh)
+        nodes = step.create_group("NOE")
+        _attributes(nodes, CGT=1, CGS=1, PFL=_NO_PROFILE)
+        _column(nodes, "COO", mesh.points.T.ravel(), len(mesh.points))
+        _column(nodes, "FAM", family, len(family))
+        cells = step.create_group("MAI")
+        _attributes(cells, CGT=1)
+        for code, rows, sides_of_rows in _sections(mesh):
+            section = cells.create_group(code)
+            _attributes(section, CGT=1, CGS=1, PFL=_NO_PROFILE)
+            _column(section, "NOD", rows.T.ravel() + 1, len(rows))
+            _column(section, "FAM", -sides_of_rows, len(rows))
+        families = file.create_group("FAS").create_group("mesh")
+        _attributes(families.create_group("FAMILLE_ZERO"), NUM=0)
+        _families(families.create_group("NOEUD"), groups)
+        _families(families.create_group("ELEME"), {-k: [s] for k, s in enumerate(sides, start=1)})
+
+
+def _sections(mesh: VolumeMesh) -> list[tuple[str, Ints, Ints]]:
+    """Return code, nodes and side numbers: one section for each type of cell."""
+    merged: dict[str, list[tuple[Ints, int]]] = {}
+    for kind, nodes, side in cell_blocks(mesh):
+        merged.setdefault(kind, []).append((_turned(kind, nodes, mesh.order), side))
+    return [
+        (
+            _CODES[kind, mesh.order],
+            np.concatenate([nodes for nodes, _ in rows]),
+            np.concatenate([np.full(len(nodes), side) for nodes, side in rows]),
+        )
+        for kind, rows in merged.items()
+    ]
+
+
+def _turned(kind: str, nodes: Ints, order: int) -> Ints:
+    if kind not in _CORNERS:
+        return nodes
+    columns = list(_CORNERS[kind])
+    if order == 2:
+        corners, edges = len(columns), TYPES[kind].edges
+        place = {frozenset(edge): corners + k for k, edge in enumerate(edges)}
+        columns += [place[frozenset((columns[a], columns[b]))] for a, b in edges]
+    return nodes[:, columns]
+
+
+def _node_families(mesh: VolumeMesh) -> tuple[Ints, dict[int, list[str]]]:
+    """Return the family of each node and the groups of each family: a node may be in many sets."""
+    names = whole_sides(mesh.node_sets)
+    member = np.zeros(len(mesh.points), dtype=np.int64)
+    for bit, name in enumerate(names):
+        member[mesh.node_sets[name]] |= 1 << bit
+    kinds, which = np.unique(member, return_inverse=True)
+    numbers = np.where(kinds == 0, 0, np.arange(1, len(kinds) + 1))
+    groups = {
+        int(number): [name for bit, name in enumerate(names) if kind >> bit & 1]
+        for number, kind in zip(numbers, kinds.tolist(), strict=True)
+        if kind
+    }
+    return numbers[which.ravel()], groups
+
+
+def _families(parent: Any, families: Mapping[int, Sequence[str]]) -> None:
+    for number, names in families.items():
+        family = parent.create_group(f"FAM_{number}_" + "_".join(names))
+        _attributes(family, NUM=number)
+        group = family.create_group("GRO")
+        _attributes(group, NBR=len(names))
+        rows = np.zeros((len(names), 80), dtype=np.int8)
+        for row, name in zip(rows, names, strict=True):
+            text = name.encode("ascii", "replace")[:80]
+            row[: len(text)] = np.frombuffer(text, dtype=np.int8)
+        # an array type of 80 characters per name
+        data = group.create_dataset("NOM", (len(names),), dtype="80int8")
+        data[...] = rows
+
+
+def _column(parent: Any, name: str, values: NDArray[np.generic], count: int) -> None:
+    _attributes(parent.create_dataset(name, data=values), CGT=1, NBR=count)
+
+
+def _attributes(target: Any, **values: Any) -> None:
+    for name, value in values.items():
+        target.attrs.create(name, value)

@@ -1,0 +1,162 @@
+"""The table of mesh formats, and writing a volume mesh to a file of any of them."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.errors import InputError
+from pc2cad.export.files import check_target, replacing
+from pc2cad.mesh.elements import TYPES
+from pc2cad.mesh.volume_mesh import VolumeMesh
+
+Ints = NDArray[np.integer]
+#: writes a mesh to an empty file
+Writer = Callable[[VolumeMesh, Path], None]
+
+
+class PackageMissingError(InputError):
+    """A format or a method needs a package that is not installed."""
+
+
+@dataclass(frozen=True)
+class MeshFormat:
+    """One mesh format: how it is recognised and specified, and what it keeps of the sets."""
+
+    extension: str
+    title: str
+    #: address of the format's specification
+    specification: str
+    #: how the named sides are found in the file
+    sets: str
+    #: module with ``write(mesh, path)``
+    module: str
+    #: packages beyond those that pc2cad always has; they come with ``pc2cad[fea]``
+    packages: tuple[str, ...] = ()
+
+
+MESH_FORMATS: tuple[MeshFormat, ...] = (
+    MeshFormat(
+        ".vtu",
+        "VTK unstructured grid (XML, raw binary)",
+        "https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html",
+        "cell data 'side'; the number of each side is the field data of its name",
+        "pc2cad.export.vtu",
+    ),
+    MeshFormat(
+        ".inp",
+        "Abaqus and CalculiX input",
+        "http://www.dhondt.de/ccx_2.20.pdf",
+        "node sets, element sets and surfaces; u=0 is written u_0",
+        "pc2cad.export.inp",
+    ),
+    MeshFormat(
+        ".msh",
+        "gmsh mesh 2.2 (binary)",
+        "https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format-version-2-_0028Legacy_0029",
+        "physical surfaces",
+        "pc2cad.export.gmsh_mesh",
+    ),
+    MeshFormat(
+        ".vtk",
+        "VTK legacy (binary)",
+        "https://docs.vtk.org/en/latest/vtk_file_formats/vtk_legacy_file_format.html",
+        "cell data 'side', numbered in the order of the report",
+        "pc2cad.export.vtk_legacy",
+    ),
+    MeshFormat(
+        ".med",
+        "MED (Salome, code_aster)",
+        "https://docs.salome-platform.org/latest/dev/MEDCoupling/developer/med-file.html",
+        "groups of faces and of nodes",
+        "pc2cad.export.med",
+        ("h5py",),
+    ),
+)
+
+
+def mesh_format(path: str | os.PathLike[str]) -> MeshFormat:
+    """Return the format of a file name's ending; raise InputError where there is none.
+
+    Raises PackageMissingError where a package that the format needs is not installed.
+    """
+    ending = Path(path).suffix.lower()
+    for entry in MESH_FORMATS:
+        if entry.extension == ending:
+            for package in entry.packages:
+                require(package, f"{ending} files")
+            return entry
+    known = ", ".join(entry.extension for entry in MESH_FORMATS)
+    has = f"the ending {ending!r}" if ending else "no ending"
+    raise InputError(f"The mesh file {os.fspath(path)[-80:]!r} has {has}; use one of {known}.")
+
+
+def require(package: str, what: str) -> None:
+    """Raise PackageMissingError where a package is not installed."""
+    if importlib.util.find_spec(package) is None:
+        raise PackageMissingError(
+            f"{what} need the package {package}, which is not installed: pip install 'pc2cad[fea]'"
+        )
+
+
+def check_mesh_writable(path: str | os.PathLike[str]) -> None:
+    """Find out before a long computation whether a mesh can be written to `path`."""
+    mesh_format(path)
+    check_target(path)
+
+
+def write_mesh(mesh: VolumeMesh, path: str | os.PathLike[str]) -> None:
+    """Write a mesh in the format of the name's ending, whole or not at all.
+
+    Raises InputError for an unknown ending, FileNotWrittenError.
+    """
+    write: Writer = importlib.import_module(mesh_format(path).module).write
+    with replacing(path) as temporary:
+        write(mesh, temporary)
+
+
+def whole_sides(names: Iterable[str]) -> list[str]:
+    """Return the names of whole sides, without those of single patches of a creased one."""
+    return [name for name in names if " (" not in name]
+
+
+def cell_blocks(mesh: VolumeMesh) -> list[tuple[str, Ints, int]]:
+    """Return type, nodes and side number of every block of cells.
+
+    Volumes come first, with number 0; the facets of the k-th whole side follow with number k.
+    """
+    blocks = [(kind, block, 0) for kind, block in mesh.blocks.items()]
+    for number, side in enumerate(whole_sides(mesh.sides), start=1):
+        blocks += [(shape, nodes, number) for shape, nodes in mesh.facet_nodes(side).items()]
+    return blocks
+
+
+def reordered(kind: str, nodes: Ints, order: int, edges: tuple[tuple[int, int], ...]) -> Ints:
+    """Return the nodes of volume elements with the middles in another order of the edges."""
+    if order == 1:
+        return nodes
+    own = {frozenset(edge): k for k, edge in enumerate(TYPES[kind].edges)}
+    corners = len(TYPES[kind].corners)
+    middles = [corners + own[frozenset(edge)] for edge in edges]
+    return nodes[:, [*range(corners), *middles]]
+
+
+def plain_names(names: Iterable[str]) -> dict[str, str]:
+    """Return names of letters, digits and underscores: ``u=-1`` becomes ``u_m1``."""
+    plain: dict[str, str] = {}
+    for name in dict.fromkeys(names):
+        text = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"-(?=[\d.])", "m", name)).strip("_")
+        taken = set(plain.values())
+        number = 1
+        while (candidate := text if number == 1 else f"{text}_{number}") in taken:
+            number += 1
+        plain[name] = candidate
+    return plain

@@ -1,0 +1,92 @@
+"""Which nodes of a parameter grid are one: read from the boundary complex, by index.
+
+No distance is measured: what collapses, coincides or is glued was decided (proved or sampled) by
+the analysis, and a grid whose lines are shared accordingly turns that into pairs of indices.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from pc2cad.mesh.grid import Grid
+from pc2cad.topology.cells import Cell
+from pc2cad.topology.complex import BoundaryComplex, SideFate
+
+Ints = NDArray[np.int64]
+
+
+def cell_nodes(grid: Grid, cell: Cell) -> Ints:
+    """Return the flat indices of the nodes of a cell of the box, one axis per direction of it."""
+    counts = [len(lines) for lines in grid.lines]
+    spans = [np.arange(s.start, s.stop) for s in (grid.span(d, cell[d]) for d in range(3))]
+    u, v, w = np.ix_(*spans)
+    index = (u * counts[1] + v) * counts[2] + w
+    return np.asarray(index[tuple(slice(None) if p % 2 else 0 for p in cell)], dtype=np.int64)
+
+
+def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Ints, Ints]:
+    """Return the indices that stand for another one, ascending, and what each stands for.
+
+    The representative of a set of equal nodes is the smallest index of it.
+    """
+    pairs: list[tuple[Ints, Ints]] = []
+
+    def join(first: Ints, second: Ints) -> None:
+        a, b = np.broadcast_arrays(first, second)
+        differ = a != b
+        if differ.any():
+            pairs.append((a[differ], b[differ]))
+
+    for side in boundary.sides:
+        nodes = cell_nodes(grid, side.patch)
+        if side.fate == "point":
+            join(nodes, nodes[:1, :1])
+        elif side.fate == "curve":
+            along_first = side.along == min(d for d in range(3) if side.patch[d] % 2)
+            join(nodes, nodes[:, :1] if along_first else nodes[:1])
+        elif side.fate == "interface":
+            join(nodes, _image(grid, side))
+    for edge in boundary.edges:
+        first = cell_nodes(grid, edge.members[0].cell)
+        for member in edge.members[1:]:
+            other = cell_nodes(grid, member.cell)
+            join(first, other[::-1] if member.reverse != edge.members[0].reverse else other)
+    for face in boundary.faces:
+        for use in face.uses:
+            if use.edge is None:
+                nodes = cell_nodes(grid, use.cell)
+                join(nodes, nodes[:1])
+    for vertex in boundary.vertices:
+        corners = [cell_nodes(grid, corner).reshape(1) for corner in vertex.corners]
+        join(np.concatenate(corners), corners[0])
+    return _components(pairs)
+
+
+def _image(grid: Grid, side: SideFate) -> Ints:
+    """Return the partner's nodes in the order of the side's own."""
+    assert side.partner is not None
+    assert side.symmetry is not None
+    image = cell_nodes(grid, side.partner)
+    if side.symmetry.reverse_s:
+        image = image[::-1]
+    if side.symmetry.reverse_t:
+        image = image[:, ::-1]
+    return image.T if side.symmetry.swap else image
+
+
+def _components(pairs: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+    if not pairs:
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    first, second = (np.concatenate([p[k] for p in pairs]) for k in range(2))
+    nodes, inverse = np.unique(np.concatenate((first, second)), return_inverse=True)
+    a, b = inverse[: len(first)], inverse[len(first) :]
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(len(nodes),) * 2)
+    _, labels = connected_components(graph, directed=False)
+    # nodes ascend, so the first of each component is its smallest
+    _, start = np.unique(labels, return_index=True)
+    representative = nodes[start][labels]
+    moved = representative != nodes
+    return nodes[moved], representative[moved]

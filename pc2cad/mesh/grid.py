@@ -1,0 +1,291 @@
+"""The parameter grid of a structured mesh: where the lines of u, v and w lie.
+
+Breaks of the equation become grid lines, and directions that a gluing of sides joins get the same
+lines (mirrored ones where it reverses), so that nodes can be identified by their index.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.analysis import Analysis
+from pc2cad.errors import InputError
+from pc2cad.mapping import open_grid
+from pc2cad.topology.cells import directions_of
+
+Array = NDArray[np.float64]
+#: a direction (0, 1, 2) and the position of one of its pieces (odd)
+Piece = tuple[int, int]
+
+#: fewest cells round a closed direction: with fewer, two elements share two faces
+FEWEST_ROUND = 3
+#: and as many are chosen at least where nobody said otherwise
+GOOD_ROUND = 12
+MOST_CELLS = 400_000_000
+_SAME = 1e-12
+
+
+class UnsuitableGridError(InputError):
+    """The cells asked for do not fit the solid's breaks, gluings or closed directions."""
+
+
+@dataclass(frozen=True)
+class Grading:
+    """How cell lengths change along a direction: last over first, or middle over ends."""
+
+    ratio: float = 1.0
+    #: True: the cells grow towards the middle and shrink again
+    both_ends: bool = False
+
+    def position(self, share: Array) -> Array:
+        """Return the parameter at a share of the cells."""
+        if self.both_ends:
+            half = self._one(1 - np.abs(2 * share - 1)) / 2
+            return np.where(share <= 0.5, half, 1 - half)
+        return self._one(share)
+
+    def share(self, position: Array) -> Array:
+        """Return the share of the cells below a parameter: the inverse of `position`."""
+        if self.both_ends:
+            half = self._inverse(1 - np.abs(2 * position - 1)) / 2
+            return np.where(position <= 0.5, half, 1 - half)
+        return self._inverse(position)
+
+    def _one(self, s: Array) -> Array:
+        growth = np.log(self.ratio)
+        return s if growth == 0 else np.asarray(np.expm1(growth * s) / (self.ratio - 1))
+
+    def _inverse(self, t: Array) -> Array:
+        growth = np.log(self.ratio)
+        return t if growth == 0 else np.asarray(np.log1p(t * (self.ratio - 1)) / growth)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Grid lines per direction in local coordinates, and which of them limit crease pieces."""
+
+    lines: tuple[Array, Array, Array]
+    #: index of the line at each even position of a direction: 0, creases, last
+    limits: tuple[tuple[int, ...], ...]
+
+    @property
+    def cells(self) -> tuple[int, int, int]:
+        """Number of cells per direction."""
+        u, v, w = (len(lines) - 1 for lines in self.lines)
+        return u, v, w
+
+    def span(self, direction: int, position: int) -> range:
+        """Return the indices of the lines of a cell position, both ends included."""
+        limits = self.limits[direction]
+        return range(limits[position // 2], limits[(position + 1) // 2] + 1)
+
+    def halved(self) -> Grid:
+        """Return the grid with a line in the middle of every cell."""
+        lines = []
+        for line in self.lines:
+            fine = np.empty(2 * len(line) - 1)
+            fine[::2] = line
+            fine[1::2] = (line[1:] + line[:-1]) / 2
+            lines.append(fine)
+        limits = tuple(tuple(2 * i for i in row) for row in self.limits)
+        return Grid((lines[0], lines[1], lines[2]), limits)
+
+
+def make_grid(
+    analysis: Analysis,
+    cells: tuple[int, int, int] | None = None,
+    size: float | None = None,
+    grading: tuple[Grading, Grading, Grading] = (Grading(), Grading(), Grading()),
+) -> Grid:
+    """Return a grid of `cells` per direction, or of cells at most about `size` long.
+
+    With neither, the size is a tenth of the cube root of the volume that the samples span. Where a
+    direction has breaks, each piece takes its share of the cells, at least one, and their number
+    is what comes out. Raises UnsuitableGridError.
+    """
+    wanted = _wanted(analysis, cells, size)
+    classes = _Classes(analysis)
+    lines: list[Array] = []
+    limits: list[tuple[int, ...]] = []
+    for d in range(3):
+        row, marks = [np.zeros(1)], [0]
+        for low, high, breaks in classes.pieces(d):
+            inside = _piece_lines(low, high, breaks, wanted[d], grading[d])
+            row.append(inside[1:])
+            marks.append(marks[-1] + len(inside) - 1)
+        lines.append(np.concatenate(row))
+        limits.append(tuple(marks))
+    grid = Grid((lines[0], lines[1], lines[2]), tuple(limits))
+    return classes.shared(grid)
+
+
+def _wanted(
+    analysis: Analysis, cells: tuple[int, int, int] | None, size: float | None
+) -> tuple[int, int, int]:
+    closed = closed_directions(analysis)
+    if cells is not None:
+        for d, count in enumerate(cells):
+            least = FEWEST_ROUND if d in closed else 1
+            if count < least:
+                raise UnsuitableGridError(
+                    f"{count} cells along {'uvw'[d]}: at least {least} are needed"
+                    + (", because the solid closes in that direction" if d in closed else "")
+                )
+        counts = list(cells)
+    else:
+        lengths = _lengths(analysis)
+        step = _default_size(analysis) if size is None else size
+        with np.errstate(over="ignore"):
+            counts = [int(min(np.ceil(length / step - 1e-9), 1e9)) for length in lengths]
+        least_round = GOOD_ROUND if size is None else FEWEST_ROUND
+        counts = [max(n, least_round if d in closed else 1) for d, n in enumerate(counts)]
+        counts = _joined(analysis, counts)
+    if np.prod(counts, dtype=float) > MOST_CELLS:
+        raise UnsuitableGridError(
+            f"{' x '.join(map(str, counts))} cells are more than {MOST_CELLS:.0e}; make them larger"
+        )
+    return counts[0], counts[1], counts[2]
+
+
+def closed_directions(analysis: Analysis) -> set[int]:
+    """Return the directions in which the solid closes: their two limits are glued."""
+    return {
+        d
+        for side in analysis.boundary.sides
+        if side.partner is not None
+        for d in range(3)
+        if side.patch[d] % 2 == 0 and side.partner[d] % 2 == 0 and side.patch[d] != side.partner[d]
+    }
+
+
+def _joined(analysis: Analysis, counts: list[int]) -> list[int]:
+    """Give directions that a gluing exchanges the larger count of both."""
+    for side in analysis.boundary.sides:
+        if side.symmetry is not None and side.symmetry.swap and side.partner is not None:
+            joined = {*directions_of(side.patch), *directions_of(side.partner)}
+            most = max(counts[d] for d in joined)
+            counts = [most if d in joined else n for d, n in enumerate(counts)]
+    return counts
+
+
+def _lengths(analysis: Analysis) -> list[float]:
+    """Return the length of the longest of some parameter lines per direction."""
+    across = np.linspace(0, 1, 7)
+    lengths = []
+    for d in range(3):
+        grid = [across] * 3
+        grid[d] = np.linspace(0, 1, 401)
+        points = np.moveaxis(analysis.map.points(*open_grid(*grid)), d, 0)
+        steps = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=-1))
+        lengths.append(float(steps.sum(axis=0).max()))
+    return lengths
+
+
+def _default_size(analysis: Analysis) -> float:
+    """Return a tenth of the cube root of the volume (by a coarse rule)."""
+    x, weight = np.polynomial.legendre.leggauss(12)
+    nodes, weight = (x + 1) / 2, weight / 2
+    a, b, c = analysis.map.tangents((0, 1, 2), *open_grid(nodes, nodes, nodes))
+    determinant = np.abs((np.cross(a, b) * c).sum(axis=-1))
+    volume = np.einsum("ijk,i,j,k", determinant, weight, weight, weight)
+    return float(np.cbrt(volume)) / 10
+
+
+def _piece_lines(low: float, high: float, breaks: Array, count: int, grading: Grading) -> Array:
+    """Return the lines of one crease piece of a direction, the smoother breaks among them."""
+    ends = np.concatenate(([low], breaks, [high]))
+    shares = grading.share(ends)
+    row = [ends[:1]]
+    for (a, b), (sa, sb) in zip(pairwise(ends), pairwise(shares), strict=True):
+        # the small shift rounds equal pieces alike
+        inside = max(1, round(count * float(sb - sa) - 1e-9))
+        places = grading.position(np.linspace(sa, sb, inside + 1))
+        places[0], places[-1] = a, b
+        row.append(places[1:])
+    return np.concatenate(row)
+
+
+class _Classes:
+    """Pieces of directions that the gluings join: they have to have the same lines."""
+
+    def __init__(self, analysis: Analysis) -> None:
+        self._analysis = analysis
+        self._joins: list[tuple[Piece, Piece, bool]] = []
+        for edge in analysis.boundary.edges:
+            first, *others = edge.members
+            for member in others:
+                self._join(first.cell, member.cell, 0, 0, member.reverse != first.reverse)
+        for side in analysis.boundary.sides:
+            if side.partner is None or side.symmetry is None:
+                continue
+            flags = (side.symmetry.reverse_s, side.symmetry.reverse_t)
+            for axis in range(2):
+                other = 1 - axis if side.symmetry.swap else axis
+                self._join(side.patch, side.partner, axis, other, flags[other])
+
+    def _join(
+        self, a: tuple[int, ...], b: tuple[int, ...], axis: int, other: int, reverse: bool
+    ) -> None:
+        d = [k for k in range(3) if a[k] % 2][axis]
+        e = [k for k in range(3) if b[k] % 2][other]
+        join = ((d, a[d]), (e, b[e]), reverse)
+        if join[0] != join[1] or reverse:
+            self._joins.append(join)
+
+    def pieces(self, direction: int) -> list[tuple[float, float, Array]]:
+        """Return the limits of each crease piece and the smoother breaks that it has to have."""
+        found = []
+        bounds = self._analysis.bounds[direction]
+        for k, (low, high) in enumerate(pairwise(bounds)):
+            places = self._breaks((direction, 2 * k + 1))
+            found.append((low, high, low + (high - low) * places))
+        return found
+
+    def _breaks(self, piece: Piece) -> Array:
+        """Return the inner breaks of a piece and of all that is joined to it, on [0, 1]."""
+        reached: set[tuple[Piece, bool]] = {(piece, False)}
+        stack = list(reached)
+        while stack:
+            here, turned = stack.pop()
+            for a, b, reverse in self._joins:
+                for x, y in ((a, b), (b, a)):
+                    step = (y, turned != reverse)
+                    if x == here and step not in reached:
+                        reached.add(step)
+                        stack.append(step)
+        places: list[float] = []
+        for other, turned in sorted(reached):
+            low, high = self._analysis.span(*other)
+            for kink in self._analysis.breaks[other[0]]:
+                at = (kink.position - low) / (high - low)
+                at = 1 - at if turned else at
+                if _SAME < at < 1 - _SAME and all(abs(at - p) > _SAME for p in places):
+                    places.append(at)
+        return np.array(sorted(places))
+
+    def shared(self, grid: Grid) -> Grid:
+        """Check that joined pieces have the same lines (reversed ones mirrored)."""
+        local: Callable[[Piece], Array] = lambda piece: _normalised(grid, piece)  # noqa: E731
+        for a, b, reverse in self._joins:
+            first, second = local(a), local(b)
+            second = 1 - second[::-1] if reverse else second
+            if len(first) != len(second) or np.abs(first - second).max() > 1e-9:
+                names = sorted({"uvw"[a[0]], "uvw"[b[0]]})
+                what = " and ".join(names)
+                raise UnsuitableGridError(
+                    f"{what}: sides are glued so that these grid lines meet"
+                    f"{' in reverse' if reverse else ''}; give them the same number of cells"
+                    + (" and a grading that is the same from both ends" if reverse else "")
+                )
+        return grid
+
+
+def _normalised(grid: Grid, piece: Piece) -> Array:
+    span = grid.span(*piece)
+    lines = grid.lines[piece[0]][span.start : span.stop]
+    return np.asarray((lines - lines[0]) / (lines[-1] - lines[0]))

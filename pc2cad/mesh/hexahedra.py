@@ -1,0 +1,279 @@
+"""Structured hexahedra: a (u,v,w) grid mapped by the equation, merged where the solid closes.
+
+Every node is a value of the equation itself. Nodes of collapsed and glued sides are one by their
+index; cells that lose corners by that become wedges, pyramids or tetrahedra.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.analysis import Analysis
+from pc2cad.errors import NotASolidError
+from pc2cad.mapping import open_grid
+from pc2cad.mesh.collapse import pieces
+from pc2cad.mesh.elements import HEXAHEDRON, TYPES
+from pc2cad.mesh.gluing import cell_nodes, merged_nodes
+from pc2cad.mesh.grid import Grid
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh
+from pc2cad.topology.cells import Cell, normal_direction
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.integer]
+
+#: points evaluated, and cells numbered, at once: the arrays stay in the cache
+_CHUNK = 1 << 16
+#: face of a hexahedron on the lower and upper limit of its own first, second, third direction
+_FACE_AT = ((5, 3), (2, 4), (0, 1))
+
+
+class CellCollapsesError(NotASolidError):
+    """A cell of the grid loses so many corners that no element is left."""
+
+
+def hexahedra(analysis: Analysis, grid: Grid, order: int = 1) -> VolumeMesh:
+    """Return the mesh of a solid on a grid, with elements of order 1 or 2.
+
+    Raises CellCollapsesError where a cell collapses altogether.
+    """
+    return _Assembly(analysis, grid, order).mesh()
+
+
+@dataclass
+class _Split:
+    """Cells with one pattern of equal corners, ascending, and what each became."""
+
+    cells: Ints
+    #: type, number of the first element of it within the type, face of the cell -> own face
+    parts: list[tuple[str, int, dict[int, int]]] = field(default_factory=list)
+
+
+class _Assembly:
+    """Works out one mesh; lives for one call of `hexahedra`."""
+
+    def __init__(self, analysis: Analysis, grid: Grid, order: int) -> None:
+        self._analysis = analysis
+        self._grid = grid
+        self._order = order
+        self._fine = grid.halved() if order == 2 else grid
+        self._counts = [len(lines) for lines in self._fine.lines]
+        total = int(np.prod(self._counts))
+        self._integer: np.dtype[np.integer] = np.dtype("i4" if total < 2**31 else "i8")
+        # a left-handed map: the element's first two directions are v and u
+        self._axes = (0, 1, 2) if analysis.orientation > 0 else (1, 0, 2)
+        self._splits: list[_Split] = []
+
+    def mesh(self) -> VolumeMesh:
+        moved, stands = merged_nodes(self._fine, self._analysis.boundary)
+        blocks, irregular = self._elements(moved, stands)
+        numbers, count = self._number(blocks, moved, stands)
+        points = self._points(numbers, moved, count)
+        if len(moved):
+            numbers[moved] = numbers[stands]
+        patches = self._analysis.boundary.faces
+        sides = {
+            self._analysis.boundary.name(face.patch): self._facets(face.patch, irregular)
+            for face in patches
+        }
+        equation = self._analysis.equation
+        return VolumeMesh(
+            equation.name, equation.units, self._order, points, blocks,
+            self._by_side(sides), self._node_sets(numbers),
+        )  # fmt: skip
+
+    # -- elements ------------------------------------------------------------------------------
+
+    def _elements(self, moved: Ints, stands: Ints) -> tuple[dict[str, Ints], Ints]:
+        """Return the elements in indices of the fine grid, and the cells that are none as such."""
+        cells = self._corners()
+        irregular, rows = self._irregular(cells, moved, stands)
+        kept = np.delete(cells, irregular, axis=0) if len(irregular) else cells
+        blocks: dict[str, list[Ints]] = {HEXAHEDRON.name: [self._with_middles(kept)]}
+        counts = dict.fromkeys(TYPES, 0)
+        patterns = (rows[:, :, None] == rows[:, None, :]).argmax(axis=2)
+        kinds, which = np.unique(patterns, axis=0, return_inverse=True)
+        for k, pattern in enumerate(kinds):
+            here = np.flatnonzero(which.ravel() == k)
+            split = _Split(irregular[here])
+            for piece in pieces(tuple(int(p) for p in pattern)):
+                corners = cells[irregular[here]]
+                columns = [corners[:, group[0]] for group in piece.corners]
+                if self._order == 2:
+                    for edge in range(len(piece.kind.edges)):
+                        a, b = piece.middle(edge)
+                        columns.append((corners[:, a] + corners[:, b]) // 2)
+                name = piece.kind.name
+                faces = {f: own for f in range(6) if (own := piece.on_face(f)) is not None}
+                split.parts.append((name, counts[name], faces))
+                counts[name] += len(here)
+                blocks.setdefault(name, []).append(np.stack(columns, axis=1))
+            if not split.parts:
+                place = ", ".join(map(str, np.unravel_index(split.cells[0], self._grid.cells)))
+                raise CellCollapsesError(
+                    f"the cell ({place}) of the grid has too few different corners for an element; "
+                    "more cells in the direction that closes would help"
+                )
+            self._splits.append(split)
+        made = {name: np.concatenate(blocks[name]) for name in TYPES if name in blocks}
+        return {name: block for name, block in made.items() if len(block)}, irregular
+
+    def _corners(self) -> Ints:
+        """Return the corners of all cells as indices of the fine grid, (cells, 8)."""
+        _, nv, nw = self._counts
+        strides = (nv * nw, nw, 1)
+        starts: list[Ints] = [
+            np.arange(n, dtype=self._integer) * (self._order * stride)
+            for n, stride in zip(self._grid.cells, strides, strict=True)
+        ]
+        u, v, w = np.ix_(*starts)
+        cells = np.empty((*self._grid.cells, 8), dtype=self._integer)
+        offsets = [
+            sum(int(corner[k]) * self._order * strides[self._axes[k]] for k in range(3))
+            for corner in HEXAHEDRON.corners
+        ]
+        cells[...] = np.add(np.add(u, v), w)[..., None]
+        cells += np.array(offsets, dtype=self._integer)
+        return cells.reshape(-1, 8)
+
+    def _irregular(self, cells: Ints, moved: Ints, stands: Ints) -> tuple[Ints, Ints]:
+        """Return the cells with equal corners, and those corners after merging."""
+        none = np.empty(0, dtype=np.int64), np.empty((0, 8), dtype=np.int64)
+        if not len(moved):
+            return none
+        border = np.zeros(self._grid.cells, dtype=bool)
+        for d in range(3):
+            layer = np.moveaxis(border, d, 0)
+            layer[0] = layer[-1] = True
+        candidates = np.flatnonzero(border)
+        found, rows = [none[0]], [none[1]]
+        for start in range(0, len(candidates), _CHUNK):
+            part = candidates[start : start + _CHUNK]
+            corners = _replace(cells[part], moved, stands)
+            ordered = np.sort(corners, axis=1)
+            equal = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
+            found.append(part[equal])
+            rows.append(corners[equal])
+        return np.concatenate(found), np.concatenate(rows)
+
+    def _with_middles(self, cells: Ints) -> Ints:
+        if self._order == 1:
+            return cells
+        full = np.empty((len(cells), HEXAHEDRON.size(2)), dtype=self._integer)
+        full[:, :8] = cells
+        for k, (a, b) in enumerate(HEXAHEDRON.edges):
+            # the index is linear in the grid position
+            full[:, 8 + k] = cells[:, a] // 2 + cells[:, b] // 2 + (cells[:, a] & cells[:, b] & 1)
+        return full
+
+    # -- nodes ---------------------------------------------------------------------------------
+
+    def _number(self, blocks: dict[str, Ints], moved: Ints, stands: Ints) -> tuple[Ints, int]:
+        """Give the nodes that are used numbers, which replace the indices in the elements.
+
+        Returns the number of every index of the fine grid that is its own representative.
+        """
+        total = int(np.prod(self._counts))
+        if self._order == 1 and not len(moved):
+            return np.arange(total, dtype=self._integer), total
+        table: Ints = np.arange(total, dtype=self._integer)
+        table[moved] = stands
+        used = np.zeros(total, dtype=bool)
+        for rows in _chunks(blocks):
+            rows[...] = table[rows]
+            used[rows] = True
+        np.cumsum(used, out=table)
+        count = int(table[-1])
+        np.subtract(table, 1, out=table)
+        table[~used] = -1
+        for rows in _chunks(blocks):
+            rows[...] = table[rows]
+        return table, count
+
+    def _points(self, numbers: Ints, moved: Ints, count: int) -> Array:
+        """Evaluate the equation at every numbered node, slab by slab on open grids."""
+        points = np.empty((count, 3))
+        if self._order == 1 and not len(moved):
+            flat = points.reshape(*self._counts, 3)
+            for part, values in self._slabs(self._fine.lines):
+                flat[part] = values
+            return points
+        table = numbers.reshape(self._counts)
+        for parity in product(range(self._order), repeat=3):
+            step = tuple(slice(p, None, self._order) for p in parity)
+            wanted = table[step]
+            if not (wanted >= 0).any():
+                continue
+            lines = [row[p :: self._order] for row, p in zip(self._fine.lines, parity, strict=True)]
+            for part, values in self._slabs(lines):
+                here = wanted[part]
+                owned = here >= 0
+                points[here[owned]] = values[owned]
+        return points
+
+    def _slabs(self, lines: tuple[Array, ...] | list[Array]) -> Iterator[tuple[slice, Array]]:
+        u, v, w = lines
+        step = max(1, _CHUNK // (len(v) * len(w)))
+        for start in range(0, len(u), step):
+            part = slice(start, min(start + step, len(u)))
+            yield part, self._analysis.map.points(*open_grid(u[part], v, w))
+
+    # -- sets ----------------------------------------------------------------------------------
+
+    def _facets(self, patch: Cell, irregular: Ints) -> tuple[Facets, ...]:
+        """Return the faces of elements on a patch of the box."""
+        d = normal_direction(patch)
+        upper = patch[d] > 0
+        face = _FACE_AT[self._axes.index(d)][int(upper)]
+        spans = []
+        for k in range(3):
+            span = self._grid.span(k, patch[k])
+            edge = [self._grid.cells[k] - 1 if upper else 0]
+            spans.append(np.array(edge) if k == d else np.arange(span.start, span.stop - 1))
+        u, v, w = np.ix_(*spans)
+        _, nv, nw = self._grid.cells
+        cells = np.sort(((u * nv + v) * nw + w).ravel())
+        regular = cells[~np.isin(cells, irregular)]
+        position = regular - np.searchsorted(irregular, regular)
+        rows = [(HEXAHEDRON.name, position, face)] if len(regular) else []
+        for split in self._splits:
+            here = np.flatnonzero(np.isin(split.cells, cells))
+            rows += [(n, first + here, own[face]) for n, first, own in split.parts
+                     if face in own and len(here)]  # fmt: skip
+        return tuple(
+            Facets(name, elements.astype(self._integer), np.full(len(elements), own, np.int8))
+            for name, elements, own in rows
+        )
+
+    def _by_side(self, patches: dict[str, tuple[Facets, ...]]) -> dict[str, tuple[Facets, ...]]:
+        """Name whole sides, and also their patches where creases make several."""
+        sides: dict[str, tuple[Facets, ...]] = {}
+        for name, facets in patches.items():
+            whole = name.partition(" (")[0]
+            sides[whole] = sides.get(whole, ()) + facets
+        return {**sides, **patches}
+
+    def _node_sets(self, numbers: Ints) -> dict[str, Ints]:
+        sets: dict[str, list[Ints]] = {}
+        boundary = self._analysis.boundary
+        for side in boundary.sides:
+            name = boundary.name(side.patch)
+            nodes = numbers[cell_nodes(self._fine, side.patch).ravel()]
+            for key in {name.partition(" (")[0], name}:
+                sets.setdefault(key, []).append(nodes[nodes >= 0])
+        return {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
+
+
+def _replace(indices: Ints, moved: Ints, stands: Ints) -> Ints:
+    place = np.minimum(np.searchsorted(moved, indices), len(moved) - 1)
+    return np.where(moved[place] == indices, stands[place], indices)
+
+
+def _chunks(blocks: dict[str, Ints]) -> Iterator[Ints]:
+    for block in blocks.values():
+        for start in range(0, len(block), _CHUNK):
+            yield block[start : start + _CHUNK]

@@ -1,0 +1,101 @@
+"""A volume mesh: nodes, elements by type, and the sides of the solid as named sets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.integer]
+
+#: facets integrated at once
+_CHUNK = 100_000
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Faces of elements of one type: element numbers within the type, and faces (0 is S1)."""
+
+    kind: str
+    elements: Ints
+    faces: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeMesh:
+    """Nodes and elements that fill a solid; lengths in `units`.
+
+    Elements are numbered type by type, in the order of `elements.TYPES`.
+    """
+
+    name: str
+    units: str
+    order: int
+    #: (nodes, 3)
+    points: Array
+    #: type name -> nodes of each element, (n, k), numbered as in VTK
+    blocks: Mapping[str, Ints]
+    #: side (or patch of a side) that bounds the solid -> its faces of elements
+    sides: Mapping[str, tuple[Facets, ...]]
+    #: side -> its nodes, ascending; collapsed and glued sides too
+    node_sets: Mapping[str, Ints]
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return sum(len(block) for block in self.blocks.values())
+
+    def first_element(self, kind: str) -> int:
+        """Return the number of the first element of a type."""
+        names = list(TYPES)
+        return sum(len(self.blocks.get(n, ())) for n in names[: names.index(kind)])
+
+    def facet_nodes(self, side: str) -> dict[str, Ints]:
+        """Return the nodes of a side's facets by shape, ``quad`` or ``triangle``: (n, k) each.
+
+        Corners run anti-clockwise from outside, middles follow in the same order.
+        """
+        found: dict[str, list[Ints]] = {}
+        for facets in self.sides[side]:
+            kind = TYPES[facets.kind]
+            for face in np.unique(facets.faces):
+                rows = facets.elements[facets.faces == face]
+                local = kind.face_nodes(int(face), self.order)
+                shape = "quad" if len(kind.faces[face]) == 4 else "triangle"
+                found.setdefault(shape, []).append(self.blocks[facets.kind][rows][:, local])
+        return {shape: np.concatenate(parts) for shape, parts in found.items()}
+
+    def area(self, side: str) -> float:
+        """Return the area of a side's facets."""
+        total = 0.0
+        for normals, weights, _ in self._facet_integrands(side):
+            total += float((np.sqrt((normals**2).sum(axis=-1)) * weights).sum())
+        return total
+
+    def volume(self) -> float:
+        """Return the volume inside all facets, by the divergence theorem.
+
+        It is the sum of the elements' volumes where they fit together without gaps.
+        """
+        centre = self.points[:: max(1, len(self.points) // 1000)].mean(axis=0)
+        whole = [name for name in self.sides if " (piece" not in name]
+        total = 0.0
+        for side in whole:
+            for normals, weights, places in self._facet_integrands(side):
+                total += float((((places - centre) * normals).sum(axis=-1) * weights).sum())
+        return total / 3
+
+    def _facet_integrands(self, side: str) -> Iterator[tuple[Array, Array, Array]]:
+        """Give normals (as long as the area element), weights and places at quadrature nodes."""
+        for shape, nodes in self.facet_nodes(side).items():
+            at, weights = rule(shape, 4 if self.order == 1 else 6)
+            slopes, values = gradients(shape, self.order, at), shapes(shape, self.order, at)
+            for start in range(0, len(nodes), _CHUNK):
+                points = self.points[nodes[start : start + _CHUNK]]
+                tangents = np.einsum("qdk,nkx->dnqx", slopes, points, optimize=True)
+                yield np.cross(tangents[0], tangents[1]), weights, values @ points

@@ -1,0 +1,166 @@
+"""The second way through: from the analysis to what fills the solid, without the kernel.
+
+PointEquation  ─analyse→   Analysis     which sides collapse, coincide, bound
+               ─integrate→ Properties   volume and areas of the equation
+               ─solidity→  Solidity     no fold, no overlap, or it is refused
+               ─mesh→      VolumeMesh   structured hexahedra on a (u,v,w) grid
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from pc2cad.analysis import Analysis, analyse
+from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
+from pc2cad.errors import InputError
+from pc2cad.mesh.grid import Grading, make_grid
+from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.quality import Quality, measure
+from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.properties import Properties, integrate
+from pc2cad.solidity import check_solidity
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """What is asked of a mesh of hexahedra; lengths in model units."""
+
+    #: cells along u, v and w
+    cells: tuple[int, int, int] | None = None
+    #: or the length that no cell exceeds by much
+    size: float | None = None
+    order: Literal[1, 2] = 1
+    grading: tuple[Grading, Grading, Grading] = (Grading(), Grading(), Grading())
+
+    def __post_init__(self) -> None:
+        if self.cells is not None and self.size is not None:
+            raise InputError("give the cells of a mesh or their size, not both")
+        if self.size is not None and not 0 < self.size < float("inf"):
+            raise InputError(f"the size of cells must be a positive length, not {self.size}")
+        if self.order not in (1, 2):
+            raise InputError(f"elements have order 1 or 2, not {self.order}")
+
+
+@dataclass(frozen=True)
+class SideMeasure:
+    """A side of the solid: its facets against the equation (areas in model units squared)."""
+
+    facets: int
+    area: float
+    equation_area: float
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """What a mesh is, how good its elements are, and how it compares with the equation."""
+
+    name: str
+    units: str
+    order: int
+    #: cells of the parameter grid along u, v, w; None for a mesh that is not structured
+    cells: tuple[int, int, int] | None
+    nodes: int
+    elements: Mapping[str, int]
+    quality: Quality
+    volume: float
+    equation_volume: float
+    sides: Mapping[str, SideMeasure]
+    times: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def volume_difference(self) -> float:
+        """Relative difference of the mesh's volume from the equation's."""
+        return self.volume / self.equation_volume - 1
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain data for JSON."""
+        return {**asdict(self), "volume_difference": self.volume_difference}
+
+
+def mesh_equation(
+    equation: PointEquation,
+    options: MeshOptions | None = None,
+    progress: Progress | None = None,
+) -> tuple[VolumeMesh, MeshReport]:
+    """Return the mesh of a point equation and the report on it.
+
+    Raises NotASolidError where the image is no solid or an element of the mesh is inverted, and
+    UnsuitableGridError where the cells do not fit the solid.
+    """
+    options = options or MeshOptions()
+    clock = _Clock(progress)
+    clock("analyse")
+    analysis = analyse(equation)
+    clock("integrate")
+    properties = integrate(analysis)
+    clock("solidity")
+    check_solidity(analysis)
+    clock("mesh")
+    grid = make_grid(analysis, options.cells, options.size, options.grading)
+    mesh = hexahedra(analysis, grid, options.order)
+    clock("quality")
+    quality = measure(mesh)
+    report = report_on(mesh, quality, analysis, properties, grid.cells)
+    clock("")
+    return mesh, MeshReport(**{**vars(report), "times": clock.times})
+
+
+def mesh_part(
+    equation: Equation,
+    domain: Domain | None = None,
+    *,
+    name: str = "part",
+    units: str = "mm",
+    cells: tuple[int, int, int] | None = None,
+    size: float | None = None,
+    order: Literal[1, 2] = 1,
+) -> VolumeMesh:
+    """Mesh a Python point equation over a box with hexahedra; see `mesh_equation`."""
+    bound = point_equation(equation, domain, name=name, units=units)
+    return mesh_equation(bound, MeshOptions(cells, size, order))[0]
+
+
+def report_on(
+    mesh: VolumeMesh,
+    quality: Quality,
+    analysis: Analysis,
+    properties: Properties,
+    cells: tuple[int, int, int] | None,
+) -> MeshReport:
+    """Return the report on a mesh of an analysed solid."""
+    areas: dict[str, float] = {}
+    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
+        name = analysis.boundary.name(face.patch)
+        for key in {name, name.partition(" (")[0]}:
+            areas[key] = areas.get(key, 0.0) + area
+    sides = {
+        side: SideMeasure(sum(len(f.elements) for f in facets), mesh.area(side), areas[side])
+        for side, facets in mesh.sides.items()
+    }
+    return MeshReport(
+        mesh.name, mesh.units, mesh.order, cells, len(mesh.points),
+        {kind: len(block) for kind, block in mesh.blocks.items()},
+        quality, mesh.volume(), properties.volume, sides,
+    )  # fmt: skip
+
+
+class _Clock:
+    """Names the stages as they begin and notes how long each took."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress = progress
+        self._stage, self._start = "", time.perf_counter()
+        self.times: dict[str, float] = {}
+
+    def __call__(self, stage: str) -> None:
+        now = time.perf_counter()
+        if self._stage:
+            self.times[self._stage] = now - self._start
+        self._stage, self._start = stage, now
+        if stage and self._progress is not None:
+            self._progress(stage)

@@ -1,0 +1,262 @@
+"""Structured hexahedra: conforming, upright, convergent, and with the equation's own sides."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import pc2cad as pc
+from pc2cad.analysis import Analysis, analyse
+from pc2cad.equation.point_equation import point_equation
+from pc2cad.equation.template_file import read_template
+from pc2cad.mesh.collapse import pieces
+from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
+from pc2cad.mesh.grid import Grading, UnsuitableGridError, make_grid
+from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.quality import InvertedElementError, measure
+from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.properties import integrate
+from pc2cad.volume import MeshOptions, mesh_equation
+
+TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
+u, v, w = pc.parameters()
+
+
+def analysis_of(name: str) -> Analysis:
+    path = next(path for path in TEMPLATES if path.stem == name)
+    return analyse(read_template(path).bind({}))
+
+
+def mesh_of(analysis: Analysis, cells: tuple[int, int, int], order: int = 1) -> VolumeMesh:
+    return hexahedra(analysis, make_grid(analysis, cells), order)
+
+
+def faces_of(mesh: VolumeMesh) -> Counter[frozenset[int]]:
+    """Count how many elements have each face (as the set of its nodes)."""
+    found: Counter[frozenset[int]] = Counter()
+    for name, block in mesh.blocks.items():
+        for face in range(len(TYPES[name].faces)):
+            local = TYPES[name].face_nodes(face, mesh.order)
+            found.update(frozenset(row) for row in block[:, local].tolist())
+    return found
+
+
+def facets_of(mesh: VolumeMesh) -> Counter[frozenset[int]]:
+    whole = [side for side in mesh.sides if " (" not in side]
+    rows = [nodes for side in whole for nodes in mesh.facet_nodes(side).values()]
+    return Counter(frozenset(row) for nodes in rows for row in nodes.tolist())
+
+
+def check_conforming(mesh: VolumeMesh) -> None:
+    faces, facets = faces_of(mesh), facets_of(mesh)
+    assert set(faces.values()) <= {1, 2}
+    assert {face for face, count in faces.items() if count == 1} == set(facets)
+    assert set(facets.values()) == {1}
+    used = np.unique(np.concatenate([block.ravel() for block in mesh.blocks.values()]))
+    assert np.array_equal(used, np.arange(len(mesh.points)))
+
+
+# -- every template ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: path.stem)
+def test_templates_mesh_conforming_and_upright(path: Path, order: int) -> None:
+    analysis = analyse(read_template(path).bind({}))
+    properties = integrate(analysis)
+    mesh = hexahedra(analysis, make_grid(analysis, size=properties.volume ** (1 / 3) / 4), order)
+    check_conforming(mesh)
+    quality = measure(mesh)
+    assert quality.scaled_jacobian > 0
+    assert quality.volume == pytest.approx(mesh.volume(), rel=1e-12 if order == 1 else 2e-5)
+    assert mesh.volume() == pytest.approx(properties.volume, rel=0.3 if order == 1 else 0.03)
+    names = {analysis.boundary.name(face.patch) for face in analysis.boundary.faces}
+    assert names <= set(mesh.sides)
+
+
+@pytest.mark.parametrize("name", ["pyramid", "pyramid_cut", "oblique_prism", "hypar_slab"])
+def test_what_is_linear_between_nodes_has_the_equations_volume(name: str) -> None:
+    analysis = analysis_of(name)
+    properties = integrate(analysis)
+    mesh = mesh_of(analysis, (5, 4, 3))
+    assert mesh.volume() == pytest.approx(properties.volume, rel=1e-13)
+    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
+        assert mesh.area(analysis.boundary.name(face.patch)) == pytest.approx(area, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "cells"),
+    [("ball", (16, 8, 3)), ("hollow_ball", (16, 8, 2)), ("torus_tube", (24, 12, 1)),
+     ("channel_sine", (10, 56, 1)), ("turned_ring", (16, 2, 2)), ("paraboloid_cap", (16, 4, 4))],
+)  # fmt: skip
+def test_order_two_converges_at_fourth_order(name: str, cells: tuple[int, int, int]) -> None:
+    analysis = analysis_of(name)
+    exact = integrate(analysis).volume
+    finer = tuple(2 * n for n in cells)
+    errors = [abs(mesh_of(analysis, n, 2).volume() / exact - 1) for n in (cells, finer)]
+    assert np.log2(errors[0] / errors[1]) > 3.8
+    assert errors[1] < 5e-4
+
+
+# -- merging by index ------------------------------------------------------------------------------
+
+
+def test_nodes_of_a_torus_are_counted_exactly() -> None:
+    mesh = mesh_of(analysis_of("torus"), (7, 5, 3))
+    # 7 x 5 columns that share the axis: 3 nodes each, and 7 on the axis
+    assert len(mesh.points) == 7 * 5 * 3 + 7
+    assert {kind: len(block) for kind, block in mesh.blocks.items()} == {
+        "hexahedron": 7 * 5 * 2,
+        "wedge": 7 * 5,
+    }
+
+
+def test_nodes_of_a_ball_are_counted_exactly() -> None:
+    mesh = mesh_of(analysis_of("ball"), (6, 4, 2))
+    # two spheres of 3 rings and 2 poles each, and the centre
+    assert len(mesh.points) == 2 * (3 * 6 + 2) + 1
+    assert {kind: len(block) for kind, block in mesh.blocks.items()} == {
+        "hexahedron": 6 * 2, "wedge": 6 * 2, "pyramid": 6 * 2, "tetra": 6 * 2,
+    }  # fmt: skip
+
+
+def test_a_quarter_turn_gluing_joins_rows_with_columns() -> None:
+    mesh = mesh_of(analysis_of("turned_ring"), (9, 2, 2), 2)
+    assert len(mesh.points) == 9 * (21 + 9)
+    assert set(mesh.sides) == {"v=0", "v=1", "w=0", "w=1"}
+
+
+def test_a_single_edge_that_collapses_is_cut_alike_by_its_neighbours() -> None:
+    equation = point_equation((u, (v + v**2 / 4) * (u + w), w), name="gore")
+    for order in (1, 2):
+        mesh, report = mesh_equation(equation, MeshOptions(cells=(3, 4, 3), order=order))
+        check_conforming(mesh)
+        assert report.elements == {"hexahedron": 3 * 4 * 3 - 4, "pyramid": 2 * 4}
+        assert abs(report.volume_difference) < (0.02 if order == 1 else 1e-12)
+
+
+def test_creases_are_grid_lines_and_their_patches_have_sets() -> None:
+    corners = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2)]
+    x, y = pc.polygon(corners, v)
+    centre = (0.5, 0.5)
+    shape = tuple(c + (a - c) * u for a, c in zip((x, y), centre, strict=True))
+    equation = point_equation((*shape, 2 * w), name="angle")
+    mesh, report = mesh_equation(equation, MeshOptions(cells=(2, 13, 2)))
+    check_conforming(mesh)
+    assert report.cells == (2, 12, 2)  # two per piece: 13 do not divide
+    assert report.volume == pytest.approx(8.0, rel=1e-13)
+    lengths = [3, 1, 2, 1, 1, 2]
+    areas = [report.sides[f"u=1 (piece {k} of v)"].area for k in range(1, 7)]
+    assert areas == pytest.approx([2 * x for x in lengths], rel=1e-13)
+    assert report.sides["u=1"].area == pytest.approx(20.0, rel=1e-13)
+
+
+@pytest.mark.parametrize("factor", [1e-5, 1e5])
+def test_scale_does_not_matter(factor: float) -> None:
+    angle, height = 2 * pc.pi * u, v
+    radius = 1 + w / 2
+    coordinates = (radius * pc.cos(angle), radius * pc.sin(angle), height)
+    scaled = tuple(factor * x for x in coordinates)
+    options = MeshOptions(cells=(8, 2, 2), order=2)
+    one = mesh_equation(point_equation(coordinates, name="tube"), options)[1]
+    other = mesh_equation(point_equation(scaled, name="tube"), options)[1]
+    assert other.quality.scaled_jacobian == pytest.approx(one.quality.scaled_jacobian, rel=1e-9)
+    assert other.volume == pytest.approx(one.volume * factor**3, rel=1e-12)
+
+
+# -- the grid --------------------------------------------------------------------------------------
+
+
+@given(st.floats(1e-4, 1e4), st.booleans(), st.lists(st.floats(0, 1), min_size=1, max_size=5))
+def test_share_is_the_inverse_of_position(ratio: float, both: bool, places: list[float]) -> None:
+    grading = Grading(ratio, both)
+    share = np.array(places)
+    assert grading.share(grading.position(share)) == pytest.approx(share, abs=1e-9)
+
+
+def test_grading_sets_the_ratio_of_cells() -> None:
+    analysis = analysis_of("parallelepiped")
+    gradings = (Grading(4.0), Grading(1 / 4), Grading(9.0, both_ends=True))
+    grid = make_grid(analysis, (8, 8, 8), grading=gradings)
+    first, second, third = (np.diff(lines) for lines in grid.lines)
+    growth = 4 ** (1 / 8)  # between neighbours; from the first cell to the last in 8 steps less one
+    assert first[1:] / first[:-1] == pytest.approx(growth)
+    assert second[::-1] == pytest.approx(first)
+    assert third == pytest.approx(third[::-1])
+    assert third[3] / third[0] == pytest.approx(9 ** (3 / 4))
+
+
+def test_directions_that_a_gluing_exchanges_need_the_same_cells() -> None:
+    analysis = analysis_of("turned_ring")
+    with pytest.raises(UnsuitableGridError, match="v and w"):
+        make_grid(analysis, (9, 2, 3))
+    with pytest.raises(UnsuitableGridError, match="from both ends"):
+        make_grid(analysis, (9, 2, 2), grading=(Grading(), Grading(2.0), Grading(2.0)))
+    grid = make_grid(analysis, size=0.7)
+    assert grid.cells[1] == grid.cells[2]
+
+
+def test_closed_directions_need_three_cells() -> None:
+    with pytest.raises(UnsuitableGridError, match="at least 3"):
+        make_grid(analysis_of("torus"), (2, 4, 1))
+
+
+def test_size_bounds_the_cells() -> None:
+    analysis = analysis_of("parallelepiped")
+    mesh = hexahedra(analysis, make_grid(analysis, size=0.4))
+    corners = mesh.points[mesh.blocks["hexahedron"]]
+    edges = TYPES["hexahedron"].edges
+    longest = max(np.linalg.norm(corners[:, a] - corners[:, b], axis=1).max() for a, b in edges)
+    assert 0.3 < longest <= 0.4
+
+
+def test_cells_too_coarse_for_the_curvature_are_refused() -> None:
+    angle = 5 * pc.pi / 3 * u
+    bent = point_equation(((2 + v) * pc.cos(angle), (2 + v) * pc.sin(angle), w), name="bent")
+    mesh_equation(bent, MeshOptions(cells=(6, 1, 1)))
+    with pytest.raises(InvertedElementError, match="inverted or flat"):
+        mesh_equation(bent, MeshOptions(cells=(1, 1, 1)))
+
+
+# -- tables ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("name", ["hexahedron", "wedge", "tetra", "quad", "triangle"])
+def test_shape_functions_are_one_at_their_node_and_sum_to_one(name: str, order: int) -> None:
+    places, weights = rule(name, 3)
+    assert shapes(name, order, places).sum(axis=1) == pytest.approx(1.0)
+    assert gradients(name, order, places).sum(axis=2) == pytest.approx(0.0, abs=1e-12)
+    sizes = {"hexahedron": 1, "wedge": 1 / 2, "tetra": 1 / 6, "quad": 1, "triangle": 1 / 2}
+    assert weights.sum() == pytest.approx(sizes[name])
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_faces_of_an_element_close_and_point_outwards(name: str) -> None:
+    kind = TYPES[name]
+    points = np.array(kind.corners, dtype=float)
+    middle = points.mean(axis=0)
+    total = np.zeros(3)
+    for ring in kind.faces:
+        corners = points[list(ring)]
+        following = np.roll(corners, -1, axis=0)
+        normal = np.cross(corners - middle, following - middle).sum(axis=0)
+        assert normal @ (corners.mean(axis=0) - middle) > 0
+        total = total + normal
+    assert total == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_patterns_of_collapse_have_their_types() -> None:
+    def kinds(pattern: tuple[int, ...]) -> list[str]:
+        return sorted(piece.kind.name for piece in pieces(pattern))
+
+    assert kinds((0, 1, 2, 3, 0, 1, 6, 7)) == ["wedge"]
+    assert kinds((0, 1, 2, 3, 4, 4, 4, 4)) == ["pyramid"]
+    assert kinds((0, 1, 2, 0, 4, 4, 4, 4)) == ["tetra"]
+    assert kinds((0, 0, 2, 3, 4, 5, 6, 7)) == ["pyramid"] * 2
+    assert kinds((0, 0, 0, 0, 4, 4, 4, 4)) == []

@@ -1,0 +1,218 @@
+"""Mesh files in other programs: gmsh, VTK, meshio, CalculiX; and the verb that writes them."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import vtk
+
+from pc2cad.analysis import analyse
+from pc2cad.cli.main import main
+from pc2cad.equation.template_file import read_template
+from pc2cad.errors import InputError
+from pc2cad.export.mesh_files import plain_names, write_mesh
+from pc2cad.mesh.grid import make_grid
+from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.volume_mesh import VolumeMesh
+
+TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
+needs_ccx = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="CalculiX is not installed (apt-get install calculix-ccx)"
+)
+
+
+def make(name: str, cells: tuple[int, int, int] | None, order: int) -> VolumeMesh:
+    path = next(path for path in TEMPLATES if path.stem == name)
+    analysis = analyse(read_template(path).bind({}))
+    return hexahedra(analysis, make_grid(analysis, cells), order)
+
+
+#: all four types of element
+BALL = ("half_ball", (9, 4, 3))
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("ending", [".msh", ".med"])
+def test_gmsh_reads_upright_elements_and_named_sides(
+    tmp_path: Path, ending: str, order: int
+) -> None:
+    import gmsh
+
+    mesh = make(*BALL, order)
+    path = tmp_path / f"part{ending}"
+    write_mesh(mesh, path)
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(path))
+        _, tags, _ = gmsh.model.mesh.getElements(3)
+        worst = [gmsh.model.mesh.getElementQualities(t, "minDetJac").min() for t in tags]
+        volume = sum(gmsh.model.mesh.getElementQualities(t, "volume").sum() for t in tags)
+        groups = {
+            gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups(2)
+        }
+        area = {}
+        for name, (dimension, tag) in groups.items():
+            entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)
+            facets = [t for e in entities for t in gmsh.model.mesh.getElements(dimension, e)[1]]
+            area[name] = sum(gmsh.model.mesh.getElementQualities(t, "volume").sum() for t in facets)
+    finally:
+        gmsh.finalize()
+    assert min(worst) > 0
+    # gmsh has other shape functions on curved pyramids
+    assert volume == pytest.approx(mesh.volume(), rel=1e-12 if order == 1 else 1e-3)
+    assert set(area) == {"w=1", "v=0.5"}
+    for name, value in area.items():
+        assert value == pytest.approx(mesh.area(name), rel=1e-9 if order == 1 else 1e-3)
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("ending", [".vtu", ".vtk"])
+def test_vtk_reads_upright_elements_and_numbered_sides(
+    tmp_path: Path, ending: str, order: int
+) -> None:
+    mesh = make(*BALL, order)
+    path = tmp_path / f"part{ending}"
+    write_mesh(mesh, path)
+    kind = "XMLUnstructuredGridReader" if ending == ".vtu" else "UnstructuredGridReader"
+    reader = getattr(vtk, f"vtk{kind}")()
+    reader.SetFileName(str(path))
+    reader.Update()
+    grid = reader.GetOutput()
+    side = grid.GetCellData().GetArray("side")
+    counts = np.bincount([int(side.GetValue(i)) for i in range(grid.GetNumberOfCells())])
+    facets = [sum(len(f.elements) for f in mesh.sides[name]) for name in ("w=1", "v=0.5")]
+    assert counts.tolist() == [mesh.elements, *facets]
+    if ending == ".vtu":
+        field = grid.GetFieldData()
+        numbers = [field.GetArray(name).GetValue(0) for name in ("w=1", "v=0.5")]
+        assert numbers == [1, 2]
+    for index in range(mesh.elements):
+        cell = grid.GetCell(index)
+        centre, count = [0.0] * 3, cell.GetNumberOfPoints()
+        cell.GetParametricCenter(centre)
+        slopes = [0.0] * (3 * count)
+        cell.InterpolateDerivs(centre, slopes)
+        corners = np.array([cell.GetPoints().GetPoint(k) for k in range(count)])
+        assert np.linalg.det(np.reshape(slopes, (3, count)) @ corners) > 0
+    assert grid.GetPoint(7) == tuple(mesh.points[7])
+
+
+@pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh", ".vtk", ".med"])
+def test_meshio_reads_the_same_nodes_and_cells(tmp_path: Path, ending: str) -> None:
+    meshio = pytest.importorskip("meshio")
+    mesh = make("hollow_cylinder", (8, 2, 3), 2)
+    path = tmp_path / f"part{ending}"
+    write_mesh(mesh, path)
+    content = meshio.read(path)
+    assert content.points == pytest.approx(mesh.points, rel=1e-13, abs=1e-14)
+    block = content.cells_dict["hexahedron20"]
+    expected = mesh.blocks["hexahedron"]
+    if ending == ".med":  # numbered the other way round
+        assert np.array_equal(np.sort(block, axis=1), np.sort(expected, axis=1))
+    else:
+        assert np.array_equal(block, expected)
+    if ending == ".inp":
+        assert {"u_0", "v_0", "v_1", "w_0", "w_1"} <= set(content.point_sets)
+
+
+def test_names_of_sides_in_abaqus_files_are_plain_and_different() -> None:
+    names = plain_names(["u=0", "u=-1", "u=1", "w=1 (piece 2 of v)", "v=1/2", "v=1.2", "u=0"])
+    assert names == {
+        "u=0": "u_0", "u=-1": "u_m1", "u=1": "u_1", "w=1 (piece 2 of v)": "w_1_piece_2_of_v",
+        "v=1/2": "v_1_2", "v=1.2": "v_1_2_2",
+    }  # fmt: skip
+
+
+@needs_ccx
+@pytest.mark.interop
+@pytest.mark.parametrize("order", [1, 2])
+def test_calculix_sums_the_volume_of_all_element_types(tmp_path: Path, order: int) -> None:
+    mesh = make(*BALL, order)
+    write_mesh(mesh, tmp_path / "part.inp")
+    deck = """*INCLUDE, INPUT=part.inp
+*MATERIAL, NAME=m
+*ELASTIC
+1000., 0.3
+*SOLID SECTION, ELSET=solid, MATERIAL=m
+*BOUNDARY
+w_0, 1, 3
+*STEP
+*STATIC
+*DSLOAD
+w_1, P, 1.
+*EL PRINT, ELSET=solid, TOTALS=ONLY
+EVOL
+*END STEP
+"""
+    (tmp_path / "job.inp").write_text(deck)
+    done = subprocess.run(
+        ["ccx", "-i", "job"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert "ERROR" not in done.stdout, done.stdout[-2000:]
+    found = re.findall(r"total volume.*\n+\s*([-+.\dEe]+)", (tmp_path / "job.dat").read_text())
+    assert float(found[0]) == pytest.approx(mesh.volume(), rel=1e-5 if order == 1 else 1e-4)
+
+
+# -- the verb --------------------------------------------------------------------------------------
+
+
+def test_the_verb_writes_files_and_a_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, report = tmp_path / "tube.vtu", tmp_path / "tube.json"
+    code = main(
+        ["mesh", "hollow_cylinder", "-o", str(out), "-o", str(tmp_path / "tube.inp"),
+         "--cells", "8x2x3", "--order", "2", "--grade", "v=2", "--report", str(report)]
+    )  # fmt: skip
+    assert code == 0
+    said = capsys.readouterr().out
+    assert "tube.vtu: 328 nodes; 48 hexahedra of order 2" in said
+    assert out.stat().st_size > 328 * 24
+    content = json.loads(report.read_text())
+    assert content["cells"] == [8, 2, 3]
+    assert content["elements"] == {"hexahedron": 48}
+    assert set(content["sides"]) == {"v=0", "v=1", "w=0", "w=1"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "x.stl"], "use one of .vtu"),
+        (["-o", "x.vtu", "--cells", "4x4"], "write three numbers"),
+        (["-o", "x.vtu", "--cells", "4x0x4"], "write three numbers"),
+        (["-o", "x.vtu", "--size", "-1"], "positive length"),
+        (["-o", "x.vtu", "--grade", "q=2"], "a direction and a ratio"),
+        (["-o", "x.vtu", "-o", "./x.vtu"], "same file"),
+        (["-o", "x.vtu", "--cells", "2x2x2"], "at least 3"),
+        (["-o", "x.vtu", "--cells", "90000x90000x90000"], "make them larger"),
+    ],
+)
+def test_the_verb_refuses_with_a_reason_and_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    arguments: list[str], message: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["mesh", "hollow_cylinder", *arguments]) == InputError.exit_code
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_meshing_loads_no_kernel(tmp_path: Path) -> None:
+    import sys
+
+    script = (
+        "import sys; from pc2cad.cli.main import main\n"
+        f"code = main(['mesh', 'ball', '--cells', '8x4x2', '-o', r'{tmp_path / 'b.vtu'}'])\n"
+        "sys.exit(code or {'OCP', 'cadquery', 'sympy'} & set(sys.modules) != set())"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
