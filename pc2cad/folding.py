@@ -47,7 +47,7 @@ class Handedness:
 
     #: +1 where (u, v, w) is right-handed in the solid, -1 where it is left-handed
     sign: int
-    #: PROVED from Bernstein coefficients, or UNDECIDED where it only held wherever it was looked at
+    #: PROVED (see `certificate`), or UNDECIDED where it only held wherever it was looked at
     verdict: Verdict
     #: a sentence on an inner place where det J vanishes without changing its sign, or nothing
     warning: str = ""

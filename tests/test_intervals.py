@@ -134,6 +134,15 @@ def test_pieces_hold(root, a, width, share):
     holds(root, {"x": (a, a + width)}, {"x": share})
 
 
+OPEN = pieces(X, *PIECES.payload[:1], piece_rows(PIECES), 0, closed=False)
+
+
+@many
+@given(a=st.floats(-3, 9), width=st.floats(0, 9) | st.sampled_from([0.0, 1.0, 4.0]), share=inside)
+def test_open_pieces_hold(a, width, share):
+    holds(OPEN, {"x": (a, a + width)}, {"x": share})
+
+
 @many
 @given(value=st.fractions(max_denominator=10**9))
 def test_numbers_hold(value):

@@ -32,7 +32,7 @@ ALLOWED = {
         "analysis", "directions", "equation", "errors", "geometry", "mapping", "topology",
         "winding", "numpy",
     },
-    "certificate": {"equation", "geometry", "mapping", "numpy"},
+    "certificate": {"certificate", "equation", "geometry", "mapping", "numpy"},
     "solidity": {"analysis", "equation", "injectivity"},
     "validation": {
         "analysis", "model", "brep", "equation", "errors", "geometry", "properties", "report",
@@ -48,7 +48,7 @@ ALLOWED = {
     "volume": {"analysis", "equation", "errors", "mesh", "properties", "solidity"},
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays
-NUMPY_IN_EQUATION = {"evaluation", "intervals"}
+NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals"}
 #: what topology takes from the equation room: the three-valued answer, nothing else
 TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
 OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "lib3mf", "vtk", "vtkmodules"}

@@ -51,7 +51,7 @@ def find_breaks(roots: tuple[Expr, ...]) -> tuple[tuple[Break, ...], ...]:
         for position in _positions(argument, name, [float(b) for b in breaks], closed):
             table = found[PARAMETERS.index(name)]
             same = next((p for p in table if abs(p - position) < SAME_POSITION), position)
-            table[same] = min(table.get(same, smoothness), smoothness)
+            table[same] = max(0, min(table.get(same, smoothness), smoothness))
     return tuple(tuple(Break(p, s) for p, s in sorted(table.items())) for table in found)
 
 

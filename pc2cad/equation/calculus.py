@@ -51,7 +51,7 @@ def _pieces_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
     breaks, width, smoothness, closed = node.payload
     rows = piece_rows(node)
     inner = done[node.args[0]]
-    lower = smoothness if smoothness == ANALYTIC else max(smoothness - 1, 0)
+    lower = smoothness if smoothness == ANALYTIC else smoothness - 1
     along = tuple(tuple(row[k] * number(k) for k in range(1, width)) or (ZERO,) for row in rows)
     result = pieces(node.args[0], breaks, along, lower, closed) * inner
     # the coefficients may depend on the parameters as well, and on that of the pieces

@@ -363,62 +363,31 @@ def _pieces(node: Expr, args: tuple[Interval, ...]) -> Interval:
     """Enclose a piecewise polynomial: the hull over all pieces that the argument meets."""
     breaks, width, _, closed = node.payload
     t, flat = args[0], args[1:]
-    if not closed:
-        return _open_pieces(t, [float(b) for b in breaks], flat, width)
     knots = [float(b) for b in breaks]
+    count = len(knots) - 1
     period = knots[-1] - knots[0]
-    turn = np.floor((t.lower - knots[0]) / period) * period
+    turn: Array = np.floor((t.lower - knots[0]) / period) * period if closed else np.zeros(1)
     slack = 4 * ULP * (np.abs(t.lower) + np.abs(t.upper) + abs(knots[0]) + abs(knots[-1]))
     low, high = t.lower - turn - slack, t.upper - turn + slack
     lower: Array = np.asarray(INFINITE)
     upper: Array = np.asarray(-INFINITE)
-    # rounding may leave the argument one turn too low
-    for lap in (-1, 0, 1):
-        for i in range(len(knots) - 1):
+    whole = high - low >= period
+    # rounding may leave the argument one turn too low; a whole turn meets every piece
+    for lap in (-1, 0, 1) if closed else (0,):
+        for i in range(count):
             start, end = knots[i] + lap * period, knots[i + 1] + lap * period
-            met = (low <= end) & (high >= start)
+            first = -INFINITE if not closed and i == 0 else start
+            last = INFINITE if not closed and i == count - 1 else end
+            met = ((low <= last) & (high >= first)) | (whole & closed)
             if not np.any(met):
                 continue
             local = Interval(
-                np.maximum(low - start, 0.0) - slack,
-                np.minimum(high - start, end - start) + slack,
+                np.where(whole & closed, 0.0, np.maximum(low, first) - start) - slack,
+                np.where(whole & closed, end - start, np.minimum(high, last) - start) + slack,
             )
             value = _polynomial(flat[i * width : (i + 1) * width], local)
             lower = np.where(met, np.minimum(lower, value.lower), lower)
             upper = np.where(met, np.maximum(upper, value.upper), upper)
-    # an argument of a whole turn and more meets pieces of further laps: take all of them
-    if np.any(high - low >= period):
-        whole = Interval(np.asarray(0.0), np.asarray(period))
-        for i in range(len(knots) - 1):
-            value = _polynomial(flat[i * width : (i + 1) * width], whole)
-            far = high - low >= period
-            lower = np.where(far, np.minimum(lower, value.lower), lower)
-            upper = np.where(far, np.maximum(upper, value.upper), upper)
-    return _whole_line_where(~np.isfinite(t.lower) | ~np.isfinite(t.upper), Interval(lower, upper))
-
-
-def _open_pieces(
-    t: Interval, knots: list[float], flat: tuple[Interval, ...], width: int
-) -> Interval:
-    """Enclose pieces of which the first and the last go on without end."""
-    slack = 4 * ULP * (np.abs(t.lower) + np.abs(t.upper) + abs(knots[0]) + abs(knots[-1]))
-    low, high = t.lower - slack, t.upper + slack
-    lower: Array = np.asarray(INFINITE)
-    upper: Array = np.asarray(-INFINITE)
-    last = len(knots) - 2
-    for i in range(last + 1):
-        begin = knots[i] if i else -INFINITE
-        end = knots[i + 1] if i < last else INFINITE
-        met = (low <= end) & (high >= begin)
-        if not np.any(met):
-            continue
-        # where the piece is not met the interval may be upside down, and is not used
-        start = np.where(met, np.maximum(low, begin), begin if i else knots[0])
-        stop = np.where(met, np.minimum(high, end), start)
-        local = Interval(start - knots[i] - slack, stop - knots[i] + slack)
-        value = _polynomial(flat[i * width : (i + 1) * width], local)
-        lower = np.where(met, np.minimum(lower, value.lower), lower)
-        upper = np.where(met, np.maximum(upper, value.upper), upper)
     return _whole_line_where(~np.isfinite(t.lower) | ~np.isfinite(t.upper), Interval(lower, upper))
 
 

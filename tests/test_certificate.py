@@ -1,0 +1,153 @@
+"""Proofs that det J keeps its sign: found where it does, never where it does not."""
+
+from __future__ import annotations
+
+import time
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_intervals import TREES, inside, truth
+
+import pc2cad as pc
+from pc2cad.certificate import proved_sign
+from pc2cad.certificate.enclosure import sign_from_enclosures
+from pc2cad.certificate.polynomial import sign_from_coefficients
+from pc2cad.equation.centred import CentredProgram
+from pc2cad.equation.intervals import interval
+from pc2cad.equation.point_equation import point_equation
+from pc2cad.equation.template_file import read_template
+from pc2cad.library import template_paths
+from pc2cad.mapping import local_map
+
+U, V, W = pc.parameters()
+PI = pc.pi
+COS, SIN = pc.cos(2 * PI * U), pc.sin(2 * PI * U)
+#: sign of det J (spec 6): negative for A1, A4-A8, A12-A16 and the channels
+NEGATIVE = {
+    "oblique_prism", "ball", "half_ball", "ball_wedge", "hollow_ball", "ellipsoid", "cone",
+    "cone_frustum", "hollow_cylinder", "turned_ring", "helical_channel", "channel_ellipse",
+    "channel_sine", "channel_contour", "pyramid", "pyramid_cut", "pyramid_sum",
+    "pyramid_truncated",
+}  # fmt: skip
+
+
+def mapped(map_, domain=None):
+    return local_map(point_equation(map_, domain))
+
+
+@pytest.mark.parametrize("name", template_paths())
+def test_every_template_is_proved(name):
+    mapping = local_map(read_template(template_paths()[name]).bind({}))
+    assert proved_sign(mapping) == (-1 if name in NEGATIVE else 1)
+
+
+def wobble(share):
+    """x = u + share·sin(2πku)/(2πk) turns back where the share is above 1."""
+    return (U + share / (14 * PI) * pc.sin(14 * PI * U), V + pc.exp(U) * W / 9, W)
+
+
+@pytest.mark.parametrize("share", [0, 0.5, 0.99, 0.9999])
+def test_a_map_on_the_safe_side_of_a_fold_is_proved(share):
+    assert proved_sign(mapped(wobble(share))) == 1
+
+
+@pytest.mark.parametrize("share", [1, 1.0001, 1.01, 2])
+def test_a_fold_is_never_proved_sound(share):
+    assert proved_sign(mapped(wobble(share))) == 0
+    assert proved_sign(mapped(tuple(reversed(wobble(share))))) == 0
+
+
+def tilted(depth):
+    """det J has a dip of half-width 1e-3 at an irrational place, down to 1 - depth."""
+    a, b = U - Fraction(4142, 10000), V - Fraction(7321, 10000)
+    return U, V, W * (1 - depth * pc.exp(-(a**2 + b**2) * 10**6))
+
+
+def test_a_narrow_dip_between_all_samples_is_seen():
+    assert proved_sign(mapped(tilted(0.9))) == 1
+    assert proved_sign(mapped(tilted(1.1))) == 0
+
+
+SOUND = {
+    "pole of high order": (V * W**5 * COS, V * W**5 * SIN, W**5),
+    "cusp": (V * W**3 * COS, V * W**3 * SIN, W),
+    "slow at two sides": (U**3, V**3 * (1 + W / 9), W),
+    "pole at the end": (V * (1 - W**2) * COS, V * (1 - W**2) * SIN, 2 * W - 1),
+    "turned by a tangent": (pc.tan(U), pc.atan2(V + 1, 1 + U), pc.log(1 + W) + pc.sinh(U) / 4),
+    "root": (pc.sqrt(1 + U + V) + U, V, W),
+    "absolute value": (U, V, W * (1 + abs(V - 0.5))),
+}
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_sound_maps_are_proved_by_enclosures(name):
+    assert sign_from_enclosures(mapped(SOUND[name])) != 0
+
+
+Q = 1 + (2 * U - 1) ** 2  # a circle as a rational curve
+RATIONAL = {
+    "projective brick": ((U / (1 + W), V / (1 + W), W / (1 + W + U)), 1),
+    "rational half disc": (
+        (V * 2 * (2 * U - 1) / Q, V * (1 - (2 * U - 1) ** 2) / Q, W * (1 + 1 / (2 + V))), 1,
+    ),
+    "reciprocal powers": (((1 + U) ** -2, V * (1 + U) ** -1, W), -1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RATIONAL)
+def test_rational_maps_are_proved_by_coefficients(name):
+    map_, sign = RATIONAL[name]
+    assert sign_from_coefficients(mapped(map_)) == sign
+    assert sign_from_coefficients(mapped((map_[1], map_[0], map_[2]))) == -sign
+
+
+def test_rational_folds_and_poles_are_not_proved():
+    assert proved_sign(mapped((U / (1 + 3 * U**2), V, W))) == 0  # turns back at 1/sqrt(3)
+    assert proved_sign(mapped((1 / (U - Fraction(2, 5)), V, W))) == 0
+
+
+def test_a_duct_with_corners_is_proved():
+    square = pc.polygon(((1, 1), (-1, 1), (-1, -1), (1, -1)), V)
+    assert sign_from_enclosures(mapped((square[0] * (1 + W), square[1] * (1 + W), 3 * U))) != 0
+
+
+def test_the_effort_is_bounded():
+    waves = sum((pc.sin(k * 7 * (U + V * W)) / k for k in range(1, 12)), start=U)
+    mapping = mapped((U, V + waves / 300, W + pc.exp(waves / 7) * U))
+    start = time.process_time()
+    proved_sign(mapping)
+    assert time.process_time() - start < 3
+
+
+#: coarse enough for differences to show in 60 digits
+floats = st.floats(-8, 8, width=16) | st.sampled_from([0.0, 1.0, 1e-8])
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(root=st.sampled_from(TREES), a=floats, b=floats, c=floats, d=floats, s=inside, t=inside)
+def test_slopes_bound_every_change(root, a, b, c, d, s, t):
+    limits = {"x": (min(a, b), max(a, b)), "y": (min(c, d), max(c, d))}
+    limits = {k: limits[k] for k in root.symbols}
+    boxes = {k: interval(np.array([low]), np.array([high])) for k, (low, high) in limits.items()}
+    (found,) = CentredProgram((root,))(boxes)
+    shares = {"x": s, "y": t}
+    with mpmath.workdps(60):
+        near = {k: float(box.middle[0]) for k, box in boxes.items()}
+        place = {k: min(max(lo + (hi - lo) * shares[k], lo), hi) for k, (lo, hi) in limits.items()}
+        value, centre = truth(root, place), truth(root, near)
+        if value is None or centre is None:
+            return
+        for truth_, enclosed in ((value, found.value), (centre, found.centre)):
+            assert float(enclosed.lower[0]) <= truth_ <= float(enclosed.upper[0])
+        low = high = mpmath.mpf(0)
+        for name, slope in found.slopes.items():
+            step = mpmath.mpf(place[name]) - near[name]
+            if step == 0:
+                continue
+            ends = sorted(mpmath.mpf(float(x[0])) * step for x in (slope.lower, slope.upper))
+            low, high = low + ends[0], high + ends[1]
+        assert low <= value - centre <= high
