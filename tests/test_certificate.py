@@ -31,7 +31,8 @@ NEGATIVE = {
     "oblique_prism", "ball", "half_ball", "ball_wedge", "hollow_ball", "ellipsoid", "cone",
     "cone_frustum", "hollow_cylinder", "turned_ring", "helical_channel", "channel_ellipse",
     "channel_sine", "channel_contour", "pyramid", "pyramid_cut", "pyramid_sum",
-    "pyramid_truncated",
+    "pyramid_truncated", "simplex_ball", "simplex_cone", "simplex_hyperboloid",
+    "simplex_paraboloid",
 }  # fmt: skip
 
 
@@ -76,6 +77,8 @@ SOUND = {
     "pole of high order": (V * W**5 * COS, V * W**5 * SIN, W**5),
     "cusp": (V * W**3 * COS, V * W**3 * SIN, W),
     "slow at two sides": (U**3, V**3 * (1 + W / 9), W),
+    "slow where tangents are parallel": (U**3, V**3 * (1 + U / 9), W),
+    "tip of a paraboloid": (V * W * COS, V * W * SIN, W**2),
     "pole at the end": (V * (1 - W**2) * COS, V * (1 - W**2) * SIN, 2 * W - 1),
     "turned by a tangent": (pc.tan(U), pc.atan2(V + 1, 1 + U), pc.log(1 + W) + pc.sinh(U) / 4),
     "root": (pc.sqrt(1 + U + V) + U, V, W),

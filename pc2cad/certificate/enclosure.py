@@ -95,12 +95,28 @@ def _cells(mapping: Mapping3) -> Iterator[Mapping3]:
 
 
 def _sign_in_cell(mapping: Mapping3, effort: float) -> int:
-    columns = _columns(mapping)
-    counts = columns and columns.counts()
-    if not columns or not counts:
-        return 0
+    # where the tangents are parallel on a side, det J as a whole may still have a factor
+    for matrix in (mapping.derivatives, ((determinant(mapping.derivatives),),)):
+        columns = _columns(matrix)
+        counts = columns and columns.counts()
+        if columns and counts:
+            return _sign_in_boxes(columns, _first_boxes(mapping, counts), effort)
+    return 0
+
+
+def determinant(columns: tuple[tuple[Expr, ...], ...]) -> Expr:
+    """Return the determinant of three columns as a tree."""
+    a, b, c = columns
+    return (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+
+
+def _sign_in_boxes(columns: _Columns, boxes: tuple[Array, Array], effort: float) -> int:
+    low, high = boxes
     signs: set[int] = set()
-    low, high = _first_boxes(mapping, counts)
     while len(low) and len(signs) < 2:
         if columns.spent > effort or len(low) > MOST_BOXES:
             return 0
@@ -146,10 +162,13 @@ def _split(low: Array, high: Array, blame: Array) -> tuple[Array, Array]:
 
 
 class _Columns:
-    """The tangents, with the factors divided out that vanish on sides of the box."""
+    """A matrix of trees (3×3 or 1×1), the factors divided out that vanish on sides of the box."""
 
-    def __init__(self, mapping: Mapping3, orders: list[dict[_Side, int]]) -> None:
-        self._tangents = mapping.derivatives
+    def __init__(
+        self, matrix: tuple[tuple[Expr, ...], ...], orders: list[dict[_Side, int]]
+    ) -> None:
+        self._matrix = matrix
+        self._width = len(matrix)
         self._orders = orders
         self._programs: dict[tuple[tuple[int, ...], _Sides], CentredProgram] = {}
         self._sides = sorted({side for row in orders for side in row})
@@ -165,7 +184,7 @@ class _Columns:
             middle = centre.middle
             inverse, sign = _inverse(middle)
             size = np.abs(inverse)
-            bound = np.abs(inverse @ middle - np.eye(3))
+            bound = np.abs(inverse @ middle - np.eye(self._width))
             bound += size @ _half(centre) + 16 * ULP * (size @ np.abs(middle) + 1)
             changes = []
             for d in range(3):
@@ -191,20 +210,21 @@ class _Columns:
         """
         axis = np.linspace(0.0, 1.0, PLACES)
         places = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-        matrix = np.empty((len(places), 3, 3))
+        matrix = np.empty((len(places), self._width, self._width))
         for rows, columns, sides in self._grouped(places, places):
             program = Program(self._trees(columns, sides))
             values = program({name: places[rows, d] for d, name in enumerate(PARAMETERS)})
-            for (j, i), value in zip(product(columns, range(3)), values, strict=True):
+            for (j, i), value in zip(product(columns, range(self._width)), values, strict=True):
                 matrix[rows, i, j] = value
         with np.errstate(all="ignore"):
-            matrix /= np.sqrt((matrix**2).sum(axis=1, keepdims=True))
+            size = np.sqrt((matrix**2).sum(axis=1, keepdims=True))
+            matrix /= size if self._width > 1 else np.median(size)
             inverse, sign = _inverse(matrix)
             largest = np.abs(inverse).max(axis=(1, 2))
         regular = np.isfinite(largest).all() and largest.max() < SINGULAR
         if not regular or abs(sign.sum()) < len(sign):
             return None
-        grid = (PLACES,) * 3 + (3, 3)
+        grid = (PLACES,) * 3 + matrix.shape[1:]
         matrix, inverse = matrix.reshape(grid), inverse.reshape(grid)
         counts = []
         for d in range(3):
@@ -218,13 +238,13 @@ class _Columns:
     def _enclose(self, low: Array, high: Array) -> tuple[Interval, list[Interval], Array]:
         """Return the reduced J at centres, its slopes and the reach of the boxes they hold for.
 
-        J and its slopes in u, v and w are (n, 3 coordinates, 3 columns); each column has a box of
-        its own, and the reach from its centre is (n, 3 columns, 3 directions).
+        J and its slopes in u, v and w are (n, coordinates, columns); each column has a box of its
+        own, and the reach from its centre is (n, columns, 3 directions).
         """
-        shape = (len(low), 3, 3)
+        shape = (len(low), self._width, self._width)
         centre = Interval(np.empty(shape), np.empty(shape))
         slopes = [Interval(np.zeros(shape), np.zeros(shape)) for _ in range(3)]
-        reach = np.empty(shape)
+        reach = np.empty((len(low), self._width, 3))
         for rows, columns, sides in self._grouped(low, high):
             a, b = low[rows], high[rows]
             for d, end in sides:
@@ -237,7 +257,7 @@ class _Columns:
                 {name: Interval(a[:, d], b[:, d]) for d, name in enumerate(PARAMETERS)}
             )
             self.spent += self._program(columns, sides).size * len(rows)
-            for (j, i), entry in zip(product(columns, range(3)), found, strict=True):
+            for (j, i), entry in zip(product(columns, range(self._width)), found, strict=True):
                 steady = _without_unknown_slopes(entry)
                 _put(centre, (rows, i, j), steady.centre)
                 for d, name in enumerate(PARAMETERS):
@@ -253,9 +273,9 @@ class _Columns:
         for index, pattern in enumerate(patterns):
             rows = np.flatnonzero(group.ravel() == index)
             close = [side for side, flag in zip(self._sides, pattern, strict=True) if flag]
-            taken = [tuple(s for s in close if s in self._orders[j]) for j in range(3)]
+            taken = [tuple(s for s in close if s in self._orders[j]) for j in range(self._width)]
             for sides in sorted(set(taken)):
-                yield rows, tuple(j for j in range(3) if taken[j] == sides), sides
+                yield rows, tuple(j for j in range(self._width) if taken[j] == sides), sides
 
     def _near(self, low: Array, high: Array) -> NDArray[np.bool_]:
         """Say which boxes are so near to which sides that a quotient says less than a slope."""
@@ -277,7 +297,7 @@ class _Columns:
 
     def _reduced(self, j: int, sides: _Sides) -> tuple[Expr, ...]:
         """Return M_j without its factors: of some sides by derivatives, of the others divided."""
-        trees: tuple[Expr, ...] = self._tangents[j]
+        trees: tuple[Expr, ...] = self._matrix[j]
         divisor: Expr = ONE
         for (d, end), order in self._orders[j].items():
             if (d, end) in sides:
@@ -317,10 +337,10 @@ def _half(x: Interval) -> Array:
     return np.asarray(np.maximum(x.upper - x.middle, x.middle - x.lower) * (1 + 4 * ULP))
 
 
-def _columns(mapping: Mapping3) -> _Columns | None:
-    """Return the tangents with the orders of their zeros on sides, None where one is not proved."""
+def _columns(matrix: tuple[tuple[Expr, ...], ...]) -> _Columns | None:
+    """Return columns with the orders of their zeros on sides, None where one is not proved."""
     orders: list[dict[_Side, int]] = []
-    for trees in mapping.derivatives:
+    for trees in matrix:
         found: dict[_Side, int] = {}
         for d in range(3):
             for end in (0, 1):
@@ -330,7 +350,7 @@ def _columns(mapping: Mapping3) -> _Columns | None:
                 if order:
                     found[d, end] = order
         orders.append(found)
-    return _Columns(mapping, orders)
+    return _Columns(matrix, orders)
 
 
 def _order(trees: tuple[Expr, ...], d: int, end: int) -> int | None:
@@ -362,7 +382,9 @@ def _largest(program: Program, axes: Iterable[Array]) -> float:
 
 
 def _inverse(matrix: Array) -> tuple[Array, NDArray[np.int_]]:
-    """Return the inverses of matrices (n, 3, 3) and the sign of their determinants, 0 if unsure."""
+    """Return the inverses of matrices (n, m, m) and the sign of their determinants, 0 if unsure."""
+    if matrix.shape[-1] == 1:
+        return 1 / matrix, np.sign(matrix[:, 0, 0]).astype(int)
     rows = matrix.transpose(1, 0, 2)
     cofactors = np.stack([np.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)], axis=1)
     determinant = (matrix[:, 0] * cofactors[:, 0]).sum(axis=1)
@@ -378,8 +400,8 @@ def _inverse(matrix: Array) -> tuple[Array, NDArray[np.int_]]:
 
 
 def _weights(bound: Array) -> Array:
-    """Return positive vectors (n, 3, 1) near the first eigenvectors of non-negative matrices."""
-    x = np.ones((len(bound), 3, 1))
+    """Return positive vectors (n, m, 1) near the first eigenvectors of non-negative matrices."""
+    x = np.ones((*bound.shape[:2], 1))
     for _ in range(4):
         x = x + bound @ x
         x = x / x.max(axis=1, keepdims=True)

@@ -366,7 +366,7 @@ def _pieces(node: Expr, args: tuple[Interval, ...]) -> Interval:
     knots = [float(b) for b in breaks]
     count = len(knots) - 1
     period = knots[-1] - knots[0]
-    turn: Array = np.floor((t.lower - knots[0]) / period) * period if closed else np.zeros(1)
+    turn: Array = np.floor((t.lower - knots[0]) / period) * period if closed else np.asarray(0.0)
     slack = 4 * ULP * (np.abs(t.lower) + np.abs(t.upper) + abs(knots[0]) + abs(knots[-1]))
     low, high = t.lower - turn - slack, t.upper - turn + slack
     lower: Array = np.asarray(INFINITE)

@@ -265,8 +265,9 @@ def pieces(
     ``rows[i]`` holds the ascending coefficients on [breaks[i], breaks[i+1]] in the local variable
     arg - breaks[i]; all rows have one length. Coefficients may be functions themselves: rows of
     one are the pieces of any piecewise function. `smoothness` is the order of continuity (0: value,
-    1: first derivative, -1: not even the value) at every break. A closed one has the period breaks[-1] - breaks[0], and
-    its smoothness at the closing break as well; an open one goes on with its end pieces.
+    1: first derivative, -1: not even the value) at every break. A closed one has the period
+    breaks[-1] - breaks[0], and its smoothness at the closing break as well; an open one goes on
+    with its end pieces.
     """
     width = len(rows[0])
     if all(c is rows[0][0] for (c, *_) in rows) and all(c is ZERO for row in rows for c in row[1:]):
