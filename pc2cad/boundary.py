@@ -30,16 +30,14 @@ from pc2cad.geometry.carriers import (
     Segment,
     SplineCurve,
     SplineSurface,
+    SurfaceCarrier,
     fit_plane,
+    spline_traits,
 )
-from pc2cad.geometry.refinement import Sampler
+from pc2cad.geometry.profile import COMPACT, SplineProfile
+from pc2cad.geometry.refinement import Sampler, check_places
 from pc2cad.geometry.spline_space import SplineSpace
-from pc2cad.geometry.tensor import (
-    check_places,
-    curve_deviation,
-    fit_surface,
-    surface_deviation,
-)
+from pc2cad.geometry.tensor import curve_deviation, fit_surface, surface_deviation
 from pc2cad.model import BoundaryModel, ModelEdge, ModelFace
 from pc2cad.planar import coplanar_groups, plane_face
 from pc2cad.topology.cells import directions_of, outward_sign
@@ -47,9 +45,8 @@ from pc2cad.topology.complex import EdgeUse
 
 Array = NDArray[np.float64]
 
-#: share of the tolerance that one direction's fit aims at. A tolerance bounds a distance, but area
-#: follows with curvature times distance: at the default tolerance this share keeps 1e-7 of it
-DIRECTION_SHARE = 0.03
+#: share of the tolerance that one direction's fit aims at: half of what a face may deviate by
+DIRECTION_SHARE = 0.24
 #: what sampled deviations may use of the tolerance
 SAMPLED_SHARE = 0.5
 TRIES = 6
@@ -59,7 +56,7 @@ def represent(
     analysis: Analysis,
     outer_shell: int = 0,
     tolerance: float | None = None,
-    degree: int = 5,
+    profile: SplineProfile = COMPACT,
 ) -> BoundaryModel:
     """Return the boundary model within `tolerance` of the equation (a length, model units).
 
@@ -75,7 +72,7 @@ def represent(
             f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
             f"({4 * rounding:.3g}); move it nearer to the origin or allow more"
         )
-    work = _Representation(analysis, tolerance, rounding, degree)
+    work = _Representation(analysis, tolerance, rounding, profile)
     edges, faces = work.carriers()
     shells = [
         tuple(i for i, face in enumerate(faces) if face.cells[0] in shell.faces)
@@ -91,14 +88,21 @@ def represent(
 class _Representation:
     """Works out one model; lives for one call of `represent`."""
 
-    def __init__(self, analysis: Analysis, tolerance: float, rounding: float, degree: int) -> None:
+    def __init__(
+        self, analysis: Analysis, tolerance: float, rounding: float, profile: SplineProfile
+    ) -> None:
         self._analysis = analysis
         self._tolerance = tolerance
         self._rounding = rounding
-        self._classes = DirectionClasses(analysis, degree)
+        self._classes = DirectionClasses(analysis, profile.degrees)
         self._boundary = analysis.boundary
-        self._faces = [CellFunction(analysis, face.patch) for face in self._boundary.faces]
-        self._edges = [CellFunction(analysis, edge.cell) for edge in self._boundary.edges]
+        self._profile = profile
+        self._faces = [
+            CellFunction(analysis, face.patch, profile.exact) for face in self._boundary.faces
+        ]
+        self._edges = [
+            CellFunction(analysis, edge.cell, profile.exact) for edge in self._boundary.edges
+        ]
         self._planes = [self._plane(function) for function in self._faces]
         self._face_exact = [
             None if plane else self._exact_surface(function)
@@ -119,7 +123,7 @@ class _Representation:
             worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
                 return edges, faces
-            target *= 0.5 * min(1.0, self._tolerance / worst)
+            target *= 0.8 * min(1.0, SAMPLED_SHARE * self._tolerance / worst)
         raise ToleranceNotReachedError(
             f"the faces deviate by {worst:.3g} from the equation where {self._tolerance:.3g} was "
             "asked; allow a larger --tolerance"
@@ -155,7 +159,14 @@ class _Representation:
         if poles is None:
             return None
         degrees = (poles.shape[0] - 1, poles.shape[1] - 1)
-        return SplineSurface(degrees, (bezier_knots(degrees[0]), bezier_knots(degrees[1])), poles)
+        knots = bezier_knots(degrees[0]), bezier_knots(degrees[1])
+        surface = SplineSurface(degrees, knots, poles)
+        return surface if self._allowed(surface) else None
+
+    def _allowed(self, carrier: CurveCarrier | SurfaceCarrier) -> bool:
+        """Say whether the profile takes an exact carrier as it is."""
+        degree, rational = spline_traits(carrier)
+        return degree <= self._profile.exact and (self._profile.rational or not rational)
 
     # -- directions ----------------------------------------------------------------------------
 
@@ -167,14 +178,14 @@ class _Representation:
     def _resolve_directions(self, target: float) -> None:
         """Choose the space of every direction class that some face or edge cannot do without."""
         samplers: dict[Piece, list[tuple[CellFunction, int]]] = {}
-        splines = [
-            function
-            for function, plane, exact in zip(
-                self._faces, self._planes, self._face_exact, strict=True
-            )
-            if plane is None and exact is None
-        ]
-        for function in (*splines, *self._edges):
+        splines, seen = [], set()
+        for i, (plane, exact) in enumerate(zip(self._planes, self._face_exact, strict=True)):
+            if plane is None and exact is None:
+                splines.append(self._faces[i])
+                # the sections of a face include its edges
+                seen |= {use.edge for use in self._boundary.faces[i].uses}
+        lonely = [function for i, function in enumerate(self._edges) if i not in seen]
+        for function in (*splines, *lonely):
             for axis, piece in enumerate(function.pieces):
                 if polynomial_space(function, axis, self._classes.breaks(piece)) is None:
                     samplers.setdefault(self._classes.owner(piece), []).append((function, axis))
@@ -202,8 +213,9 @@ class _Representation:
         ends = self.vertices[edge.start], self.vertices[edge.end]
         trees, names = function.trees
         exact = bernstein(trees, names)
-        if exact is not None:
-            return ModelEdge(self._exact_curve(index, exact), edge.start, edge.end, "exact", 0.0)
+        curve = None if exact is None else self._exact_curve(index, exact)
+        if curve is not None and self._allowed(curve):
+            return ModelEdge(curve, edge.start, edge.end, "exact", 0.0)
         space = self._space(function, 0)
         poles = space.fit(function(space.sites))
         poles[0], poles[-1] = ends

@@ -57,7 +57,7 @@ def point_solid(
     domain: Domain | None = None,
     *,
     tolerance: float | None = None,
-    degree: int = 5,
+    degree: int | None = None,
     **parameters: Any,
 ) -> cq.Solid:
     """Compile a point equation into a `cadquery.Solid`.
@@ -78,7 +78,7 @@ def channel_solid(
     domain: Domain | None = None,
     *,
     tolerance: float | None = None,
-    degree: int = 5,
+    degree: int | None = None,
     **parameters: Any,
 ) -> cq.Solid:
     """Compile a channel: a section carried along a guide, with a wall.
@@ -97,7 +97,7 @@ def placed(
     clean: bool = True,
     prefix: str = "",
     tolerance: float | None = None,
-    degree: int = 5,
+    degree: int | None = None,
     **parameters: Any,
 ) -> Callable[[cq.Workplane], cq.Workplane]:
     """Return a function for `Workplane.invoke` that puts a point solid at every stack point.
@@ -186,7 +186,7 @@ def _compile(
     source: Source,
     domain: Domain | None,
     tolerance: float | None,
-    degree: int,
+    degree: int | None,
     parameters: Mapping[str, Any],
 ) -> Part:
     if isinstance(source, (str, os.PathLike)):

@@ -21,6 +21,7 @@ from pc2cad.analysis import analyse
 from pc2cad.boundary import represent
 from pc2cad.brep.build import build
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
+from pc2cad.geometry.profile import spline_profile
 from pc2cad.part import Part
 from pc2cad.properties import integrate
 from pc2cad.solidity import check_solidity
@@ -34,15 +35,22 @@ Result = TypeVar("Result")
 def compile_equation(
     equation: PointEquation,
     tolerance: float | None = None,
-    degree: int = 5,
+    degree: int | None = None,
     progress: Progress | None = None,
+    *,
+    max_degree: int | None = None,
+    profile: str = "compact",
 ) -> Part:
     """Compile a point equation into a validated part.
 
     `tolerance` is the largest distance, in model units, that a face may have from the equation;
-    None means 1e-7 of the part's size. `degree` is that of splines where one is needed. Raises
-    NotASolidError, ToleranceNotReachedError or KernelError; nothing doubtful is returned.
+    None means 1e-7 of the part's size. Where a spline is fitted, its degree in each direction is
+    3, 5 or 7, whichever needs the fewest poles; `degree` fixes it, `max_degree` lets fits choose
+    from 3 up to it (at most 13). The profile "cubic" keeps every spline at degree 3 and not
+    rational. Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing
+    doubtful is returned.
     """
+    splines = spline_profile(degree, max_degree, profile)
     times: dict[str, float] = {}
 
     def stage(name: str, run: Callable[[], Result]) -> Result:
@@ -58,7 +66,7 @@ def compile_equation(
     solidity = stage("solidity", lambda: check_solidity(analysis))
     model = stage(
         "represent",
-        lambda: represent(analysis, solidity.outer_shell, tolerance, degree),
+        lambda: represent(analysis, solidity.outer_shell, tolerance, splines),
     )
     built = stage("build", lambda: build(model))
     report = stage("validate", lambda: validate(analysis, properties, solidity, model, built))
@@ -72,7 +80,9 @@ def compile_part(
     *,
     name: str = "part",
     units: str = "mm",
-    degree: int = 5,
+    degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
 ) -> Part:
     """Compile a Python point equation (or its three coordinates) over a box into a part.
 
@@ -80,5 +90,9 @@ def compile_part(
     `compile_equation` for the rest.
     """
     return compile_equation(
-        point_equation(equation, domain, name=name, units=units), tolerance, degree
+        point_equation(equation, domain, name=name, units=units),
+        tolerance,
+        degree,
+        max_degree=max_degree,
+        profile=profile,
     )

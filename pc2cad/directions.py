@@ -6,6 +6,7 @@ direction makes its knots symmetric.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from pc2cad.equation.breaks import Break, resolve_pieces
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import Expr, number, substitute, symbol, walk
 from pc2cad.geometry.bernstein import degree_in
+from pc2cad.geometry.profile import LARGEST_DEGREE
 from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt
 from pc2cad.geometry.spline_space import SplineSpace, bezier_space
 from pc2cad.mapping import open_grid
@@ -36,6 +38,8 @@ class CellFunction:
 
     analysis: Analysis
     cell: Cell
+    #: polynomials of a higher degree are not carried exactly
+    largest: int = LARGEST_DEGREE
     #: polynomial degree per axis (None: not polynomial), filled in on demand
     degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
 
@@ -79,9 +83,9 @@ class CellFunction:
 class DirectionClasses:
     """Which direction pieces share one space, and the rules that space has to respect."""
 
-    def __init__(self, analysis: Analysis, degree: int) -> None:
+    def __init__(self, analysis: Analysis, degrees: Sequence[int]) -> None:
         self._analysis = analysis
-        self._degree = degree
+        self._degrees = degrees
         self._owner: dict[Piece, Piece] = {}
         self._symmetric: set[Piece] = set()
         for edge in analysis.boundary.edges:
@@ -116,7 +120,7 @@ class DirectionClasses:
                     breaks[place] = Break(place, b.smoothness)
         periodic = all(self._is_periodic(d) for d, _ in members)
         return DirectionRules(
-            self._degree, tuple(breaks[p] for p in sorted(breaks)), periodic, symmetric
+            self._degrees, tuple(breaks[p] for p in sorted(breaks)), periodic, symmetric
         )
 
     def _pieces(self) -> list[Piece]:
@@ -162,7 +166,7 @@ def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> 
         trees, names = function.trees
         function.degrees[axis] = degree_in(trees, names[axis])
     degree = function.degrees[axis]
-    if degree is None:
+    if degree is None or degree > function.largest:
         return None
     trees, names = function.trees
     inner = [b for b in breaks if 0 < b.position < 1]

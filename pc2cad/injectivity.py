@@ -284,7 +284,7 @@ def _chords(analysis: Analysis, bound: float) -> tuple[dict[Piece, int], float]:
     Also returns the largest distance that is left. Glued directions get equal numbers; a twisted
     face, whose parameter lines may be straight, needs more along both of its directions.
     """
-    classes = DirectionClasses(analysis, degree=1)
+    classes = DirectionClasses(analysis, degrees=(1,))
     pieces = [(d, p) for d in range(3) for p in range(1, 2 * len(analysis.bounds[d]) - 1, 2)]
     counts = {piece: 4 for piece in pieces}
     functions = [CellFunction(analysis, face.patch) for face in analysis.boundary.faces]

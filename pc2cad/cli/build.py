@@ -8,7 +8,16 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from pc2cad.cli.inputs import add_template, add_tolerance, bind, load, named, read_length
+from pc2cad.cli.inputs import (
+    add_splines,
+    add_template,
+    add_tolerance,
+    bind,
+    load,
+    named,
+    read_length,
+    spline_options,
+)
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import FileNotWrittenError, InputError
 
@@ -46,10 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="largest distance of a triangle's edge from its surface, in model units "
         "(formats of triangles)",
     )  # fmt: skip
-    parser.add_argument(
-        "--degree", type=int, choices=(3, 5, 7), default=5,
-        help="degree of splines, where one is needed (default: %(default)s)",
-    )  # fmt: skip
+    add_splines(parser)
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
     parser.add_argument(
         "--list-formats", action=_ListFormats, nargs=0,
@@ -75,6 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     template, path = load(arguments)
     equation = bind(template, arguments)
     tolerance = read_length("--tolerance", arguments.tolerance)
+    splines = spline_options(arguments)
     options = ExportOptions(
         step_schema=arguments.schema, deflection=read_length("--deflection", arguments.deflection)
     )
@@ -84,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         from pc2cad.compiler import compile_equation
 
         with named(arguments.template):
-            part = compile_equation(equation, tolerance, arguments.degree, progress)
+            part = compile_equation(equation, tolerance, progress=progress, **splines)
         files = _encode(part, options, arguments, progress)
         progress("write")
         _write(files)

@@ -8,7 +8,16 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from pc2cad.cli.inputs import add_template, add_tolerance, bind, load, named, read_length
+from pc2cad.cli.inputs import (
+    add_splines,
+    add_template,
+    add_tolerance,
+    bind,
+    load,
+    named,
+    read_length,
+    spline_options,
+)
 from pc2cad.cli.output import Progress, one_line, say, table
 
 if TYPE_CHECKING:
@@ -20,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the template and the options."""
     add_template(parser)
     add_tolerance(parser)
+    add_splines(parser)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
@@ -28,12 +38,13 @@ def run(arguments: argparse.Namespace) -> int:
     template, _ = load(arguments)
     equation = bind(template, arguments)
     tolerance = read_length("--tolerance", arguments.tolerance)
+    splines = spline_options(arguments)
     with Progress() as progress:
         progress("load the kernel")
         from pc2cad.compiler import compile_equation
 
         with named(arguments.template):
-            part = compile_equation(equation, tolerance, progress=progress)
+            part = compile_equation(equation, tolerance, progress=progress, **splines)
     if arguments.json:
         say(json.dumps(part.report.to_dict(), indent=2, allow_nan=False))
     else:

@@ -7,13 +7,21 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from pc2cad.errors import InputError, PointCadError
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
     from pc2cad.equation.template import Template
+
+
+class SplineOptions(TypedDict):
+    """The degrees and the profile of splines."""
+
+    degree: int | None
+    max_degree: int | None
+    profile: str
 
 
 def add_template(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +44,36 @@ def add_tolerance(parser: argparse.ArgumentParser) -> None:
         help="largest distance of a face from the equation, in model units "
         "(default: 1e-7 of the part's size)",
     )  # fmt: skip
+
+
+def add_splines(parser: argparse.ArgumentParser) -> None:
+    """Add ``--degree``, ``--max-degree`` and ``--profile``."""
+    parser.add_argument(
+        "--degree", type=int, metavar="N",
+        help="degree of fitted splines, 2 to 13 (default: of 3, 5 and 7 that with fewest poles)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--max-degree", type=int, metavar="N", dest="max_degree",
+        help="let fits choose odd degrees from 3 up to N, at most 13",
+    )  # fmt: skip
+    parser.add_argument(
+        "--profile", choices=("compact", "cubic"), default="compact",
+        help="compact: fewest poles; cubic: for receivers that take no splines above degree 3 and "
+        "no rational ones (default: %(default)s)",
+    )  # fmt: skip
+
+
+def spline_options(arguments: argparse.Namespace) -> SplineOptions:
+    """Return what `add_splines` has read, checked, as `compile_equation` takes it."""
+    from pc2cad.geometry.profile import spline_profile
+
+    options: SplineOptions = {
+        "degree": arguments.degree,
+        "max_degree": arguments.max_degree,
+        "profile": arguments.profile,
+    }
+    spline_profile(**options)
+    return options
 
 
 @contextmanager

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from pc2cad.equation.normal_form import NormalForm, normal_form
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import ANALYTIC, Expr, walk
+from pc2cad.geometry.profile import LARGEST_DEGREE
 
 Array = NDArray[np.float64]
-
-#: the kernel's largest degree of a Bézier or B-spline
-LARGEST_DEGREE = 25
 
 
 def degree_in(roots: Sequence[Expr], name: str) -> int | None:

@@ -242,6 +242,17 @@ def figures(carrier: SurfaceCarrier) -> Mapping[str, float]:
     return {}
 
 
+def spline_traits(carrier: CurveCarrier | SurfaceCarrier) -> tuple[int, bool]:
+    """Return the largest degree of a carrier's splines, 0 for none, and whether one is rational."""
+    if isinstance(carrier, Extrusion | Revolution):
+        return spline_traits(carrier.basis)
+    if isinstance(carrier, SplineCurve):
+        return carrier.degree, carrier.weights is not None
+    if isinstance(carrier, SplineSurface):
+        return max(carrier.degrees), carrier.weights is not None
+    return 0, False
+
+
 def fit_plane(points: Array, rounding: float) -> Plane | None:
     """Return the plane that holds all points (n, 3) to `rounding` (a length), or None.
 

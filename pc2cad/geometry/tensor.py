@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.geometry.refinement import check_places
 from pc2cad.geometry.spline_space import SplineSpace
 
 Array = NDArray[np.float64]
 #: values on the product of two parameter arrays: shape (len(s), len(t), 3)
 GridSampler = Callable[[Array, Array], Array]
-
-#: fractions of a knot interval where a fit is compared with its function: off every site
-_CHECKS = np.array([0.137, 0.41, 0.63, 0.871])
 
 
 @dataclass(frozen=True)
@@ -31,12 +29,6 @@ def fit_surface(sample: GridSampler, s: SplineSpace, t: SplineSpace) -> Array:
     values = sample(s.sites, t.sites)
     along_s = s.fit(values)
     return t.fit(along_s.transpose(1, 0, 2)).transpose(1, 0, 2)
-
-
-def check_places(space: SplineSpace) -> Array:
-    """Return parameters off the sites, several in each interval."""
-    a, b = space.points[:-1, None], space.points[1:, None]
-    return np.asarray((a + (b - a) * _CHECKS).ravel())
 
 
 def surface_deviation(
