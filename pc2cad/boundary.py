@@ -62,17 +62,8 @@ def represent(
 
     The default is 1e-7 of the part's size. Raises ToleranceNotReachedError.
     """
-    if tolerance is None:
-        tolerance = 1e-7 * analysis.size
-    if not (np.isfinite(tolerance) and tolerance > 0):
-        raise InputError(f"the tolerance must be a positive length, not {tolerance}")
-    rounding = 64 * np.finfo(float).eps * (analysis.size + analysis.magnitude)
-    if tolerance < 4 * rounding:
-        raise ToleranceNotReachedError(
-            f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
-            f"({4 * rounding:.3g}); move it nearer to the origin or allow more"
-        )
-    work = _Representation(analysis, tolerance, rounding, profile)
+    tolerance = check_tolerance(analysis, tolerance)
+    work = _Representation(analysis, tolerance, _rounding(analysis), profile)
     edges, faces = work.carriers()
     shells = [
         tuple(i for i, face in enumerate(faces) if face.cells[0] in shell.faces)
@@ -83,6 +74,25 @@ def represent(
         analysis.boundary, work.vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
         analysis.size,
     )  # fmt: skip
+
+
+def check_tolerance(analysis: Analysis, tolerance: float | None) -> float:
+    """Return the tolerance, or its default; raise where double precision cannot hold it."""
+    if tolerance is None:
+        tolerance = 1e-7 * analysis.size
+    if not (np.isfinite(tolerance) and tolerance > 0):
+        raise InputError(f"the tolerance must be a positive length, not {tolerance}")
+    rounding = _rounding(analysis)
+    if tolerance < 4 * rounding:
+        raise ToleranceNotReachedError(
+            f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
+            f"({4 * rounding:.3g}); move it nearer to the origin or allow more"
+        )
+    return tolerance
+
+
+def _rounding(analysis: Analysis) -> float:
+    return 64 * float(np.finfo(float).eps) * (analysis.size + analysis.magnitude)
 
 
 class _Representation:

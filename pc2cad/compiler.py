@@ -18,14 +18,14 @@ from dataclasses import replace
 from typing import TypeVar
 
 from pc2cad.analysis import analyse
-from pc2cad.boundary import represent
+from pc2cad.boundary import check_tolerance, represent
 from pc2cad.brep.build import build
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
 from pc2cad.geometry.profile import spline_profile
 from pc2cad.part import Part
 from pc2cad.properties import integrate
 from pc2cad.solidity import check_solidity
-from pc2cad.validation import validate
+from pc2cad.validation import check_thickness, validate
 
 #: told the name of each stage as it begins
 Progress = Callable[[str], None]
@@ -62,7 +62,9 @@ def compile_equation(
         return result
 
     analysis = stage("analyse", lambda: analyse(equation))
+    tolerance = check_tolerance(analysis, tolerance)
     properties = stage("integrate", lambda: integrate(analysis))
+    check_thickness(properties)
     solidity = stage("solidity", lambda: check_solidity(analysis))
     model = stage(
         "represent",

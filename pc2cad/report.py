@@ -68,10 +68,10 @@ class Report:
     euler: int
     #: det J keeps its sign: proved or sampled
     determinant: str
-    #: inner images with winding number 1, and the largest distance between neighbours: an overlap
-    #: that holds a ball of that diameter would have been seen
+    #: inner images with winding number 1, and how near parts of the boundary may come to one
+    #: another before they count as touching: an overlap deeper than that would have been seen
     images: int
-    image_spacing: float
+    told_apart: float
     equation: Integrals
     solid: Integrals
     #: largest tolerance of a vertex, edge or face of the kernel's solid

@@ -2,7 +2,7 @@
 
 Input: Analysis. Output: Solidity. Both questions of spec section 4 are asked:
 does det J keep its sign (proved where the map is polynomial), and does the solid nowhere cover
-itself (winding numbers).
+itself (no contact of its boundary, winding numbers).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class Solidity:
     determinant: Verdict
     #: inner images at which the boundary's winding number is 1
     images: int
-    #: an overlap that holds a ball of this diameter would have been seen (model units)
-    spacing: float
+    #: parts of the boundary that are further apart than this were told from touching (model units)
+    apart: float
     #: index of the outer shell in the boundary complex; the others are voids
     outer_shell: int
 
@@ -31,6 +31,4 @@ class Solidity:
 def check_solidity(analysis: Analysis) -> Solidity:
     """Return the evidence; raise NotASolidError (a subclass) where the image is no solid."""
     injective = check_injective(analysis)
-    return Solidity(
-        analysis.determinant, injective.images, injective.spacing, injective.outer_shell
-    )
+    return Solidity(analysis.determinant, injective.images, injective.apart, injective.outer_shell)

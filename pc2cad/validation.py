@@ -49,7 +49,6 @@ def validate(
     built: BuiltSolid,
 ) -> Report:
     """Return the report of a solid that passes every check; raise for one that does not."""
-    _check_thickness(properties)
     findings = inspect(built.solid)
     _check_kernel(findings, model)
     integrals = solid_integrals(built.solid)
@@ -59,7 +58,8 @@ def validate(
     return report
 
 
-def _check_thickness(properties: Properties) -> None:
+def check_thickness(properties: Properties) -> None:
+    """Raise ThinnerThanKernelError for a solid that the kernel takes for a sheet."""
     thickness = 2 * properties.volume / properties.area
     if thickness < 10 * KERNEL_TOLERANCE:
         raise ThinnerThanKernelError(
@@ -177,7 +177,7 @@ def _report(
         euler=boundary.euler,
         determinant=solidity.determinant.value,
         images=solidity.images,
-        image_spacing=solidity.spacing,
+        told_apart=solidity.apart,
         equation=Integrals(
             "equation (Gauss quadrature)", properties.volume, properties.area,
             properties.centroid, properties.relative_error,

@@ -35,7 +35,8 @@ def winding_numbers(points: Array, triangles: Array, seed: int = 0) -> Integers:
     places = points @ turn
     low = corners[..., :2].reshape(-1, 2).min(axis=0)
     extent = corners[..., :2].reshape(-1, 2).max(axis=0) - low
-    columns = int(np.clip(np.sqrt(len(triangles)), 1, 1024))
+    # no more columns than points: most triangles then lie in one
+    columns = int(np.clip(np.sqrt(min(len(triangles), 2 * len(points))), 1, 1024))
     cell = np.where(extent > 0, extent, 1.0) / columns
     starts, members = _columns(corners, low, cell, columns)
     index = np.floor((places[:, :2] - low) / cell).astype(np.int64)

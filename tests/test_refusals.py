@@ -345,7 +345,7 @@ def test_values_outside_their_range(template, name, value, allowed):
 def test_a_wave_that_does_not_close_is_no_channel():
     """With 7.3 waves the sides v = 0 and v = 1 lie on one ray and do not meet."""
     equation = pc.read_template(template_paths()["channel_sine"]).bind({"n": 7.3})
-    with within(20), pytest.raises(PointCadError):
+    with within(20), pytest.raises(NotASolidError, match=r"v = 0, .* v = 1, .* both lie at"):
         compile_equation(equation)
 
 

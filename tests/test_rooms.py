@@ -28,9 +28,11 @@ ALLOWED = {
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
     "winding": {"numpy", "scipy"},
+    "sheets": {"analysis", "directions", "geometry", "topology", "winding", "numpy"},
+    "blocks": {"sheets", "topology", "numpy"},
+    "contact": {"analysis", "blocks", "sheets", "numpy"},
     "injectivity": {
-        "analysis", "directions", "equation", "errors", "geometry", "mapping", "topology",
-        "winding", "numpy",
+        "analysis", "contact", "equation", "errors", "mapping", "sheets", "winding", "numpy",
     },
     "certificate": {"certificate", "equation", "geometry", "mapping", "numpy"},
     "solidity": {"analysis", "equation", "injectivity"},

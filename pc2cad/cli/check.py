@@ -135,6 +135,6 @@ def _overlap(report: Report) -> str:
     if not report.images:
         return "not examined"
     return (
-        f"none: {report.images} inner points, at most {report.image_spacing:.2g} {report.units} "
-        "apart, have winding number 1 (sampled)"
+        f"none deeper than {report.told_apart:.2g} {report.units}; {report.images} inner points "
+        "have winding number 1 (sampled)"
     )

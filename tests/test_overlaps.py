@@ -1,0 +1,205 @@
+"""Boundaries that meet themselves are refused however little they do, and near misses are built."""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import pc2cad as pc
+from pc2cad.analysis import analyse
+from pc2cad.contact import Contact, find_contact
+from pc2cad.equation.point_equation import point_equation
+from pc2cad.errors import PointCadError
+from pc2cad.injectivity import OverlappingMapError, check_injective
+from pc2cad.sheets import cut
+
+U, V, W = pc.parameters()
+THETA, PHI = 2 * pc.pi * U, 2 * pc.pi * V
+
+
+def contact(map_, domain=None) -> Contact | None:
+    """Where the boundary meets itself; the two places are one, to a billionth of the part."""
+    analysis = analyse(point_equation(map_, domain))
+    sheets = cut(analysis)
+    found = find_contact(analysis, sheets)
+    if not isinstance(found, Contact):
+        assert 0 < found < 1e-8 * analysis.size
+        return None
+    points = [
+        sheets[face].function.at(*map(np.asarray, place))
+        for face, place in zip(found.faces, found.places, strict=True)
+    ]
+    assert np.abs(np.subtract(*points)).max() <= 1e-8 * analysis.size
+    assert found.point == pytest.approx(points[0], abs=1e-8 * analysis.size)
+    return found
+
+
+def helix(R: float, pitch: float, turns: int, rho):
+    """A helix of radius R with a round section of radius rho in its frame."""
+    t, c = 2 * pc.pi * turns * U, pitch / (2 * math.pi)
+    x, y = rho * pc.cos(PHI), rho * pc.sin(PHI) / math.hypot(R, c)
+    return (
+        (R - x) * pc.cos(t) + y * c * pc.sin(t),
+        (R - x) * pc.sin(t) - y * c * pc.cos(t),
+        c * t + y * R,
+    )
+
+
+def touching_pitch(R: float, rho: float) -> float:
+    """Where the axes of neighbouring turns are 2 rho apart: by bisection, to all digits."""
+
+    def nearest(pitch: float) -> float:
+        c = pitch / (2 * math.pi)
+        low, high = math.pi, 2.5 * math.pi
+        for _ in range(200):  # the slope of the squared distance changes its sign once
+            t = (low + high) / 2
+            if R * R * math.sin(t) + c * c * t > 0:
+                high = t
+            else:
+                low = t
+        return math.sqrt(2 * R * R * (1 - math.cos(low)) + (c * low) ** 2)
+
+    low, high = rho, 4 * rho
+    for _ in range(200):
+        pitch = (low + high) / 2
+        low, high = (low, pitch) if nearest(pitch) > 2 * rho else (pitch, high)
+    return low
+
+
+@pytest.mark.parametrize("share", [0.9, 0.96, 0.99, 0.999, 0.9999, 1.0001, 1.001, 1.01, 1.1])
+def test_turns_of_a_rod_at_their_touching_pitch(share):
+    found = contact(helix(4, share * touching_pitch(4, 1), 2, W))
+    assert (found is not None) == (share < 1)
+
+
+@pytest.mark.parametrize("share", [0.999, 1.01])
+def test_thirty_turns_of_a_tube(share):
+    """The report of an accepted one says less than a ten-millionth of the tube."""
+    rho = Fraction(1, 2) + W / 2
+    found = contact(helix(4, share * touching_pitch(4, 1), 30, rho))
+    assert (found is not None) == (share < 1)
+
+
+def eight(height: float):
+    """A rod of radius 1 along a figure of eight whose strands cross `height` apart."""
+    t = 2 * pc.pi * U
+    dx, dy = pc.cos(t), pc.cos(2 * t)
+    speed = pc.sqrt(dx * dx + dy * dy)
+    return (
+        10 * pc.sin(t) - W * pc.cos(PHI) * dy / speed,
+        10 * pc.sin(t) * pc.cos(t) + W * pc.cos(PHI) * dx / speed,
+        height / 2 * pc.cos(t) + W * pc.sin(PHI),
+    )
+
+
+@pytest.mark.parametrize("height", [1.5, 1.8, 1.9, 1.98, 1.999, 2.0, 2.001, 2.1])
+def test_crossing_strands(height):
+    found = contact(eight(Fraction(str(height))))
+    assert (found is not None) == (height <= 2)
+    if height == 2:  # they touch in the origin
+        assert found.point == pytest.approx((0, 0, 0), abs=1e-3)
+
+
+def torus(R, r):
+    ring = R + r * pc.cos(PHI)
+    return ring * pc.cos(THETA), ring * pc.sin(THETA), r * pc.sin(PHI)
+
+
+def test_horn_torus_touches_itself_in_a_point():
+    with pytest.raises(OverlappingMapError) as caught:
+        pc.compile_part(torus(1, W))
+    place = re.search(r"both lie at \((.*?)\)", str(caught.value))[1]
+    assert [float(x) for x in place.split(",")] == pytest.approx([0, 0, 0], abs=1e-6)
+
+
+def test_nearly_a_horn_torus():
+    r = Fraction(999, 1000)
+    report = pc.compile_part(torus(1, r * W)).report
+    assert report.solid.volume == pytest.approx(2 * math.pi**2 * float(r) ** 2, rel=1e-7)
+    assert 0 < report.told_apart < 1e-8 * report.size
+
+
+RING = ((2 + V) * pc.cos(THETA), (2 + V) * pc.sin(THETA), 5 * W)
+
+
+@pytest.mark.parametrize(("turn", "refused"), [("0.999", False), ("0.99999", False),
+                                               ("1.001", True), ("1.25", True)])  # fmt: skip
+def test_ring_that_nearly_closes_or_covers_itself(turn, refused):
+    assert (contact(RING, {"u": (0, Fraction(turn))}) is not None) == refused
+
+
+def test_two_blocks_that_touch_along_a_curved_face():
+    """A spiral of one turn and a half whose wall is as thick as its pitch."""
+
+    def spiral(thickness):
+        t = 3 * pc.pi * U
+        r = 2 + t / (2 * pc.pi) + thickness * W
+        return r * pc.cos(t), r * pc.sin(t), 3 * V
+
+    assert contact(spiral(1)) is not None
+    assert contact(spiral(Fraction(9999, 10000))) is None
+
+
+@pytest.mark.parametrize("wall", ["0.1", "0.001", "0.0001"])
+def test_a_thin_wall_is_no_contact(wall):
+    r = 10 + Fraction(wall) * W
+    ball = (r * pc.sin(pc.pi * V) * pc.cos(THETA), r * pc.sin(pc.pi * V) * pc.sin(THETA),
+            r * pc.cos(pc.pi * V))  # fmt: skip
+    assert contact(ball) is None
+
+
+@pytest.mark.parametrize("waves", [13, 25, 40])
+def test_waves_both_ways_are_seen_whatever_their_number(waves):
+    height = 2 + Fraction(1, 50) * pc.sin(2 * pc.pi * waves * U) * pc.sin(2 * pc.pi * waves * V)
+    analysis = analyse(point_equation((U, V, W * height)))
+    found = check_injective(analysis)
+    assert found.images >= 125
+
+
+# -- what the refusal says -------------------------------------------------------------------------
+
+
+def test_the_period_is_what_mends_a_double_cover():
+    with pytest.raises(OverlappingMapError, match=r"shorten the domain of u to \[0, 1\]"):
+        pc.compile_part(RING, {"u": (0, Fraction(5, 4))})
+
+
+def test_the_largest_section_is_what_mends_a_rod():
+    """Of radius 1 at a pitch of 1.8: what touches at 1.8 is 1.8/2.0064 of it."""
+    pitch = 1.8
+    with pytest.raises(OverlappingMapError) as caught:
+        pc.compile_part(helix(4, pitch, 2, W))
+    text = str(caught.value)
+    assert "covers itself" in text
+    assert len(text) < 400
+    largest = float(re.search(r"w up to about ([\d.]+)", text)[1])
+    low, high = 0.5, 1.0
+    for _ in range(50):
+        middle = (low + high) / 2
+        low, high = (middle, high) if touching_pitch(4, middle) < pitch else (low, middle)
+    assert largest == pytest.approx(low, abs=0.01)
+    assert largest <= low
+
+
+def test_places_of_a_contact_are_two_places_of_the_equation():
+    map_ = helix(4, 1.9, 2, W)
+    with pytest.raises(PointCadError) as caught:
+        pc.compile_part(map_)
+    places = re.findall(r"u = ([-\d.e]+), v = ([-\d.e]+), w = ([-\d.e]+)", str(caught.value))
+    point = re.search(r"both lie at \((.*?)\)", str(caught.value))[1]
+    expected = [float(x) for x in point.split(",")]
+    mapping = analyse(point_equation(map_)).map
+    for place in places:
+        # printed with four digits
+        assert mapping.points(*map(float, place)) == pytest.approx(expected, abs=0.03)
+    assert abs(float(places[0][0]) - float(places[1][0])) > 0.1
+
+
+@pytest.mark.parametrize("place", [1e8, -1e10])
+def test_too_far_away_is_said_at_once(place):
+    with pytest.raises(PointCadError, match="nearer to the origin"):
+        pc.compile_part((V * pc.cos(THETA) + place, V * pc.sin(THETA), W))
