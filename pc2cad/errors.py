@@ -7,6 +7,8 @@ the kernel or a file (5).
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 
 class PointCadError(Exception):
     """Base of everything that pc2cad raises on purpose; its text is one clear sentence."""
@@ -18,6 +20,10 @@ class InputError(PointCadError):
     """The input (expression, template, parameter value, option) is not well formed."""
 
     exit_code = 2
+
+
+class PackageMissingError(InputError):
+    """What was asked for needs a package that is not installed."""
 
 
 class NotASolidError(PointCadError):
@@ -42,3 +48,12 @@ class FileNotWrittenError(PointCadError):
     """A file could not be written; nothing of it is left behind."""
 
     exit_code = 5
+
+
+def require(package: str, what: str, extra: str = "fea") -> None:
+    """Raise PackageMissingError where a package is not installed; `extra` of pc2cad brings it."""
+    if find_spec(package) is None:
+        raise PackageMissingError(
+            f"{what} need the package {package}, which is not installed: "
+            f"pip install 'pc2cad[{extra}]'"
+        )

@@ -71,15 +71,16 @@ class Part:
         cells: tuple[int, int, int] | None = None,
         size: float | None = None,
         order: Literal[1, 2] = 1,
+        shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
     ) -> VolumeMesh:
-        """Return structured hexahedra of the equation's own (u,v,w) grid.
+        """Return structured hexahedra of the equation's own (u,v,w) grid, or tetrahedra by gmsh.
 
         `cells` along u, v and w, or the `size` of the longest ones in model units. Raises
         UnsuitableGridError, or InvertedElementError where the cells are too coarse.
         """
         from pc2cad.volume import MeshOptions, mesh_equation
 
-        return mesh_equation(self.equation, MeshOptions(cells, size, order))[0]
+        return mesh_equation(self.equation, MeshOptions(cells, size, order, shape))[0]
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""

@@ -4,6 +4,8 @@ PointEquation  ─analyse→   Analysis     which sides collapse, coincide, boun
                ─integrate→ Properties   volume and areas of the equation
                ─solidity→  Solidity     no fold, no overlap, or it is refused
                ─mesh→      VolumeMesh   structured hexahedra on a (u,v,w) grid
+
+Tetrahedra are made of the kernel's solid instead, which is compiled as usual.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import Any, Literal
 
 from pc2cad.analysis import Analysis, analyse
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, require
 from pc2cad.mesh.grid import Grading, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.quality import Quality, measure
@@ -35,6 +37,8 @@ class MeshOptions:
     #: or the length that no cell exceeds by much
     size: float | None = None
     order: Literal[1, 2] = 1
+    #: hexahedra of the (u,v,w) grid, or tetrahedra of the B-rep by gmsh
+    shape: Literal["hexahedra", "tetrahedra"] = "hexahedra"
     grading: tuple[Grading, Grading, Grading] = (Grading(), Grading(), Grading())
 
     def __post_init__(self) -> None:
@@ -42,6 +46,8 @@ class MeshOptions:
             raise InputError("give the cells of a mesh or their size, not both")
         if self.size is not None and not 0 < self.size < float("inf"):
             raise InputError(f"the size of cells must be a positive length, not {self.size}")
+        if self.shape == "tetrahedra" and self.cells is not None:
+            raise InputError("tetrahedra have a size of cells, not numbers of them along u, v, w")
         if self.order not in (1, 2):
             raise InputError(f"elements have order 1 or 2, not {self.order}")
 
@@ -101,11 +107,16 @@ def mesh_equation(
     clock("solidity")
     check_solidity(analysis)
     clock("mesh")
-    grid = make_grid(analysis, options.cells, options.size, options.grading)
-    mesh = hexahedra(analysis, grid, options.order)
+    areas = _areas(analysis, properties)
+    cells = None
+    if options.shape == "tetrahedra":
+        mesh, areas = _tetrahedra(equation, options, properties)
+    else:
+        grid = make_grid(analysis, options.cells, options.size, options.grading)
+        cells = grid.cells
+        mesh = hexahedra(analysis, grid, options.order)
     clock("quality")
-    quality = measure(mesh)
-    report = report_on(mesh, quality, analysis, properties, grid.cells)
+    report = report_on(mesh, measure(mesh), properties.volume, areas, cells)
     clock("")
     return mesh, MeshReport(**{**vars(report), "times": clock.times})
 
@@ -119,25 +130,21 @@ def mesh_part(
     cells: tuple[int, int, int] | None = None,
     size: float | None = None,
     order: Literal[1, 2] = 1,
+    shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
 ) -> VolumeMesh:
-    """Mesh a Python point equation over a box with hexahedra; see `mesh_equation`."""
+    """Mesh a Python point equation over a box; see `MeshOptions` and `mesh_equation`."""
     bound = point_equation(equation, domain, name=name, units=units)
-    return mesh_equation(bound, MeshOptions(cells, size, order))[0]
+    return mesh_equation(bound, MeshOptions(cells, size, order, shape))[0]
 
 
 def report_on(
     mesh: VolumeMesh,
     quality: Quality,
-    analysis: Analysis,
-    properties: Properties,
+    volume: float,
+    areas: Mapping[str, float],
     cells: tuple[int, int, int] | None,
 ) -> MeshReport:
-    """Return the report on a mesh of an analysed solid."""
-    areas: dict[str, float] = {}
-    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
-        name = analysis.boundary.name(face.patch)
-        for key in {name, name.partition(" (")[0]}:
-            areas[key] = areas.get(key, 0.0) + area
+    """Return the report on a mesh; `volume` and the sides' `areas` are the equation's."""
     sides = {
         side: SideMeasure(sum(len(f.elements) for f in facets), mesh.area(side), areas[side])
         for side, facets in mesh.sides.items()
@@ -145,8 +152,34 @@ def report_on(
     return MeshReport(
         mesh.name, mesh.units, mesh.order, cells, len(mesh.points),
         {kind: len(block) for kind, block in mesh.blocks.items()},
-        quality, mesh.volume(), properties.volume, sides,
+        quality, mesh.volume(), volume, sides,
     )  # fmt: skip
+
+
+def _areas(analysis: Analysis, properties: Properties) -> dict[str, float]:
+    """Return the equation's area of every side, and of every patch of a creased one."""
+    areas: dict[str, float] = {}
+    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
+        name = analysis.boundary.name(face.patch)
+        for key in {name, name.partition(" (")[0]}:
+            areas[key] = areas.get(key, 0.0) + area
+    return areas
+
+
+def _tetrahedra(
+    equation: PointEquation, options: MeshOptions, properties: Properties
+) -> tuple[VolumeMesh, dict[str, float]]:
+    """Compile the solid, mesh it, and return the equation's areas of its faces too."""
+    require("gmsh", "tetrahedra")
+    from pc2cad.compiler import compile_equation
+    from pc2cad.mesh.tetrahedra import tetrahedra
+
+    part = compile_equation(equation)
+    size = options.size or float(properties.volume ** (1 / 3)) / 10
+    mesh = tetrahedra(part.shape, part.faces, size, options.order,
+                      name=equation.name, units=equation.units)  # fmt: skip
+    areas = {f.name: sum(properties.face_areas[c] for c in f.cells) for f in part.model.faces}
+    return mesh, areas
 
 
 class _Clock:

@@ -15,11 +15,12 @@ import vtk
 from pc2cad.analysis import analyse
 from pc2cad.cli.main import main
 from pc2cad.equation.template_file import read_template
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, require
 from pc2cad.export.mesh_files import plain_names, write_mesh
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.volume import MeshOptions, mesh_equation
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 needs_ccx = pytest.mark.skipif(
@@ -216,3 +217,36 @@ def test_meshing_loads_no_kernel(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+# -- tetrahedra ------------------------------------------------------------------------------------
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize(
+    ("name", "size"), [("hollow_cylinder", 1.5), ("hollow_ball", 1.0), ("pyramid_cut", 1.0)]
+)
+def test_tetrahedra_have_the_same_names_and_nearly_the_same_measures(
+    name: str, size: float
+) -> None:
+    path = next(path for path in TEMPLATES if path.stem == name)
+    equation = read_template(path).bind({})
+    options = MeshOptions(size=size, order=2, shape="tetrahedra")
+    mesh, report = mesh_equation(equation, options)
+    assert set(report.elements) == {"tetra"}
+    boundary = analyse(equation).boundary
+    assert set(mesh.sides) == {boundary.name(face.patch) for face in boundary.faces}
+    assert abs(report.volume_difference) < 5e-3
+    assert report.quality.volume == pytest.approx(report.volume, rel=1e-10)
+    for side in report.sides.values():
+        assert side.area == pytest.approx(side.equation_area, rel=5e-3)
+
+
+def test_tetrahedra_are_told_by_size_only() -> None:
+    with pytest.raises(InputError, match="size of cells"):
+        MeshOptions(cells=(2, 2, 2), shape="tetrahedra")
+
+
+def test_a_package_that_is_missing_is_named_with_its_extra() -> None:
+    with pytest.raises(InputError, match=r"pip install 'pc2cad\[fea\]'"):
+        require("no_such_package", "tetrahedra")

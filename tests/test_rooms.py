@@ -46,8 +46,10 @@ ALLOWED = {
         "studies", "compiler", "equation", "errors", "export", "library", "report", "numpy",
         "scipy", "__version__",
     },
-    "mesh": {"mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP"},
-    "volume": {"analysis", "equation", "errors", "mesh", "properties", "solidity"},
+    "mesh": {
+        "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
+    },
+    "volume": {"analysis", "compiler", "equation", "errors", "mesh", "properties", "solidity"},
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays
 NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals"}

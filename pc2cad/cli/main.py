@@ -26,7 +26,7 @@ VERBS: Final = {
     "build": "compile a template into a solid and write it to files",
     "check": "compile a template and show what is known of the solid; write nothing",
     "study": "build many variants of a template, with a table of what became of each",
-    "mesh": "mesh a template with hexahedra for finite elements",
+    "mesh": "mesh a template with hexahedra or tetrahedra for finite elements",
     "show": "show the point equation and its coordinate-wise system",
     "templates": "list the shipped templates",
     "new": "write a commented template to start from",

@@ -34,6 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the volume)",
     )  # fmt: skip
     parser.add_argument(
+        "--tetrahedra", action="store_true",
+        help="mesh the B-rep with tetrahedra by gmsh (pip install 'pc2cad[fea]') instead",
+    )  # fmt: skip
+    parser.add_argument(
         "--order", type=int, choices=(1, 2), default=1,
         help="order of the elements: 2 has curved ones with a node on every edge "
         "(default: %(default)s)",
@@ -95,7 +99,7 @@ def _options(arguments: argparse.Namespace) -> MeshOptions:
 
     return MeshOptions(
         _cells(arguments.cells), read_length("--size", arguments.size), arguments.order,
-        _grading(arguments.grade),
+        "tetrahedra" if arguments.tetrahedra else "hexahedra", _grading(arguments.grade),
     )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import os
 import re
 from collections.abc import Callable, Iterable
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, require
 from pc2cad.export.files import check_target, replacing
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -21,10 +20,6 @@ from pc2cad.mesh.volume_mesh import VolumeMesh
 Ints = NDArray[np.integer]
 #: writes a mesh to an empty file
 Writer = Callable[[VolumeMesh, Path], None]
-
-
-class PackageMissingError(InputError):
-    """A format or a method needs a package that is not installed."""
 
 
 @dataclass(frozen=True)
@@ -97,14 +92,6 @@ def mesh_format(path: str | os.PathLike[str]) -> MeshFormat:
     known = ", ".join(entry.extension for entry in MESH_FORMATS)
     has = f"the ending {ending!r}" if ending else "no ending"
     raise InputError(f"The mesh file {os.fspath(path)[-80:]!r} has {has}; use one of {known}.")
-
-
-def require(package: str, what: str) -> None:
-    """Raise PackageMissingError where a package is not installed."""
-    if importlib.util.find_spec(package) is None:
-        raise PackageMissingError(
-            f"{what} need the package {package}, which is not installed: pip install 'pc2cad[fea]'"
-        )
 
 
 def check_mesh_writable(path: str | os.PathLike[str]) -> None:

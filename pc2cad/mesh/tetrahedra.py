@@ -1,0 +1,169 @@
+"""Conforming tetrahedra of the B-rep by gmsh, with the names of the sides."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepTools import BRepTools
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from pc2cad.errors import KernelError
+from pc2cad.mesh.elements import TETRAHEDRON
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh
+
+Ints = NDArray[np.int64]
+
+#: gmsh numbers the last two middles of a tetrahedron the other way round
+_FROM_GMSH = {1: [0, 1, 2, 3], 2: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
+
+
+class MeshingFailedError(KernelError):
+    """Gmsh made no mesh of the solid, or not of all its faces."""
+
+
+def tetrahedra(
+    solid: TopoDS_Shape,
+    faces: Mapping[str, TopoDS_Face],
+    size: float,
+    order: int = 1,
+    *,
+    name: str = "part",
+    units: str = "mm",
+) -> VolumeMesh:
+    """Return tetrahedra with edges of about `size` (model units) that fill a solid.
+
+    `faces` are the solid's faces by the name of their side. Needs gmsh (``pc2cad[fea]``). Raises
+    MeshingFailedError.
+    """
+    names = _in_order(solid, faces)
+    with _model(solid) as gmsh:
+        surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+        _check_order(gmsh, surfaces, names, faces)
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size / 2)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
+        gmsh.option.setNumber("Mesh.ElementOrder", order)
+        gmsh.option.setNumber("Mesh.HighOrderOptimize", 2 if order == 2 else 0)
+        try:
+            gmsh.model.mesh.generate(3)
+        except Exception as failure:  # gmsh raises the base class
+            raise MeshingFailedError(
+                f"gmsh made no mesh of the solid ({failure}); another --size may help"
+            ) from None
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        block, triangles = _elements(gmsh, surfaces, order)
+    if not len(block):
+        raise MeshingFailedError("gmsh made no tetrahedra of the solid; another --size may help")
+    return _mesh(tags, coordinates, block, dict(zip(names, triangles, strict=True)), order,
+                 name, units)  # fmt: skip
+
+
+def _in_order(solid: TopoDS_Shape, faces: Mapping[str, TopoDS_Face]) -> list[str]:
+    """Return the names of the faces in the order in which gmsh numbers them."""
+    found = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(solid, TopAbs_FACE, found)
+    names = {found.FindIndex(face): name for name, face in faces.items()}
+    return [names[index] for index in range(1, found.Extent() + 1)]
+
+
+@contextmanager
+def _model(solid: TopoDS_Shape) -> Iterator[Any]:
+    """Give gmsh with the solid in a model of its own; a running gmsh keeps its models."""
+    import gmsh
+
+    running = bool(gmsh.isInitialized())
+    if not running:
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("Geometry.OCCAutoFix", 0)
+    try:
+        gmsh.model.add("pc2cad")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "solid.brep"
+            BRepTools.Write_s(solid, str(path))
+            gmsh.model.occ.importShapes(str(path))
+        gmsh.model.occ.synchronize()
+        yield gmsh
+    finally:
+        if running:
+            gmsh.model.remove()
+        else:
+            gmsh.finalize()
+
+
+def _check_order(
+    gmsh: Any, surfaces: list[int], names: list[str], faces: Mapping[str, TopoDS_Face]
+) -> None:
+    """Hold the area of each surface in gmsh against that of the face it is taken for."""
+    if len(surfaces) != len(names):
+        raise MeshingFailedError(
+            f"gmsh read {len(surfaces)} faces of a solid that has {len(names)}"
+        )
+    for tag, name in zip(surfaces, names, strict=True):
+        found = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(faces[name], found)
+        here, there = found.Mass(), gmsh.model.occ.getMass(2, tag)
+        if abs(here - there) > 1e-3 * here:
+            raise MeshingFailedError(
+                f"gmsh's surface {tag} has the area {there:.6g}, the face {name} {here:.6g}"
+            )
+
+
+def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[Ints, list[Ints]]:
+    """Return the tetrahedra and, per surface, the triangles' corners, in gmsh's node numbers."""
+    size = TETRAHEDRON.size(order)
+    _, _, nodes = gmsh.model.mesh.getElements(3)
+    blocks = [np.asarray(n, dtype=np.int64).reshape(-1, size) for n in nodes]
+    block = np.concatenate(blocks) if blocks else np.empty((0, size), dtype=np.int64)
+    triangles = []
+    for tag in surfaces:
+        _, _, nodes = gmsh.model.mesh.getElements(2, tag)
+        rows = [np.asarray(n, dtype=np.int64).reshape(-1, 3 * order)[:, :3] for n in nodes]
+        triangles.append(np.concatenate(rows) if rows else np.empty((0, 3), dtype=np.int64))
+    return block[:, _FROM_GMSH[order]], triangles
+
+
+def _mesh(
+    tags: Any,
+    coordinates: Any,
+    block: Ints,
+    triangles: dict[str, Ints],
+    order: int,
+    name: str,
+    units: str,
+) -> VolumeMesh:
+    used = np.unique(block)
+    place = np.empty(int(np.max(tags)) + 1, dtype=np.int64)
+    place[np.asarray(tags, dtype=np.int64)] = np.arange(len(tags))
+    points = np.asarray(coordinates).reshape(-1, 3)[place[used]]
+    block = np.searchsorted(used, block)
+    on_side = {
+        side: _facets(block, np.searchsorted(used, rows)) for side, rows in triangles.items()
+    }
+    kind = TETRAHEDRON.name
+    sides = {side: (Facets(kind, elements, faces),) for side, (elements, faces) in on_side.items()}
+    mesh = VolumeMesh(name, units, order, points, {kind: block}, sides, {})
+    sets = {side: np.unique(mesh.facet_nodes(side)["triangle"]) for side in sides}
+    return VolumeMesh(name, units, order, points, {kind: block}, sides, sets)
+
+
+def _facets(block: Ints, triangles: Ints) -> tuple[Ints, NDArray[np.int8]]:
+    """Return the tetrahedra and the faces of theirs that some triangles are."""
+    rings = [np.sort(block[:, list(ring)], axis=1) for ring in TETRAHEDRON.faces]
+    rows = np.concatenate([np.sort(triangles, axis=1), *rings])
+    _, key = np.unique(rows, axis=0, return_inverse=True)
+    found = np.flatnonzero(np.isin(key.ravel()[len(triangles) :], key.ravel()[: len(triangles)]))
+    if len(found) != len(triangles):
+        raise MeshingFailedError("gmsh's triangles are not the faces of its tetrahedra")
+    return found % len(block), (found // len(block)).astype(np.int8)
