@@ -10,20 +10,21 @@ from pc2cad.brep.build import BuiltSolid
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.export.model import Exportable, ExportOptions, GeometricProperties, NamedFace
 from pc2cad.export.registry import write
-from pc2cad.model import BoundaryModel
+from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.report import Report
+from pc2cad.topology.cells import Cell, normal_direction
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
     from pc2cad.mesh.volume_mesh import VolumeMesh
 
-#: one colour per side, u=0, u=1, v=0 …: distinguishable also for colour-blind eyes (Okabe, Ito)
-SIDE_COLOURS = {
-    "u": ((0.90, 0.62, 0.00), (0.84, 0.37, 0.00)),
-    "v": ((0.34, 0.71, 0.91), (0.00, 0.45, 0.70)),
-    "w": ((0.00, 0.62, 0.45), (0.80, 0.47, 0.65)),
-}
+#: lower and upper side of u, v and w: distinguishable also for colour-blind eyes (Okabe, Ito)
+SIDE_COLOURS = (
+    ((0.90, 0.62, 0.00), (0.84, 0.37, 0.00)),
+    ((0.34, 0.71, 0.91), (0.00, 0.45, 0.70)),
+    ((0.00, 0.62, 0.45), (0.80, 0.47, 0.65)),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +91,8 @@ class Part:
             description=self.equation.about.strip(),
             units=self.equation.units,
             faces=tuple(
-                NamedFace(name, face, _colour(name) if colours else None)
-                for name, face in self.faces.items()
+                NamedFace(face.name, kernel, self._colour(face) if colours else None)
+                for face, kernel in zip(self.model.faces, self.built.faces, strict=True)
             ),
             properties=GeometricProperties(
                 self.report.equation.volume,
@@ -101,7 +102,11 @@ class Part:
             tolerance=self.report.tolerance,
         )
 
+    def _colour(self, face: ModelFace) -> tuple[float, float, float]:
+        return side_colour(self.model.complex.faces[face.cells[0]].patch)
 
-def _colour(name: str) -> tuple[float, float, float]:
-    lower = name.partition("=")[2].startswith("0") and not name[2:3].isdigit()
-    return SIDE_COLOURS[name[0]][0 if lower else 1]
+
+def side_colour(patch: Cell) -> tuple[float, float, float]:
+    """Return the colour (red, green, blue in 0…1) of a side of the box, or of a piece of one."""
+    direction = normal_direction(patch)
+    return SIDE_COLOURS[direction][1 if patch[direction] else 0]

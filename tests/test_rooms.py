@@ -50,6 +50,10 @@ ALLOWED = {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
     },
     "volume": {"analysis", "compiler", "equation", "errors", "mesh", "properties", "solidity"},
+    "picture": {
+        "picture", "equation", "errors", "export", "mapping", "part", "topology", "numpy", "OCP",
+        "vtkmodules",
+    },
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays
 NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals"}

@@ -1,0 +1,248 @@
+"""Pictures: what is drawn is the solid, where it is drawn, and what is said over it is true."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as ET
+from functools import cache
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOImage import vtkPNGReader
+
+import pc2cad as pc
+from pc2cad.cli.main import main
+from pc2cad.errors import InputError
+from pc2cad.library import template_paths
+from pc2cad.part import SIDE_COLOURS, Part
+from pc2cad.picture import raster
+from pc2cad.picture.camera import VIEWS, aim
+from pc2cad.picture.colours import viridis
+from pc2cad.picture.drawing import Style, drawing
+from pc2cad.picture.image import camera_for, encode
+from pc2cad.picture.maps import NoWallError, thicknesses
+from pc2cad.picture.overlay import Text, overlay, ticks
+from pc2cad.picture.scene import Scene
+from pc2cad.picture.sides import Sides
+
+SMALL = (240, 160)
+
+
+@cache
+def part_of(template: str) -> Part:
+    return pc.compile_equation(pc.read_template(template_paths()[template]).bind())
+
+
+@cache
+def cube() -> Part:
+    return pc.compile_part(list(pc.parameters()), name="cube")
+
+
+def pixels(data: bytes) -> np.ndarray:
+    reader = vtkPNGReader()
+    with tempfile.NamedTemporaryFile(suffix=".png") as file:
+        file.write(data)
+        file.flush()
+        reader.SetFileName(file.name)
+        reader.Update()
+    width, height, _ = reader.GetOutput().GetDimensions()
+    values = vtk_to_numpy(reader.GetOutput().GetPointData().GetScalars())
+    return values.reshape(height, width, -1)[::-1]
+
+
+def enclosed(scene: Scene) -> float:
+    corners = np.concatenate([s.points[s.triangles] for s in scene.surfaces])
+    return float(np.linalg.det(corners).sum() / 6)
+
+
+@pytest.mark.parametrize("template", template_paths())
+def test_every_template_renders_and_the_surfaces_are_its_boundary(template):
+    part = part_of(template)
+    scene = drawing(part, Style(colours=True, labels=True, isolines=2))
+    assert enclosed(scene) == pytest.approx(part.report.solid.volume, rel=5e-3)
+    for surface in scene.surfaces:
+        assert np.allclose(np.linalg.norm(surface.normals, axis=1), 1.0)
+    image = pixels(encode(scene, camera_for(scene, VIEWS["iso"], SMALL), "a.png"))
+    assert image.shape == (160, 240, 3)
+    drawn = (image < 250).any(axis=2)
+    assert 0.04 < drawn.mean() < 0.9
+    assert not drawn[:4].any()
+    assert not drawn[-4:].any()
+
+
+def test_a_point_is_where_the_camera_says():
+    camera = aim(np.array([[0.0, 0, 0], [2, 2, 2]]), VIEWS["front"], (200, 100))
+    middle, depth = camera.project(np.array([[1.0, 1, 1], [1, 0, 1], [2, 1, 1], [1, 1, 2]]))
+    assert middle[0] == pytest.approx((100, 50))
+    assert depth[1] > depth[0]  # nearer to the eye, which is at -y
+    assert middle[2, 0] > middle[0, 0]
+    assert middle[3, 1] < middle[0, 1]
+    ends, _ = camera.project(np.array([[0.0, 0, 0], [0, 0, 2]]))
+    assert abs(ends[1, 1] - ends[0, 1]) == pytest.approx(100 * (1 - 2 * 0.06))
+
+
+def test_the_depth_of_pixels_is_that_of_the_surface():
+    scene = drawing(cube(), Style())
+    camera = camera_for(scene, VIEWS["iso"], (200, 200))
+    seen = raster.depths(scene, camera)
+    places = np.array([[0.4, 0.0, 0.7], [1.0, 0.3, 0.2], [0.6, 0.45, 1.0]])
+    at, depth = camera.project(places)
+    columns, rows = at.astype(int).T
+    assert seen[rows, columns] == pytest.approx(depth, abs=2 * camera.scale)
+
+
+def test_faces_have_the_colours_of_their_sides():
+    scene = drawing(cube(), Style(colours=True, edges=False))
+    camera = camera_for(scene, VIEWS["iso"], (200, 200))
+    image = raster.colours(scene, camera).astype(float)
+    for place, colour in [
+        ((0.5, 0.0, 0.5), SIDE_COLOURS[1][0]),
+        ((1.0, 0.5, 0.5), SIDE_COLOURS[0][1]),
+        ((0.5, 0.5, 1.0), SIDE_COLOURS[2][1]),
+    ]:
+        (x, y), _ = camera.project(np.array([place]))[0][0], None
+        shown = image[int(y), int(x)]
+        assert shown @ colour / np.linalg.norm(shown) / np.linalg.norm(colour) > 0.99
+
+
+def test_names_of_hidden_and_collapsed_sides_say_so():
+    scene = drawing(part_of("pyramid"), Style(labels=True))
+    camera = camera_for(scene, (0.2, -1.5, -1.0))
+    shapes = overlay(scene.labels, None, camera, raster.depths(scene, camera))
+    texts = [shape.text for shape in shapes if isinstance(shape, Text)]
+    assert len(texts) == 6
+    assert "w=0" in texts  # seen from below
+    assert {"v=0 is a curve", "w=1 is a point"} <= {
+        text.removesuffix(" (behind)") for text in texts
+    }
+    above = camera_for(scene, (0.0, 0.0, 1.0))
+    hidden = overlay(scene.labels, None, above, raster.depths(scene, above))
+    assert "w=0 (behind)" in [shape.text for shape in hidden if isinstance(shape, Text)]
+
+
+def test_svg_shows_nine_of_the_twelve_edges_of_a_cube():
+    scene = drawing(cube(), Style(labels=True))
+    camera = camera_for(scene, VIEWS["iso"], (400, 400))
+    root = ET.fromstring(encode(scene, camera, "cube.svg"))
+    name = "{http://www.w3.org/2000/svg}"
+    length = 0.0
+    for line in root.iter(f"{name}polyline"):
+        path = np.array([p.split(",") for p in line.get("points").split()], dtype=float)
+        length += float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    ends = np.array([[(0, 0, 0), axis] for axis in np.eye(3)])
+    edges = [np.linalg.norm(np.subtract(*camera.project(pair)[0])) for pair in ends]
+    assert length == pytest.approx(3 * sum(edges), rel=0.03)
+    texts = [element.text for element in root.iter(f"{name}text")]
+    assert sorted(t for t in texts if "behind" not in t) == ["u=1", "v=0", "w=1"]
+    assert root.find(f"{name}image").get("href").startswith("data:image/png;base64,")
+
+
+def test_exploded_faces_do_not_touch():
+    scene = drawing(part_of("channel_ellipse"), Style(explode=0.3))
+    boxes = [(s.points.min(axis=0), s.points.max(axis=0)) for s in scene.surfaces]
+    for i, (low, high) in enumerate(boxes):
+        for other_low, other_high in boxes[i + 1 :]:
+            assert (high < other_low).any() or (other_high < low).any()
+
+
+@pytest.mark.parametrize("counts", [(20, 20, 30), (100, 100, 100)])
+def test_the_point_set_of_figure_1_at_any_density(counts):
+    scene = drawing(part_of("pyramid"), Style(points=counts))
+    (cloud,) = scene.clouds
+    assert len(cloud.points) == math.prod(counts)
+    heights = np.unique(np.round(cloud.points[:, 2], 9))
+    assert heights.min() == 0.0
+    assert heights.max() == 6.0
+    image = raster.colours(scene, camera_for(scene, VIEWS["iso"], SMALL))
+    assert (image < 250).any(axis=2).mean() > 0.1
+
+
+def test_deviation_map_agrees_with_the_report():
+    part = part_of("channel_ellipse")
+    scene = drawing(part, Style(map="deviation"))
+    assert 0.2 * part.report.deviation < scene.bar.high <= part.report.tolerance
+    assert part.report.units in scene.bar.title
+    exact = drawing(part_of("pyramid_cut"), Style(map="deviation"))
+    assert exact.bar.high < 1e-14 * 100
+
+
+def test_deviation_map_finds_a_face_that_is_elsewhere():
+    import dataclasses
+
+    slanted = pc.compile_part(list(np.array(pc.parameters()) * (1, 1, 1.01)))
+    wrong = dataclasses.replace(cube(), built=slanted.built)
+    assert drawing(wrong, Style(map="deviation")).bar.high == pytest.approx(0.01, rel=1e-9)
+
+
+def test_thickness_of_a_hollow_ball_is_the_difference_of_its_radii():
+    equation = pc.read_template(template_paths()["hollow_ball"]).bind()
+    part = part_of("hollow_ball")
+    scene = drawing(part, Style(map="thickness"))
+    ends = Sides(part).inside((3, 3, 2))
+    wall = float(np.linalg.norm(ends[1, 1, 1] - ends[1, 1, 0]))
+    assert equation.name == "hollow_ball"
+    assert scene.bar.low == pytest.approx(wall, rel=2e-3)
+    assert scene.bar.high == pytest.approx(wall, rel=2e-3)
+
+
+def test_thickness_of_a_wedge_varies_as_its_wall():
+    u, v, w = pc.parameters()
+    part = pc.compile_part([4 * u, 3 * v, w * (1 + u)])
+    patches = list(Sides(part).patches(9))
+    upper = next(p for p in patches if (p.direction, p.limit) == (2, 1))
+    values = thicknesses(patches, 2)[patches.index(upper)]
+    assert values[:, 4] == pytest.approx(np.linspace(1.0, 2.0, 9), rel=1e-12)
+    with pytest.raises(NoWallError, match="no wall along w"):
+        drawing(part_of("pyramid"), Style(map="thickness", across="w"))
+
+
+def test_scales_have_round_numbers_and_order():
+    assert ticks(0.0, 1.0) == pytest.approx([0, 0.2, 0.4, 0.6, 0.8, 1.0])
+    assert ticks(3.0, 3.0) == [3.0]
+    assert all(0.18 <= t <= 0.30001 for t in ticks(0.182, 0.3))
+    grey = viridis(np.linspace(0, 1, 50)) @ (0.21, 0.72, 0.07)
+    assert np.all(np.diff(grey) > 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "a.jpg"], ".png or .svg"),
+        (["-o", "a.png", "--view", "0,0,0"], "no length"),
+        (["-o", "a.png", "--view", "skew"], "none of iso"),
+        (["-o", "a.png", "--points", "2,3"], "3 numbers"),
+        (["-o", "a.png", "--points", "9999,9999,9999"], "point set"),
+        (["-o", "a.png", "--size", "1x1"], "pixels"),
+        (["-o", "a.png", "--map", "thickness", "--explode", "1"], "in place"),
+        (["-o", "a.png", "--explode", "-1"], "moved apart"),
+        (["-o", "missing/a.png"], "folder does not exist"),
+    ],
+)
+def test_wrong_arguments_are_named_and_leave_nothing(
+    arguments, message, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["render", "pyramid", *arguments]) in (2, 5)
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_style_refuses_what_it_cannot_draw():
+    with pytest.raises(InputError):
+        Style(isolines=-1)
+
+
+def test_without_a_display_and_without_noise(tmp_path):
+    environment = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
+    command = [sys.executable, "-m", "pc2cad.cli.main", "render", "pyramid", "-o", "p.png"]
+    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "p.png: 960 x 640 pixels\n"
