@@ -41,7 +41,10 @@ ALLOWED = {
         "solidity",
         "topology", "numpy",
     },
-    "export": {"export", "errors", "mesh", "numpy", "OCP", "lib3mf", "vtkmodules"},
+    "export": {
+        "export", "errors", "isogeometry", "mesh", "topology", "numpy", "OCP", "lib3mf",
+        "vtkmodules",
+    },
     "studies": {
         "studies", "compiler", "equation", "errors", "export", "library", "report", "numpy",
         "scipy", "__version__",
@@ -49,11 +52,15 @@ ALLOWED = {
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
     },
-    "volume": {"analysis", "compiler", "equation", "errors", "mesh", "properties", "solidity"},
     "picture": {
         "picture", "equation", "errors", "export", "mapping", "part", "topology", "numpy", "OCP",
         "vtkmodules",
     },
+    "volume": {
+        "analysis", "compiler", "equation", "errors", "geometry", "isogeometry", "mesh",
+        "properties", "solidity",
+    },
+    "isogeometry": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays, and what is made along a
 #: guide by numbers: quadrature, frames, interpolating splines
