@@ -23,7 +23,7 @@ from pc2cad.errors import InputError
 
 LARGEST_FILE: Final = 256 * 1024
 #: the TOML parser takes quadratic time for keys of thousands of parts
-_DEEP_KEY: Final = re.compile(r"(?:[A-Za-z0-9_-]+[ \t]*\.[ \t]*){16}")
+_DEEP_KEY: Final = re.compile(r"(?<![A-Za-z0-9_-])(?:[A-Za-z0-9_-]++[ \t]*+\.[ \t]*+){16}")
 _TEXTS: Final = ("title", "about", "source", "units")
 _TABLES: Final = (
     "parameters", "points", "domain", "curves", "guide", "frame", "let", "solid", "expect",
