@@ -80,7 +80,7 @@ def test_a_locale_with_decimal_commas_changes_nothing(tmp_path: Path) -> None:
     )
     contents = []
     for name, point in (("de_DE.UTF-8", ","), ("C", ".")):
-        folder = tmp_path / point
+        folder = tmp_path / f"build-{name}"
         folder.mkdir()
         done = subprocess.run(
             [sys.executable, "-c", started, "build", "channel_ellipse", "-s", "s=0.25",
