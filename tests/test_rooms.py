@@ -46,8 +46,8 @@ ALLOWED = {
         "vtkmodules",
     },
     "studies": {
-        "studies", "compiler", "equation", "errors", "export", "library", "report", "numpy",
-        "scipy", "__version__",
+        "studies", "compiler", "equation", "errors", "export", "geometry", "library", "part",
+        "picture", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",

@@ -418,3 +418,16 @@ def test_plots_show_columns_and_refuse_others(tmp_path: Path) -> None:
     assert plot(table, "volume", "p").startswith(b"\x89PNG")
     with pytest.raises(InputError, match="no column of numbers 'evidence'"):
         plot(table, "evidence", "p")
+
+
+def test_a_contact_sheet_shows_parts_and_refusals(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    result = pc.study(
+        "pyramid_cut", tmp_path, vary={"p": [0.5, 7.0]}, formats=(), thumbnails=True, workers=1
+    )
+    assert [row["status"] for row in result.rows] == ["built", "bad input"]
+    picture = (tmp_path / str(result.rows[0]["thumbnail"])).read_bytes()
+    sheet = (tmp_path / "contact-sheet.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert sheet.startswith(b"\x89PNG")
+    assert len(sheet) > len(picture), "the sheet holds the picture and the titles"

@@ -7,13 +7,22 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pc2cad.cli.inputs import add_template, add_tolerance, named, read_length, read_settings
+from pc2cad.cli.inputs import (
+    add_splines,
+    add_template,
+    add_tolerance,
+    named,
+    read_length,
+    read_settings,
+    spline_options,
+)
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError
 
 if TYPE_CHECKING:
     from pc2cad.studies.local import Limits
     from pc2cad.studies.run import Progress as State
+    from pc2cad.studies.run import StudyResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     what.add_argument("--seed", type=int, default=1, help="of the sample (default: %(default)s)")
     add_tolerance(parser)
+    add_splines(parser)
     parser.add_argument(
         "-o", "--output", metavar="FOLDER", required=True,
         help="folder for the journal, the results table and the files",
@@ -43,6 +53,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--store", metavar="ADDRESS",
         help="where files go: a folder or an address for fsspec (default: FOLDER/files)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--thumbnails", action="store_true",
+        help="draw every part, and contact-sheet.png of them all",
+    )  # fmt: skip
+    parser.add_argument(
+        "--plot", metavar="COLUMN:PARAMETER", action="append", default=[],
+        help="draw a column of the results against a parameter, as a PNG (repeatable)",
     )  # fmt: skip
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted study")
     how = parser.add_argument_group("workers")
@@ -71,6 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pc2cad.studies.study import study
 
     begun = time.monotonic()
+    plots = _plots(arguments.plot)
     with Progress(arguments.quiet) as progress, named(arguments.template):
 
         def show(state: State) -> None:
@@ -85,9 +104,11 @@ def run(arguments: argparse.Namespace) -> int:
             table=arguments.table,
             sampling=arguments.sample,
             seed=arguments.seed,
-            fixed=_fixed(arguments.settings),
+            fixed=read_settings(arguments.settings),
             formats=_formats(arguments.formats),
             tolerance=read_length("--tolerance", arguments.tolerance),
+            thumbnails=arguments.thumbnails,
+            **spline_options(arguments),
             workers=arguments.workers,
             cluster=arguments.dask,
             limits=_limits(arguments),
@@ -96,6 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
             stop_after=arguments.stop_after or None,
             progress=show,
         )
+        _plot(result, plots)
     if not arguments.quiet:
         spent = _duration(time.monotonic() - begun)
         say(f"{shown(arguments.output)}: {len(result.rows)} variants, {result.built} worked out "
@@ -104,6 +126,25 @@ def run(arguments: argparse.Namespace) -> int:
         if not result.with_parquet:
             say("  results.csv only: Parquet needs pip install 'pc2cad[study]'")
     return 0
+
+
+def _plots(texts: Sequence[str]) -> list[tuple[str, str]]:
+    pairs = []
+    for text in texts:
+        column, sign, against = (part.strip() for part in text.partition(":"))
+        if not (column and sign and against):
+            raise InputError(f"--plot '{text[:80]}': write COLUMN:PARAMETER, such as volume:p")
+        pairs.append((column, against))
+    return pairs
+
+
+def _plot(result: StudyResult, plots: Sequence[tuple[str, str]]) -> None:
+    from pc2cad.export.files import write_atomically
+    from pc2cad.studies.overview import plot
+
+    for column, against in plots:
+        image = plot(result.rows, column, against)
+        write_atomically(result.folder / f"{column}-{against}.png", image)
 
 
 def _vary(texts: Sequence[str]) -> dict[str, str | Sequence[float]]:
@@ -119,12 +160,6 @@ def _vary(texts: Sequence[str]) -> dict[str, str | Sequence[float]]:
             raise InputError(f"--vary {name[:80]}: the parameter is varied twice")
         axes[name] = given
     return axes
-
-
-def _fixed(settings: Sequence[str]) -> dict[str, float]:
-    from pc2cad.studies.plan import read_number
-
-    return {name: read_number(f"-s {name}", text) for name, text in read_settings(settings).items()}
 
 
 def _formats(text: str) -> list[str]:

@@ -7,8 +7,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from pc2cad.errors import InputError
+from pc2cad.studies.store import Store
 from pc2cad.studies.table import Row
 from pc2cad.studies.variant import BUILT
+
+#: pictures on a contact sheet
+MOST_PICTURES = 60
 
 
 def plot(table: Sequence[Row], column: str, against: str) -> bytes:
@@ -34,6 +38,34 @@ def plot(table: Sequence[Row], column: str, against: str) -> bytes:
         axes.set_xlabel(against)
         axes.set_ylabel(column)
         axes.grid(alpha=0.3)
+        return _png(figure)
+    finally:
+        pyplot.close(figure)
+
+
+def contact_sheet(table: Sequence[Row], parameters: Sequence[str], store: Store) -> bytes:
+    """Return a PNG of the parts' pictures with their parameters, evenly chosen.
+
+    There are `MOST_PICTURES` at most; where nothing was built, the status stands in the place.
+    """
+    chosen = table[:: -(-len(table) // MOST_PICTURES)]
+    columns = min(6, len(chosen))
+    lines = -(-len(chosen) // columns)
+    pyplot = _pyplot()
+    figure, grid = pyplot.subplots(
+        lines, columns, figsize=(2.4 * columns, 2.2 * lines), dpi=100, squeeze=False
+    )
+    try:
+        for axes in grid.flat:
+            axes.axis("off")
+        for row, axes in zip(chosen, grid.flat, strict=False):
+            values = ", ".join(f"{name}={row[name]:.4g}" for name in parameters)
+            axes.set_title(values, fontsize=7)
+            if row.get("thumbnail"):
+                data = store.read(str(row["thumbnail"]).rpartition("/")[2])
+                axes.imshow(pyplot.imread(io.BytesIO(data), format="png"))
+            else:
+                axes.text(0.5, 0.5, row["status"], ha="center", va="center", fontsize=8)
         return _png(figure)
     finally:
         pyplot.close(figure)

@@ -88,7 +88,8 @@ def run_study(
             for key, i in sorted(first.items(), key=lambda item: item[1])
             if not _is_kept(journal.outcomes.get(key), task)
         ]
-        table = TableWriter(folder, plan, keys, task.formats)
+        kinds = (*task.formats, *(("thumbnail",) if task.thumbnails else ()))
+        table = TableWriter(folder, plan, keys, kinds)
         table.write(journal.outcomes)
         begun, total, failures = time.monotonic(), len(first), 0
         try:

@@ -17,6 +17,9 @@ class Store(Protocol):
     def write(self, name: str, data: bytes) -> None:
         """Write a file; raise FileNotWrittenError."""
 
+    def read(self, name: str) -> bytes:
+        """Return what a file holds; raise OSError."""
+
     def has(self, name: str) -> bool:
         """Say whether a file is there."""
 
@@ -36,6 +39,10 @@ class FolderStore:
                 f"the folder {self._folder} cannot be made: {error.strerror}"
             ) from error
         write_atomically(self._folder / name, data)
+
+    def read(self, name: str) -> bytes:
+        """Return what a file holds."""
+        return (self._folder / name).read_bytes()
 
     def has(self, name: str) -> bool:
         """Say whether a file is there."""
@@ -65,6 +72,10 @@ class AddressStore:
             self._system.pipe_file(f"{self._root.rstrip('/')}/{name}", data)
         except OSError as error:
             raise FileNotWrittenError(f"cannot write {name}: {error}") from error
+
+    def read(self, name: str) -> bytes:
+        """Return what a file holds."""
+        return bytes(self._system.cat_file(f"{self._root.rstrip('/')}/{name}"))
 
     def has(self, name: str) -> bool:
         """Say whether a file is there."""

@@ -10,11 +10,15 @@ from typing import Any
 
 from pc2cad.equation.template_file import parse_template, read_template_text
 from pc2cad.errors import InputError
+from pc2cad.export.files import write_atomically
 from pc2cad.export.registry import format_for
+from pc2cad.geometry.profile import spline_profile
 from pc2cad.library import find_template
 from pc2cad.studies.local import Limits, LocalEngine
+from pc2cad.studies.overview import contact_sheet
 from pc2cad.studies.plan import Plan, check_plan, grid, read_axis, read_table, sample
 from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
+from pc2cad.studies.store import open_store
 from pc2cad.studies.variant import Task
 
 
@@ -26,9 +30,13 @@ def study(
     table: str | os.PathLike[str] | None = None,
     sampling: str | None = None,
     seed: int = 1,
-    fixed: Mapping[str, float] | None = None,
+    fixed: Mapping[str, float | str] | None = None,
     formats: Sequence[str] = ("step",),
+    thumbnails: bool = False,
     tolerance: float | None = None,
+    degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
     workers: int = 0,
     cluster: Any = None,
     limits: Limits | None = None,
@@ -42,11 +50,12 @@ def study(
     `vary` maps parameters to values, or to texts as ``--vary`` takes them (``"0.1:0.9:17"``);
     every combination is a variant, unless `sampling` (``"lhs:500"``, ``"sobol:512"``) draws from
     their ranges. `table` names a CSV or Parquet file of variants instead. `fixed` sets parameters
-    that do not vary. Files go to ``folder/files``, or to the `store`: a folder or an address for
-    fsspec. `cluster` is a Dask cluster or its address; without one, `workers` processes of this
-    machine do the work (0: one for each processor), each variant within the `limits`. `resume`
-    goes on where an interrupted study stopped. See `run_study` for the rest; raises PlanError and
-    TemplateError besides.
+    that do not vary, and points, as ``-s`` does. `thumbnails` adds a picture of every part, and
+    ``contact-sheet.png`` of them all. Files go to ``folder/files``, or to the `store`: a folder or
+    an address for fsspec. `cluster` is a Dask cluster or its address; without one, `workers`
+    processes of this machine do the work (0: one for each processor), each variant within the
+    `limits`. `resume` goes on where an interrupted study stopped. See `run_study` for the rest;
+    raises PlanError and TemplateError besides.
     """
     path = find_template(os.fspath(template))
     plan = _plan(vary or {}, table, sampling, seed)
@@ -56,6 +65,10 @@ def study(
         formats=tuple(dict.fromkeys(formats)),
         store=store or os.path.join(os.path.abspath(folder), "files"),
         tolerance=tolerance,
+        degree=degree,
+        max_degree=max_degree,
+        profile=profile,
+        thumbnails=thumbnails,
         fixed=dict(fixed or {}),
     )
     for ending in task.formats:
@@ -63,10 +76,15 @@ def study(
     read = parse_template(task.template, task.name, str(path))
     check_plan(plan, read)
     read.bind(task.fixed)
-    return run_study(
+    spline_profile(degree, max_degree, profile)
+    result = run_study(
         plan, task, Path(folder), _engine(cluster, workers, limits or Limits()),
         resume=resume, stop_after=stop_after, progress=progress,
     )  # fmt: skip
+    if thumbnails:
+        sheet = contact_sheet(result.rows, plan.names, open_store(task.store))
+        write_atomically(result.folder / "contact-sheet.png", sheet)
+    return result
 
 
 def _plan(

@@ -16,11 +16,15 @@ from pc2cad.studies.store import open_store
 
 if TYPE_CHECKING:
     from pc2cad.equation.template import Template
+    from pc2cad.part import Part
     from pc2cad.report import Report
 
 #: what a refusal is called in the table, by its exit code
 STATUS = {2: "bad input", 3: "not a solid", 4: "tolerance not reached", 5: "failed"}
 BUILT = "built"
+#: endings of files that are not called by theirs
+ENDINGS = {"thumbnail": "png"}
+THUMBNAIL_SIZE = (240, 180)
 
 
 @dataclass(frozen=True)
@@ -34,29 +38,26 @@ class Task:
     #: folder or address that files go to
     store: str
     tolerance: float | None = None
-    degree: int = 5
-    #: values of parameters that do not vary
-    fixed: Mapping[str, float] = field(default_factory=dict)
+    degree: int | None = None
+    max_degree: int | None = None
+    profile: str = "compact"
+    #: a picture of every part goes to the store as well
+    thumbnails: bool = False
+    #: parameters that do not vary and points that are replaced: numbers, or texts as -s takes them
+    fixed: Mapping[str, float | str] = field(default_factory=dict)
 
     def key(self, values: Mapping[str, float]) -> str:
         """Return the content hash of a variant: equal keys are one and the same part."""
-        content = {
-            "version": __version__,
-            "template": self.template,
-            "tolerance": self.tolerance,
-            "degree": self.degree,
-            "values": sorted((name, repr(float(v))) for name, v in self.values(values).items()),
-        }
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
-
-    def values(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return all parameters that are set, the varied ones included."""
-        return {**self.fixed, **values}
+        varied = sorted((name, float(value)) for name, value in values.items())
+        return _hash({"study": self.fingerprint(), "values": varied})
 
     def fingerprint(self) -> str:
         """Return the content hash of everything that the variants have in common."""
-        content = asdict(self) | {"version": __version__, "store": ""}
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+        return _hash(asdict(self) | {"version": __version__, "store": ""})
+
+
+def _hash(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True)
@@ -114,8 +115,10 @@ def _build(
     from pc2cad.export.model import ExportOptions
     from pc2cad.export.registry import format_for
 
-    equation = _template(task.template, task.name).bind(task.values(job.values))
-    part = compile_equation(equation, task.tolerance, task.degree)
+    equation = _template(task.template, task.name).bind({**task.fixed, **job.values})
+    part = compile_equation(
+        equation, task.tolerance, task.degree, max_degree=task.max_degree, profile=task.profile
+    )
     times = {name: float(seconds) for name, seconds in part.report.times.items()}
     start = time.perf_counter()
     store = open_store(task.store)
@@ -124,11 +127,22 @@ def _build(
         kind: format_for(f"part.{kind}").encoder()(exportable, ExportOptions())
         for kind in task.formats
     }
-    files = {kind: f"{job.key}.{kind}" for kind in task.formats}
+    if task.thumbnails:
+        encoded["thumbnail"] = _thumbnail(part)
+    files = {kind: f"{job.key}.{ENDINGS.get(kind, kind)}" for kind in encoded}
     for kind, data in encoded.items():
         store.write(files[kind], data)
     times["write"] = time.perf_counter() - start
     return figures_of(part.report), files, times
+
+
+def _thumbnail(part: Part) -> bytes:
+    from pc2cad.picture.camera import VIEWS
+    from pc2cad.picture.drawing import drawing
+    from pc2cad.picture.image import camera_for, encode
+
+    scene = drawing(part)
+    return encode(scene, camera_for(scene, VIEWS["iso"], THUMBNAIL_SIZE), "thumbnail.png")
 
 
 @lru_cache(maxsize=8)
