@@ -1,15 +1,14 @@
 """Volume, area and centroid of the solid, integrated from the equation itself.
 
-Gauss-Legendre rules per smooth piece of each direction, with as many nodes as the integrand asks
-for; the difference of two rules is the error estimate. det J is watched at every node.
+Composite Gauss-Legendre rules per direction, their panels and orders chosen on lines along it (see
+`quadrature`); the difference of two such rules is the error estimate. det J is watched at every
+node.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,25 +17,23 @@ from pc2cad.analysis import Analysis
 from pc2cad.errors import NotASolidError
 from pc2cad.folding import Signs
 from pc2cad.mapping import open_grid
+from pc2cad.quadrature import Panels, Samples, resolve, single
 from pc2cad.topology.cells import Cell, directions_of
 
 Array = NDArray[np.float64]
 
-#: relative change of an integral at which refinement ends
-CONVERGED = 1e-13
-#: nodes of one direction at which it gives up
-MOST_NODES = 3000
 #: points of one integral
-MOST_POINTS = 3e7
+MOST_POINTS = 8e6
 #: points evaluated at once
 SLAB_POINTS = 300_000
-EPSILON = float(np.finfo(float).eps)
-#: a cell position per direction, None for the whole of it
-_CellOfBox = Cell | tuple[None, None, None]
-WHOLE_BOX = (None, None, None)
+#: relative difference of two rules at which a third is tried
+DOUBTFUL = 1e-12
+#: places of the lines in the other two directions: irrational, evenly spread (Roberts' sequence)
+_LINES = (0.5 + np.outer(np.arange(1, 9), [0.7548776662466927, 0.5698402909980532])) % 1.0
 #: nodes and weights per direction
 _Rules = list[tuple[Array, Array]]
-_Density = Callable[[_Rules], tuple[Array, Array]]
+#: u, v and w (broadcastable) to integrands (…, k) and the size of the first one's terms (…)
+_Density = Callable[[Array, Array, Array], Samples]
 
 
 class NotIntegrableError(NotASolidError):
@@ -60,7 +57,8 @@ def integrate(analysis: Analysis) -> Properties:
     centre = _centre(analysis)
     signs = Signs(analysis.map)
     densities = _Densities(analysis, centre, signs)
-    moments, error = _refine(densities.volume, analysis, WHOLE_BOX)
+    whole = [_panels(densities.volume, _limits(analysis), d) for d in range(3)]
+    moments, error = _integral(densities.volume, whole)
     signs.check()
     if not (np.isfinite(moments).all() and np.isfinite(error)):
         raise NotIntegrableError(
@@ -71,7 +69,9 @@ def integrate(analysis: Analysis) -> Properties:
     first = moments[1:] / volume + centre
     areas, errors = [], [error]
     for face in analysis.boundary.faces:
-        area, face_error = _refine(densities.area_of(face.patch), analysis, face.patch)
+        density = densities.area_of(face.patch)
+        panels = [_on_face(density, analysis, face.patch, whole, d) for d in range(3)]
+        area, face_error = _integral(density, panels)
         areas.append(float(area[0]))
         errors.append(face_error)
     return Properties(
@@ -88,93 +88,96 @@ def _centre(analysis: Analysis) -> Array:
 
 @dataclass(frozen=True)
 class _Densities:
-    """The integrands, as functions of three rules.
-
-    Each returns values (nu, nv, nw, k) and, (nu, nv, nw), the size of the terms that the first of
-    them is a sum of: its rounding is relative to those.
-    """
+    """The integrands, as functions of places."""
 
     analysis: Analysis
     centre: Array
     signs: Signs
 
-    def volume(self, rules: _Rules) -> tuple[Array, Array]:
+    def volume(self, u: Array, v: Array, w: Array) -> Samples:
         """Return det J and (M - centre) det J; the sign of det J is noted on the way."""
-        nodes = tuple(rule[0] for rule in rules)
-        grid = open_grid(*nodes)
-        points, *tangents = self.analysis.map.frame(*grid)
-        determinant, size, _ = self.signs.note(tangents, grid)
+        points, *tangents = self.analysis.map.frame(u, v, w)
+        determinant, size, _ = self.signs.note(tangents, (u, v, w))
         offset = points - self.centre
         values = np.concatenate((determinant[..., None], offset * determinant[..., None]), axis=-1)
-        return values, size
+        return Samples(values, size, points, np.stack(tangents))
 
     def area_of(self, patch: Cell) -> _Density:
         """Return the function that gives |M_s × M_t| on a patch."""
         s, t = directions_of(patch)
 
-        def area(rules: _Rules) -> tuple[Array, Array]:
-            grid = open_grid(*(rule[0] for rule in rules))
-            along_s, along_t = self.analysis.map.tangents((s, t), *grid)
+        def area(u: Array, v: Array, w: Array) -> Samples:
+            along_s, along_t = self.analysis.map.tangents((s, t), u, v, w)
             normal = np.cross(along_s, along_t)
             values = np.sqrt((normal * normal).sum(axis=-1))
-            return values[..., None], np.sqrt(
-                (along_s * along_s).sum(axis=-1) * (along_t * along_t).sum(axis=-1)
-            )
+            terms = np.sqrt((along_s * along_s).sum(axis=-1) * (along_t * along_t).sum(axis=-1))
+            return Samples(values[..., None], terms)
 
         return area
 
 
-def _refine(density: _Density, analysis: Analysis, cell: _CellOfBox) -> tuple[Array, float]:
-    """Integrate a density (values, …) over a cell; return the integral and its relative error.
+def _panels(density: _Density, limits: list[list[float]], direction: int) -> Panels:
+    """Return panels that resolve a density along one direction of a cell with such limits."""
+    others = [d for d in range(3) if d != direction]
+    spans = [(limits[d][0], limits[d][-1]) for d in others]
+    across = [low + (high - low) * _LINES[:, k] for k, (low, high) in enumerate(spans)]
 
-    The number of nodes per direction comes from line integrals through a few places of the other
-    directions; the whole integral is then taken twice, with those and with half as many again.
-    """
-    counts = [_count(density, analysis, cell, d) for d in range(3)]
-    while np.prod(counts, dtype=float) > MOST_POINTS:
-        # what this costs in accuracy shows in the error estimate
-        counts = [max(1, round(0.8 * count)) for count in counts]
-    coarse, fine = (
-        _total(density, [_rule(analysis, d, cell[d], round(grow * counts[d])) for d in range(3)])
-        for grow in (1.0, 1.5)
-    )
-    return fine, float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
+    def sample(t: Array) -> Samples:
+        places: list[Array] = [t[:, None]] * 3
+        for d, x in zip(others, across, strict=True):
+            places[d] = x[None, :]
+        seen = density(*places)
+        tangents = None if seen.tangents is None else seen.tangents[direction]
+        return Samples(seen.values, seen.terms, seen.points, tangents)
+
+    return resolve(sample, limits[direction], look=all(len(set(row)) > 1 for row in limits))
 
 
-def _count(density: _Density, analysis: Analysis, cell: _CellOfBox, direction: int) -> int:
-    """Return how many Gauss nodes per smooth piece resolve the density along one direction."""
-    limits = _limits(analysis, direction, cell[direction])
-    if limits[0] == limits[-1]:
-        return 1
-    rules: _Rules = []
+def _limits(analysis: Analysis, patch: Cell | None = None) -> list[list[float]]:
+    """Return per direction the limits of the smooth pieces of a patch, or of the whole box."""
+    found = []
     for d in range(3):
-        nodes, weights = _rule(analysis, d, cell[d], 3)
-        rules.append((nodes, np.ones_like(weights)))
-    known: Array | None = None
-    previous = 0.0
-    count = 4
-    while True:
-        rules[direction] = _rule(analysis, direction, cell[direction], count)
-        values, terms = density(rules)
-        shape = [1, 1, 1]
-        shape[direction] = -1
-        weights = rules[direction][1].reshape(shape)
-        lines = (values * weights[..., None]).sum(axis=direction)
-        if known is not None:
-            sums = np.abs(values * weights[..., None]).sum(axis=direction)
-            size = max(float(sums.max()), 1e-300)
-            noise = 64 * EPSILON * float((terms * weights).sum(axis=direction).max())
-            noise /= max(float(sums[..., 0].max()), 1e-300)
-            change = float(np.abs(lines - known).max()) / size
-            # the next change shrinks at least as much as this one did; rounding stops shrinking
-            expected = change * (min(1.0, change / previous) if previous else 1.0)
-            stands = change < 1e-10 and previous and change > previous / 4
-            if expected <= max(CONVERGED, noise) or stands:
-                return count
-            previous = change
-        if count * (len(limits) - 1) * 2 > MOST_NODES:
-            return count
-        known, count = lines, count * 2
+        low, high = (0.0, 1.0) if patch is None else analysis.span(d, patch[d])
+        inner = [b.position for b in analysis.breaks[d] if low < b.position < high]
+        found.append([low, *inner, high])
+    return found
+
+
+def _on_face(
+    density: _Density, analysis: Analysis, patch: Cell, whole: list[Panels], direction: int
+) -> Panels:
+    """Return panels for a patch; where the volume needed panels, its area may well need them."""
+    limits = _limits(analysis, patch)
+    low, high = limits[direction][0], limits[direction][-1]
+    if low == high:
+        return single(low)
+    inner = [float(x) for x in whole[direction].limits if low < x < high]
+    limits[direction] = [low, *inner, high]
+    return _panels(density, limits, direction)
+
+
+def _integral(density: _Density, panels: list[Panels]) -> tuple[Array, float]:
+    """Return an integral over the product of three rules, and its relative error.
+
+    It is taken with the rules and with half as many nodes again; their difference is the error.
+    """
+    grow = 1.0
+    while grow > 0.05 and _points(panels, 1.5 * grow) > MOST_POINTS:
+        # what this costs in accuracy shows in the error estimate
+        grow *= 0.8
+    value = _total(density, [p.rule(grow) for p in panels])
+    error = np.inf
+    for _ in range(2):
+        grow *= 1.5
+        coarse, value = value, _total(density, [p.rule(grow) for p in panels])
+        error = float(np.abs(value - coarse).max() / max(np.abs(value).max(), 1e-300))
+        if error < DOUBTFUL or _points(panels, 1.5 * grow) > MOST_POINTS:
+            break
+    return value, max(error, *(p.unresolved for p in panels))
+
+
+def _points(panels: list[Panels], grow: float) -> float:
+    return float(np.prod([len(p.rule(grow)[0]) for p in panels], dtype=float))
 
 
 def _total(density: _Density, rules: _Rules) -> Array:
@@ -184,40 +187,8 @@ def _total(density: _Density, rules: _Rules) -> Array:
     total: Array | float = 0.0
     for i in range(0, len(u), step):
         part = slice(i, i + step)
-        values, _ = density([(u[part], wu[part]), (v, wv), (w, ww)])
+        values = density(*open_grid(u[part], v, w)).values
         planes = (values * ww[:, None]).sum(axis=2)
         lines = (planes * wv[:, None]).sum(axis=1)
         total = total + (lines * wu[part, None]).sum(axis=0)
     return np.asarray(total)
-
-
-def _limits(analysis: Analysis, direction: int, position: int | None) -> list[float]:
-    """Return the limits of the smooth pieces in a cell position (None: the whole direction)."""
-    low, high = (0.0, 1.0) if position is None else analysis.span(direction, position)
-    inner = [b.position for b in analysis.breaks[direction] if low < b.position < high]
-    return [low, *inner, high]
-
-
-def _rule(
-    analysis: Analysis, direction: int, position: int | None, count: int
-) -> tuple[Array, Array]:
-    """Return nodes and weights: Gauss per smooth piece, or a single limit with weight 1."""
-    limits = _limits(analysis, direction, position)
-    if limits[0] == limits[-1]:
-        return np.array(limits[:1]), np.ones(1)
-    # many nodes are spread over panels: high Gauss orders are slow to make and gain nothing
-    panels = max(1, count // 24)
-    spans = np.concatenate(
-        [np.linspace(a, b, panels + 1)[:-1] for a, b in pairwise(limits)] + [limits[-1:]]
-    )
-    x, weight = _gauss(-(-count // panels))
-    half = np.diff(spans)[:, None] / 2
-    nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
-    return nodes.ravel(), (half * weight).ravel()
-
-
-@lru_cache(maxsize=64)
-def _gauss(count: int) -> tuple[Array, Array]:
-    x, weight = np.polynomial.legendre.leggauss(count)
-    x.flags.writeable = weight.flags.writeable = False
-    return x, weight

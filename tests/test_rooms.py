@@ -17,7 +17,10 @@ ALLOWED = {
     "topology": {"topology", "equation", "errors"},
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
     "analysis": {"equation", "errors", "folding", "mapping", "topology", "numpy"},
-    "properties": {"analysis", "errors", "folding", "mapping", "topology", "numpy"},
+    "properties": {
+        "analysis", "errors", "folding", "mapping", "quadrature", "topology", "numpy",
+    },
+    "quadrature": {"numpy"},
     "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
     "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
     "model": {"geometry", "topology", "numpy"},
