@@ -23,7 +23,7 @@ from pc2cad.topology.cells import Cell, directions_of
 Array = NDArray[np.float64]
 
 #: points of one integral
-MOST_POINTS = 8e6
+MOST_POINTS = 3e6
 #: points evaluated at once
 SLAB_POINTS = 300_000
 #: relative difference of two rules at which a third is tried
@@ -98,8 +98,9 @@ class _Densities:
         """Return det J and (M - centre) det J; the sign of det J is noted on the way."""
         points, *tangents = self.analysis.map.frame(u, v, w)
         determinant, size, _ = self.signs.note(tangents, (u, v, w))
-        offset = points - self.centre
-        values = np.concatenate((determinant[..., None], offset * determinant[..., None]), axis=-1)
+        with np.errstate(all="ignore"):
+            moments = (points - self.centre) * determinant[..., None]
+        values = np.concatenate((determinant[..., None], moments), axis=-1)
         return Samples(values, size, points, np.stack(tangents))
 
     def area_of(self, patch: Cell) -> _Density:
@@ -108,9 +109,10 @@ class _Densities:
 
         def area(u: Array, v: Array, w: Array) -> Samples:
             along_s, along_t = self.analysis.map.tangents((s, t), u, v, w)
-            normal = np.cross(along_s, along_t)
-            values = np.sqrt((normal * normal).sum(axis=-1))
-            terms = np.sqrt((along_s * along_s).sum(axis=-1) * (along_t * along_t).sum(axis=-1))
+            with np.errstate(all="ignore"):
+                normal = np.cross(along_s, along_t)
+                values = np.sqrt((normal * normal).sum(axis=-1))
+                terms = np.sqrt((along_s * along_s).sum(axis=-1) * (along_t * along_t).sum(axis=-1))
             return Samples(values[..., None], terms)
 
         return area

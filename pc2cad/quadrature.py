@@ -24,7 +24,7 @@ CONVERGED = 1e-13
 #: a relative change that rounding may explain where it does not shrink any more
 ROUNDING = 1e-10
 #: nodes of one direction, and length of a panel, at which it gives up
-MOST_NODES, SHORTEST = 20_000, 1e-13
+MOST_NODES, SHORTEST = 60_000, 1e-13
 #: nodes along which the accepted panels are looked at once more
 LOOK = 192
 EPSILON = float(np.finfo(float).eps)
@@ -95,10 +95,10 @@ def resolve(sample: Sampler, limits: Sequence[float], look: bool = False) -> Pan
     With `look`, accepted panels are seen at other places as well before they are believed.
     """
     work = _Work(sample, np.asarray(limits, dtype=float))
-    while work.step():
-        pass
-    if look:
-        while work.look_again():
+    with np.errstate(all="ignore"):  # what is not finite is refined, and shows in the error
+        while work.step():
+            pass
+        while look and work.look_again():
             while work.step():
                 pass
     return work.result()
