@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ def flux(points: Array, normals: Array, weights: Array) -> Array:
 def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
     """Return the nodes and weights of a Gauss rule on every span between knots."""
     spans = np.unique(knots)
-    x, weight = np.polynomial.legendre.leggauss(count)
+    x, weight = _legendre(count)
     half = np.diff(spans)[:, None] / 2
     nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
     return nodes.ravel(), (half * weight).ravel()
@@ -103,6 +104,12 @@ def spline_flux(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Arr
 
 #: exact forms have few pieces (a full turn has 4)
 MOST_EXACT_PIECES = 64
+#: places of the lines on which a rule is settled: uneven, near both ends
+_LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
+#: orders of Gauss rules that are compared, and halvings of a span
+_ORDERS, DEEPEST = (4, 8, 12), 24
+#: basis functions up to which matrices are dense
+DENSE = 48
 
 
 @dataclass(frozen=True)
@@ -121,65 +128,121 @@ class _Patch:
         return 1e-13 if pieces[0] * pieces[1] <= MOST_EXACT_PIECES else 1e-10
 
     def integrate(self) -> Array:
-        """Return the flux integrals with as many Gauss nodes per span as they need."""
-        counts = [self._count(d) for d in (0, 1)]
-        total = self._sum(counts)
-        # an exact form has to be right to all digits, also where it is nearly flat in a corner
-        while self._accuracy < 1e-12 and max(counts) < 100:
-            counts = [count + count // 2 for count in counts]
-            before, total = total, self._sum(counts)
-            if abs(total[1] - before[1]) <= 1e-12 * total[1]:
-                break
-        return total
-
-    def _sum(self, counts: list[int]) -> Array:
-        rules = [gauss_on(self.knots[d], counts[d]) for d in (0, 1)]
+        """Return the flux integrals with as many Gauss nodes as they need, where they need them."""
+        rules = [self._rule(d) for d in (0, 1)]
         total = np.zeros(5)
         step = max(1, 200_000 // len(rules[1][0]))
         for i in range(0, len(rules[0][0]), step):
             part = (rules[0][0][i : i + step], rules[0][1][i : i + step])
-            total += self._flux((part, rules[1]))
+            points, normals = self._jet(part[0], rules[1][0])
+            weights = part[1][:, None] * rules[1][1]
+            total += flux(points.reshape(-1, 3), normals.reshape(-1, 3), weights.ravel())
         return total
 
-    def _count(self, direction: int) -> int:
-        """Return the nodes per span along one direction, found on a few lines across it.
+    def _rule(self, direction: int) -> tuple[Array, Array]:
+        """Return nodes and weights along one direction, settled on a few lines across it.
 
-        Only the area needs a search: its square root is no polynomial.
+        Spans whose integrals change with the order of the rule are halved until they do not: a
+        crease much sharper than its span is found, and only there is it resolved.
         """
-        ends = self.knots[1 - direction][0], self.knots[1 - direction][-1]
-        shares = np.array([0.004, 0.083, 0.311, 0.547, 0.719, 0.934, 0.996])
-        lines = ends[0] + (ends[1] - ends[0]) * shares
-        known = None
-        count = 3
-        while True:
-            along = gauss_on(self.knots[direction], count)
-            across = (lines, np.ones_like(lines))
-            values = self._flux((along, across) if direction == 0 else (across, along))
-            if known is not None and abs(values[1] - known) <= self._accuracy * abs(values[1]):
-                return count
-            if count > 40:
-                return count
-            known, count = values[1], count + 3
+        low, high = self.knots[1 - direction][0], self.knots[1 - direction][-1]
+        lines = low + (high - low) * _LINES
+        accuracy = self._accuracy
+        panels = np.unique(self.knots[direction])
+        panels = np.stack((panels[:-1], panels[1:]), axis=1)
+        done: list[tuple[Array, Array]] = []
+        sizes: Array | float = 0.0
+        for depth in range(DEEPEST):
+            orders = _ORDERS if depth == 0 else _ORDERS[1:]
+            found = self._panel_sums(direction, panels, lines, orders)
+            sizes = np.maximum(sizes, np.abs(found[-1]).sum(axis=0))
+            scale = np.where(sizes > 0, sizes, 1.0)
+            gaps = [(np.abs(sums - found[-1]) / scale).max(axis=(1, 2)) for sums in found[:-1]]
+            if depth == 0 and gaps[0].max() <= accuracy:
+                return _gauss(panels, _ORDERS[0])
+            right = gaps[-1] <= accuracy
+            done.append(_gauss(panels[right], _ORDERS[1]))
+            panels = panels[~right]
+            if len(panels) == 0:
+                break
+            middle = panels.mean(axis=1)
+            panels = np.concatenate((
+                np.stack((panels[:, 0], middle), axis=1), np.stack((middle, panels[:, 1]), axis=1)
+            ))  # fmt: skip
+        done.append(_gauss(panels, _ORDERS[-1]))
+        nodes, weights = (np.concatenate([rule[k] for rule in done]) for k in (0, 1))
+        order = np.argsort(nodes)
+        return nodes[order], weights[order]
 
-    def _flux(self, rules: tuple[tuple[Array, Array], tuple[Array, Array]]) -> Array:
-        along, across = (
-            [design(rule[0], knots, degree, order) for order in (0, 1)]
-            for rule, knots, degree in zip(rules, self.knots, self.degrees, strict=True)
+    def _panel_sums(
+        self, direction: int, panels: Array, lines: Array, orders: tuple[int, ...]
+    ) -> list[Array]:
+        """Return ∫ r·n, ∫ |n| along each line over each panel, (panels, lines, 2) per order."""
+        rules = [_gauss(panels, order) for order in orders]
+        nodes = np.concatenate([rule[0] for rule in rules])
+        order = np.argsort(nodes)
+        if direction == 0:
+            points, normals = self._jet(nodes[order], lines)
+        else:
+            points, normals = (x.transpose(1, 0, 2) for x in self._jet(lines, nodes[order]))
+        values = np.empty((len(nodes), len(lines), 2))
+        values[order, :, 0] = np.einsum("ijk,ijk->ij", points, normals)
+        values[order, :, 1] = np.sqrt(np.einsum("ijk,ijk->ij", normals, normals))
+        sums, start = [], 0
+        for rule, count in zip(rules, orders, strict=True):
+            end = start + len(rule[0])
+            part = values[start:end] * rule[1][:, None, None]
+            sums.append(part.reshape(len(panels), count, len(lines), 2).sum(axis=1))
+            start = end
+        return sums
+
+    def _jet(self, s: Array, t: Array) -> tuple[Array, Array]:
+        """Return points and outward normals (of the parameters' own length) on a grid."""
+        p = self.degrees
+        basis = [_basis(x, k, n) for x, k, n in zip((s, t), self.knots, p, strict=True)]
+        slope = [_basis(x, k[1:-1], n - 1) for x, k, n in zip((s, t), self.knots, p, strict=True)]
+        differences = [_differences(self.poles, self.knots[d], p[d], d) for d in (0, 1)]
+        point, ds, dt = project(
+            _tensor(basis[0], self.poles, basis[1]),
+            _tensor(slope[0], differences[0], basis[1]),
+            _tensor(basis[0], differences[1], slope[1]),
         )
-        point, ds, dt = project(*(
-            _tensor(a, self.poles, b)
-            for a, b in ((along[0], across[0]), (along[1], across[0]), (along[0], across[1]))
-        ))  # fmt: skip
-        weights = (rules[0][1][:, None] * rules[1][1]).ravel()
         normal = np.empty_like(ds)
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            normal[:, i] = self.sign * (ds[:, j] * dt[:, k] - ds[:, k] * dt[:, j])
-        return flux(point, normal, weights)
+            normal[..., i] = self.sign * (ds[..., j] * dt[..., k] - ds[..., k] * dt[..., j])
+        return point, normal
 
 
-def _tensor(a: csr_array, poles: Array, b: csr_array) -> Array:
-    """Return the values (len(a)·len(b), k) of Σ a_i b_j P_ij."""
+def _gauss(panels: Array, order: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on every panel (n, 2), panel by panel."""
+    x, weight = _legendre(order)
+    half = (panels[:, 1] - panels[:, 0])[:, None] / 2
+    return (panels.mean(axis=1)[:, None] + half * x).ravel(), (half * weight).ravel()
+
+
+@lru_cache(maxsize=64)
+def _legendre(order: int) -> tuple[Array, Array]:
+    x, weight = np.polynomial.legendre.leggauss(order)
+    x.flags.writeable = weight.flags.writeable = False
+    return x, weight
+
+
+def _basis(t: Array, knots: Array, degree: int) -> Array | csr_array:
+    """Return the values of all basis functions at t: sparse where there are many."""
+    table = BSpline.design_matrix(t, knots, degree)
+    return table.toarray() if table.shape[1] <= DENSE else csr_array(table)
+
+
+def _differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
+    """Return the poles of the derivative along one axis."""
+    n = poles.shape[axis]
+    scale = degree / (knots[degree + 1 : degree + n] - knots[1:n])
+    return np.diff(poles, axis=axis) * (scale[:, None, None] if axis == 0 else scale[:, None])
+
+
+def _tensor(a: Array | csr_array, poles: Array, b: Array | csr_array) -> Array:
+    """Return the values (len(a), len(b), k) of Σ a_i b_j P_ij."""
     n, m, k = poles.shape
     rows = (a @ poles.reshape(n, -1)).reshape(-1, m, k).transpose(1, 0, 2)
     values = (b @ rows.reshape(m, -1)).reshape(b.shape[0], -1, k)
-    return np.ascontiguousarray(values.transpose(1, 0, 2)).reshape(-1, k)
+    return np.ascontiguousarray(values.transpose(1, 0, 2))
