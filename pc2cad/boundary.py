@@ -11,15 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
-from pc2cad.directions import (
-    CellFunction,
-    DirectionClasses,
-    Piece,
-    is_exact,
-    polynomial_space,
-    resolve,
-    sections,
-)
+from pc2cad.courses import Courses, Strand
+from pc2cad.directions import CellFunction, DirectionClasses
 from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.geometry.bernstein import bernstein, bezier_knots, linear_span
 from pc2cad.geometry.carriers import (
@@ -27,17 +20,14 @@ from pc2cad.geometry.carriers import (
     Evidence,
     Line,
     Plane,
-    Segment,
     SplineCurve,
     SplineSurface,
-    SurfaceCarrier,
     fit_plane,
-    spline_traits,
 )
 from pc2cad.geometry.profile import COMPACT, SplineProfile
-from pc2cad.geometry.refinement import Sampler, check_places
-from pc2cad.geometry.spline_space import SplineSpace
-from pc2cad.geometry.tensor import curve_deviation, fit_surface, surface_deviation
+from pc2cad.geometry.rational import edge_deviation, face_deviation, fit_edge, fit_face
+from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
+from pc2cad.laying import axis_of, sides_on, whole_square
 from pc2cad.model import BoundaryModel, ModelEdge, ModelFace
 from pc2cad.planar import coplanar_groups, plane_face
 from pc2cad.topology.cells import directions_of, outward_sign
@@ -104,7 +94,6 @@ class _Representation:
         self._analysis = analysis
         self._tolerance = tolerance
         self._rounding = rounding
-        self._classes = DirectionClasses(analysis, profile.degrees)
         self._boundary = analysis.boundary
         self._profile = profile
         self._faces = [
@@ -114,11 +103,13 @@ class _Representation:
             CellFunction(analysis, edge.cell, profile.exact) for edge in self._boundary.edges
         ]
         self._planes = [self._plane(function) for function in self._faces]
-        self._face_exact = [
-            None if plane else self._exact_surface(function)
-            for function, plane in zip(self._faces, self._planes, strict=True)
+        self._laid = [
+            None if flat else self._lay(function)
+            for function, flat in zip(self._faces, self._planes, strict=True)
         ]
-        self._spaces: dict[Piece, SplineSpace] = {}
+        self._bound = [self._is_bound(edge) for edge in range(len(self._edges))]
+        classes = DirectionClasses(analysis, profile.degrees)
+        self._courses = Courses(classes, self._strands(), profile)
         self.vertices = np.array([
             CellFunction(analysis, vertex.corners[0])() for vertex in self._boundary.vertices
         ])  # fmt: skip
@@ -126,7 +117,7 @@ class _Representation:
     def carriers(self) -> tuple[list[ModelEdge], list[ModelFace]]:
         target = DIRECTION_SHARE * self._tolerance
         for _ in range(TRIES):
-            self._resolve_directions(target)
+            self._courses.resolve(target, self._rounding)
             edges = [self._edge(i) for i in range(len(self._edges))]
             groups = coplanar_groups(self._boundary, [p and p[0] for p in self._planes])
             faces = [self._face(group, edges) for group in groups]
@@ -139,17 +130,20 @@ class _Representation:
             "asked; allow a larger --tolerance"
         )
 
-    # -- what needs no spline ------------------------------------------------------------------
+    # -- what a face lies on -------------------------------------------------------------------
 
     def _plane(self, function: CellFunction) -> tuple[Plane, Evidence] | None:
         """Return the plane that carries a face, if one does, its normal pointing outwards."""
-        nodes = np.linspace(0.03, 0.97, 9)
-        points = function(nodes, nodes).reshape(-1, 3)
-        plane = fit_plane(points, 1e-12 * self._analysis.size + self._rounding)
-        if plane is None:
-            return None
-        span = linear_span(function.trees[0])
-        proved = span is not None and _rank(span) <= 2
+        found = self._proved_plane(function)
+        evidence: Evidence = "exact"
+        if found is None:
+            nodes = np.linspace(0.03, 0.97, 9)
+            points = function(nodes, nodes).reshape(-1, 3)
+            found = fit_plane(points, 1e-12 * self._analysis.size + self._rounding)
+            if found is None:
+                return None
+            span = linear_span(function.trees[0])
+            evidence = "exact" if span is not None and _rank(span) <= 2 else "sampled"
         s, t = directions_of(function.cell)
         places = [0.0, 0.0, 0.0]
         for d in range(3):
@@ -157,115 +151,135 @@ class _Representation:
             places[d] = 0.45 * low + 0.55 * high
         along_s, along_t = self._analysis.map.tangents((s, t), *places)
         outward = self._sign(function.cell) * np.cross(along_s, along_t)
-        normal = plane.normal if plane.normal @ outward > 0 else -plane.normal
-        return Plane(plane.origin, normal), "exact" if proved else "sampled"
+        normal = found.normal if found.normal @ outward > 0 else -found.normal
+        return Plane(found.origin, normal + 0.0), evidence
+
+    def _proved_plane(self, function: CellFunction) -> Plane | None:
+        return None if function.form is None else plane(function.form)
 
     def _sign(self, patch: tuple[int, int, int]) -> int:
         return outward_sign(patch) * self._analysis.orientation
 
-    def _exact_surface(self, function: CellFunction) -> SplineSurface | None:
-        trees, names = function.trees
-        poles = bernstein(trees, names)
-        if poles is None:
+    def _lay(self, function: CellFunction) -> Laid | None:
+        laid = function.form and lay(function.form)
+        if not laid:
             return None
-        degrees = (poles.shape[0] - 1, poles.shape[1] - 1)
-        knots = bezier_knots(degrees[0]), bezier_knots(degrees[1])
-        surface = SplineSurface(degrees, knots, poles)
-        return surface if self._allowed(surface) else None
+        # a spline as profile has to be one that the receiver takes
+        bases = [axis for axis in (0, 1) if laid.follows(axis)]
+        allowed = all(self._takes(Strand(function, axis)) for axis in bases)
+        return laid if allowed else None
 
-    def _allowed(self, carrier: CurveCarrier | SurfaceCarrier) -> bool:
-        """Say whether the profile takes an exact carrier as it is."""
-        degree, rational = spline_traits(carrier)
-        return degree <= self._profile.exact and (self._profile.rational or not rational)
+    def _takes(self, strand: Strand) -> bool:
+        """Say whether the profile allows the exact form of a strand."""
+        if strand.wave is not None:
+            return self._profile.rational and 2 * strand.wave[1] <= self._profile.exact
+        form = strand.function.form
+        return form is not None and form.order(strand.axis) <= self._profile.exact
 
-    # -- directions ----------------------------------------------------------------------------
+    # -- which parameters matter ---------------------------------------------------------------
 
-    def _space(self, function: CellFunction, axis: int) -> SplineSpace:
-        piece = function.pieces[axis]
-        exact = polynomial_space(function, axis, self._classes.breaks(piece))
-        return exact or self._spaces[self._classes.owner(piece)]
+    def _is_parametric(self, face: int, axis: int) -> bool:
+        """Say whether a face's own parameter along an axis is that of its carrier."""
+        if self._planes[face] is not None:
+            return False
+        laid = self._laid[face]
+        return laid is None or laid.follows(axis)
 
-    def _resolve_directions(self, target: float) -> None:
-        """Choose the space of every direction class that some face or edge cannot do without."""
-        samplers: dict[Piece, list[tuple[CellFunction, int]]] = {}
-        splines, seen = [], set()
-        for i, (plane, exact) in enumerate(zip(self._planes, self._face_exact, strict=True)):
-            if plane is None and exact is None:
-                splines.append(self._faces[i])
-                # the sections of a face include its edges
-                seen |= {use.edge for use in self._boundary.faces[i].uses}
-        lonely = [function for i, function in enumerate(self._edges) if i not in seen]
-        for function in (*splines, *lonely):
-            for axis, piece in enumerate(function.pieces):
-                if polynomial_space(function, axis, self._classes.breaks(piece)) is None:
-                    samplers.setdefault(self._classes.owner(piece), []).append((function, axis))
-        for owner, users in samplers.items():
-            columns = [self._column(function, axis) for function, axis in users]
-            self._spaces[owner] = resolve(
-                columns, self._classes.rules(owner), target, self._rounding
-            )
+    def _is_bound(self, edge: int) -> bool:
+        """Say whether a face at the edge asks for the equation's parameter along it."""
+        return any(
+            self._is_parametric(face, axis_of(self._boundary.faces[face].uses.index(use)))
+            for face, use in self._boundary.edge_uses()[edge]
+        )
 
-    def _column(self, function: CellFunction, axis: int) -> Sampler:
-        """Return the function of one axis alone, the other taken at its sections."""
-        if len(function.pieces) == 1:
-            return function
-        other_piece = function.pieces[1 - axis]
-        other = polynomial_space(function, 1 - axis, self._classes.breaks(other_piece))
-        across = sections(other or self._spaces.get(self._classes.owner(other_piece)))
-        if axis == 0:
-            return lambda t: function(t, across)
-        return lambda t: function(across, t).transpose(1, 0, 2)
+    def _strands(self) -> list[Strand]:
+        edges = [
+            Strand(function, 0, bound)
+            for function, bound in zip(self._edges, self._bound, strict=True)
+            if bound or self._simple_edge(function) is None
+        ]
+        return edges + [
+            Strand(function, axis, swept=self._laid[face] is not None)
+            for face, function in enumerate(self._faces)
+            for axis in (0, 1)
+            if self._is_parametric(face, axis)
+        ]
 
-    # -- edges and faces -----------------------------------------------------------------------
+    # -- edges ---------------------------------------------------------------------------------
 
     def _edge(self, index: int) -> ModelEdge:
         function, edge = self._edges[index], self._boundary.edges[index]
         ends = self.vertices[edge.start], self.vertices[edge.end]
-        trees, names = function.trees
-        exact = bernstein(trees, names)
-        curve = None if exact is None else self._exact_curve(index, exact)
-        if curve is not None and self._allowed(curve):
-            return ModelEdge(curve, edge.start, edge.end, "exact", 0.0)
-        space = self._space(function, 0)
-        poles = space.fit(function(space.sites))
+        if not self._bound[index]:
+            simple = self._simple_edge(function)
+            if simple is not None:
+                carrier = Line(*ends) if isinstance(simple, Line) else simple
+                return ModelEdge(carrier, edge.start, edge.end, "exact", 0.0)
+        course = self._courses.course(Strand(function, 0, self._bound[index]))
+        exact = None if course.arcs else bernstein(*function.trees)
+        if exact is not None and max(exact.shape[:-1]) <= self._profile.exact + 1:
+            exact[0], exact[-1] = ends
+            bezier = Line(*ends) if len(exact) == 2 else _bezier(exact)
+            return ModelEdge(bezier, edge.start, edge.end, "exact", 0.0)
+        poles, weights = fit_edge(function(course.places(course.space.sites)), course)
         poles[0], poles[-1] = ends
-        deviation = curve_deviation(function(check_places(space)), space, poles)
-        carrier = SplineCurve(space.degree, space.knots, poles)
-        evidence = self._evidence(function)
-        return ModelEdge(carrier, edge.start, edge.end, evidence, deviation.largest)
+        seen = edge_deviation(function, course, poles, weights).largest
+        curve = SplineCurve(course.space.degree, course.space.knots, poles, weights)
+        evidence: Evidence = "exact" if course.exact else "sampled"
+        return ModelEdge(curve, edge.start, edge.end, evidence, seen)
 
-    def _evidence(self, function: CellFunction) -> Evidence:
-        return "exact" if is_exact(function, self._classes) else "sampled"
+    def _simple_edge(self, function: CellFunction) -> CurveCarrier | None:
+        """Return the line, circle or ellipse that an edge is, whatever its parameter, or None."""
+        form = function.form
+        if form is None:
+            return None
+        if is_straight(form):
+            start, end = function(np.array([0.0, 1.0]))
+            return Line(start, end)
+        found = arc(form)
+        return found and found[0]
 
-    def _exact_curve(self, index: int, poles: Array) -> CurveCarrier:
-        edge = self._boundary.edges[index]
-        poles = poles.copy()
-        poles[0], poles[-1] = self.vertices[edge.start], self.vertices[edge.end]
-        flat = all(self._planes[face] for face, _ in self._boundary.edge_uses()[index])
-        if len(poles) == 2 or (flat and _collinear(poles, self._rounding)):
-            return Line(poles[0], poles[-1])
-        return SplineCurve(len(poles) - 1, bezier_knots(len(poles) - 1), poles)
+    # -- faces ---------------------------------------------------------------------------------
 
     def _face(self, group: tuple[int, ...], edges: list[ModelEdge]) -> ModelFace:
         index = group[0]
         function, cell = self._faces[index], self._boundary.faces[index]
         name = self._boundary.name(cell.patch)
         inward = self._sign(cell.patch) < 0
-        plane = self._planes[index]
-        if plane is not None:
-            return plane_face(group, plane, self._boundary, inward, edges)
-        exact = self._face_exact[index]
-        if exact is not None:
-            return ModelFace(name, (index,), exact, cell.uses, (), _whole(cell.uses), False, inward,
-                             "exact", 0.0, 0)  # fmt: skip
-        s, t = self._space(function, 0), self._space(function, 1)
-        poles = fit_surface(function, s, t)
+        flat, laid = self._planes[index], self._laid[index]
+        if flat is not None:
+            return plane_face(group, flat, self._boundary, inward, edges)
+        if laid is not None:
+            arcs = [self._courses.arcs(piece) for piece in function.pieces]
+            sides = sides_on(laid, cell.uses, edges, arcs)
+            surface = laid.carrier(lambda axis, level: self._iso_curve(function, axis, level))
+            return ModelFace(name, (index,), surface, cell.uses, (), sides, laid.turned,
+                             inward != laid.turned, "exact", 0.0, 0)  # fmt: skip
+        square = whole_square(cell.uses)
+        s, t = (self._courses.course(Strand(function, axis)) for axis in (0, 1))
+        exact = None if s.arcs or t.arcs else bernstein(*function.trees)
+        if exact is not None and max(exact.shape[:-1]) <= self._profile.exact + 1:
+            degrees = (exact.shape[0] - 1, exact.shape[1] - 1)
+            knots = (bezier_knots(degrees[0]), bezier_knots(degrees[1]))
+            return ModelFace(name, (index,), SplineSurface(degrees, knots, exact), cell.uses, (),
+                             square, False, inward, "exact", 0.0, 0)  # fmt: skip
+        poles, weights = fit_face(function, s, t)
         self._take_edges(poles, cell.uses, edges)
-        deviation = surface_deviation(function, s, t, poles)
-        carrier = SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
-        return ModelFace(name, (index,), carrier, cell.uses, (), _whole(cell.uses), False, inward,
-                         self._evidence(function), deviation.largest,
-                         deviation.samples)  # fmt: skip
+        seen = face_deviation(function, s, t, poles, weights)
+        carrier = SplineSurface(
+            (s.space.degree, t.space.degree), (s.space.knots, t.space.knots), poles, weights
+        )
+        evidence: Evidence = "exact" if s.exact and t.exact else "sampled"
+        return ModelFace(name, (index,), carrier, cell.uses, (), square, False, inward, evidence,
+                         seen.largest, seen.samples)  # fmt: skip
+
+    def _iso_curve(self, function: CellFunction, axis: int, level: float) -> SplineCurve:
+        """Return the curve along one axis of a face, the other parameter fixed."""
+        course = self._courses.course(Strand(function, axis))
+        along, across = course.places(course.space.sites), np.array([level])
+        values = function(along, across)[:, 0] if axis == 0 else function(across, along)[0]
+        poles, weights = fit_edge(values, course)
+        return SplineCurve(course.space.degree, course.space.knots, poles, weights)
 
     def _take_edges(self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]) -> None:
         """Put the poles of the edges (and collapsed vertices) into the rows of a face."""
@@ -279,14 +293,8 @@ class _Representation:
                 row[...] = carrier.poles if use.forward == anticlockwise else carrier.poles[::-1]
 
 
-def _whole(uses: tuple[EdgeUse, ...]) -> tuple[Segment, ...]:
-    """Return the sides of the unit square, each along its edge's own direction."""
-    square = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
-    sides = [Segment(square[i], square[(i + 1) % 4]) for i in range(4)]
-    return tuple(
-        side if use.forward or use.edge is None else side.reversed()
-        for side, use in zip(sides, uses, strict=True)
-    )
+def _bezier(poles: Array) -> SplineCurve:
+    return SplineCurve(len(poles) - 1, bezier_knots(len(poles) - 1), poles)
 
 
 def _rank(vectors: Array) -> int:
@@ -294,10 +302,3 @@ def _rank(vectors: Array) -> int:
         return 0
     values = np.linalg.svd(vectors, compute_uv=False)
     return int((values > 1e-13 * values[0]).sum())
-
-
-def _collinear(poles: Array, rounding: float) -> bool:
-    along = poles[-1] - poles[0]
-    across = np.cross(poles - poles[0], along)
-    length = np.linalg.norm(along)
-    return bool(np.sqrt((across * across).sum(axis=-1)).max() <= rounding * length)

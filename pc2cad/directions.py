@@ -19,7 +19,8 @@ from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import Expr, number, substitute, symbol, walk
 from pc2cad.geometry.bernstein import degree_in
 from pc2cad.geometry.profile import LARGEST_DEGREE
-from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt
+from pc2cad.geometry.refinement import DirectionRules
+from pc2cad.geometry.separation import Separation, separate
 from pc2cad.geometry.spline_space import SplineSpace, bezier_space
 from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import Cell, directions_of
@@ -28,8 +29,8 @@ Array = NDArray[np.float64]
 
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
-#: cross sections a direction is resolved on before the whole face is checked: ends and Gauss nodes
-_SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(13)[0] + 1) / 2, [1.0]))
+#: places along a direction: ends and Gauss nodes
+SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(13)[0] + 1) / 2, [1.0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,11 @@ class CellFunction:
             values[name] = number(low) + number(high - low) * here
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
         return resolve_pieces(substitute(self.analysis.map.coordinates, values)), names
+
+    @cached_property
+    def form(self) -> Separation | None:
+        """The coordinates as sums of products of functions of one parameter each."""
+        return separate(*self.trees)
 
 
 class DirectionClasses:
@@ -140,9 +146,9 @@ class DirectionClasses:
         """Say whether M continues beyond the end of a direction as it began (sampled)."""
         if len(self._analysis.bounds[direction]) > 2:
             return False
-        nodes = [_SECTIONS] * 3
+        nodes = [SECTIONS] * 3
         here = self._analysis.map.points(*open_grid(*nodes))
-        nodes[direction] = _SECTIONS + 1
+        nodes[direction] = SECTIONS + 1
         gap = np.abs(self._analysis.map.points(*open_grid(*nodes)) - here).max()
         return bool(gap <= 1e-11 * self._analysis.size + 1e-13 * self._analysis.magnitude)
 
@@ -150,14 +156,6 @@ class DirectionClasses:
 def _piece(edge: Cell) -> Piece:
     (d,) = directions_of(edge)
     return d, edge[d]
-
-
-def is_exact(function: CellFunction, classes: DirectionClasses) -> bool:
-    """Say whether polynomial spaces hold the function along all its axes."""
-    return all(
-        polynomial_space(function, axis, classes.breaks(piece)) is not None
-        for axis, piece in enumerate(function.pieces)
-    )
 
 
 def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> SplineSpace | None:
@@ -175,20 +173,3 @@ def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> 
         return bezier_space(degree)
     points = [0.0, *(b.position for b in inner), 1.0]
     return SplineSpace(degree, points, [max(1, degree - b.smoothness) for b in inner])
-
-
-def resolve(
-    samplers: list[Sampler], rules: DirectionRules, target: float, floor: float
-) -> SplineSpace:
-    """Return a space that resolves several functions along one direction at once."""
-
-    def sample(t: Array) -> Array:
-        columns = [s(t).reshape(len(t), -1, 3) for s in samplers]
-        return np.concatenate(columns, axis=1)
-
-    return adapt(sample, rules, target, floor)
-
-
-def sections(space: SplineSpace | None) -> Array:
-    """Return the cross sections on which a face is looked at: the sites of a known space."""
-    return _SECTIONS if space is None or space.size > 12 else space.sites

@@ -24,7 +24,7 @@ class ModelEdge:
     deviation: float
 
 
-#: a closed walk of (edge, forward) with the material on the left, seen from outside
+#: a closed walk of (edge, forward) with the face on the left, seen against the plane's normal
 Wire = tuple[tuple[int, bool], ...]
 
 
@@ -32,10 +32,10 @@ Wire = tuple[tuple[int, bool], ...]
 class ModelFace:
     """A face with its carrier.
 
-    A plane's normal points out of the solid and its boundary is `wires`, the outer one first. Any
-    other face is bounded by its four `uses`: their `pcurves` run along the edges' own directions
-    (those of collapsed sides along the walk). `turned` says that the walk goes clockwise in the
-    carrier's parameters, `reversed` that the carrier's own normal points into the solid.
+    `reversed` says that the carrier's own normal points into the solid. A plane's boundary is
+    `wires`, anti-clockwise about its normal, the outer one first. Any other face is bounded by its
+    four `uses`: their `pcurves` run along the edges' own directions (those of collapsed sides along
+    the walk); `turned` says that the walk goes clockwise in the carrier's parameters.
     """
 
     name: str

@@ -17,7 +17,6 @@ from pc2cad.topology.cells import Cell, normal_direction
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
-    from pc2cad.isogeometry import VolumeModel
     from pc2cad.mesh.volume_mesh import VolumeMesh
 
 #: lower and upper side of u, v and w: distinguishable also for colour-blind eyes (Okabe, Ito)
@@ -83,15 +82,6 @@ class Part:
         from pc2cad.volume import MeshOptions, mesh_equation
 
         return mesh_equation(self.equation, MeshOptions(cells, size, order, shape))[0]
-
-    def splines(self, tolerance: float | None = None) -> VolumeModel:
-        """Return the volume itself as trivariate splines, exact where M is polynomial or rational.
-
-        `tolerance` bounds the distance elsewhere (a length, 1e-7 of the size by default).
-        """
-        from pc2cad.volume import spline_equation
-
-        return spline_equation(self.equation, tolerance)[0]
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""

@@ -72,8 +72,23 @@ def plane_face(
         for use in uses
         if use.edge is not None and counts.count(use.edge) == 1
     ]
+    carrier, evidence = plane
+    against = _against(carrier, walk, edges)
+    if against:
+        carrier = Plane(carrier.origin, -carrier.normal)
+        walk = [(edge, not forward) for edge, forward in walk]
     wires = _chains(walk, boundary, edges)
-    return ModelFace(name, group, plane[0], uses, wires, (), False, False, plane[1], 0.0, 0)
+    return ModelFace(name, group, carrier, uses, wires, (), False, against, evidence, 0.0, 0)
+
+
+def _against(plane: Plane, walk: list[tuple[int, bool]], edges: list[ModelEdge]) -> bool:
+    """Say whether the outward normal goes against the circles: they would run clockwise about it.
+
+    Files know circles that run anti-clockwise only; the plane is then taken from its other side.
+    """
+    carriers = [edges[edge].carrier for edge, _ in walk]
+    senses = [plane.normal @ c.frame.axes[2] for c in carriers if isinstance(c, Arc)]
+    return float(np.sum(np.sign(senses))) < 0
 
 
 def _chains(

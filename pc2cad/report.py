@@ -66,8 +66,6 @@ class Report:
     #: genus of each shell, the outer one first
     genus: tuple[int, ...]
     euler: int
-    #: of a channel: what frame carries its section along which guide; otherwise nothing
-    frame: str
     #: det J keeps its sign: proved or sampled
     determinant: str
     #: inner images with winding number 1, and how near parts of the boundary may come to one

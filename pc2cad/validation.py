@@ -175,7 +175,6 @@ def _report(
             if model.faces[members[0]].cells[0] in shell.faces
         ),
         euler=boundary.euler,
-        frame=analysis.equation.frame,
         determinant=solidity.determinant.value,
         images=solidity.images,
         told_apart=solidity.apart,

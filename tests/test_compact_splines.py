@@ -246,7 +246,7 @@ def test_volume_and_area_hold_although_fits_use_the_tolerance(name):
 
 
 @pytest.mark.parametrize("degree", [2, 4, 6, 9, 13])
-@pytest.mark.parametrize("name", ["channel_contour", "turned_ring"])
+@pytest.mark.parametrize("name", ["channel_contour", "helical_channel"])
 def test_every_degree_makes_a_valid_solid(name, degree):
     report = compile_equation(shipped(name), 1e-4, degree).report
     found = {d for face in report.faces for d in face.degrees}

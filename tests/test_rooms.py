@@ -25,8 +25,11 @@ ALLOWED = {
     "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
     "model": {"geometry", "topology", "numpy"},
     "planar": {"geometry", "model", "topology", "numpy"},
+    "courses": {"directions", "equation", "geometry", "numpy"},
+    "laying": {"geometry", "model", "topology", "numpy"},
     "boundary": {
-        "analysis", "directions", "errors", "geometry", "model", "planar", "topology", "numpy",
+        "analysis", "courses", "directions", "errors", "geometry", "laying", "model", "planar",
+        "topology", "numpy",
     },
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
@@ -44,10 +47,7 @@ ALLOWED = {
         "solidity",
         "topology", "numpy",
     },
-    "export": {
-        "export", "errors", "isogeometry", "mesh", "topology", "numpy", "OCP", "lib3mf",
-        "vtkmodules",
-    },
+    "export": {"export", "errors", "mesh", "numpy", "OCP", "lib3mf", "vtkmodules"},
     "studies": {
         "studies", "compiler", "equation", "errors", "export", "geometry", "library", "part",
         "picture", "report", "numpy", "scipy", "__version__",
@@ -55,19 +55,14 @@ ALLOWED = {
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
     },
+    "volume": {"analysis", "compiler", "equation", "errors", "mesh", "properties", "solidity"},
     "picture": {
         "picture", "equation", "errors", "export", "mapping", "part", "topology", "numpy", "OCP",
         "vtkmodules",
     },
-    "volume": {
-        "analysis", "compiler", "equation", "errors", "geometry", "isogeometry", "mesh",
-        "properties", "solidity",
-    },
-    "isogeometry": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
 }  # fmt: skip
-#: within the equation room only the vectorised evaluations need arrays, and what is made along a
-#: guide by numbers: quadrature, frames, interpolating splines
-NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals", "along", "frames", "interpolation"}
+#: within the equation room only the vectorised evaluations need arrays
+NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals"}
 #: what topology takes from the equation room: the three-valued answer, nothing else
 TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
 OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "lib3mf", "vtk", "vtkmodules"}

@@ -117,8 +117,8 @@ class _Build:
                     self._edges[edge].Oriented(TopAbs_FORWARD if forward else TopAbs_REVERSED)
                     for edge, forward in wire
                 ]))  # fmt: skip
-            return face
-        self._builder.Add(face, self._wire(self._rectangle(face, data)))
+        else:
+            self._builder.Add(face, self._wire(self._rectangle(face, data)))
         if isinstance(data.carrier, SplineSurface):
             self._builder.NaturalRestriction(face, True)
         return TopoDS.Face_s(face.Reversed()) if data.reversed else face

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -12,19 +13,22 @@ from pc2cad.cli.inputs import (
     add_template,
     add_tolerance,
     bind,
-    check_different,
     load,
     named,
     read_length,
     spline_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
-from pc2cad.errors import FileNotWrittenError
+from pc2cad.errors import FileNotWrittenError, InputError
 
 if TYPE_CHECKING:
     from pc2cad.export.model import ExportOptions
     from pc2cad.part import Part
     from pc2cad.report import Report
+
+
+class OutputClashError(InputError):
+    """Two of the files of a command are the same one."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -124,8 +128,13 @@ def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
         check_writable(path)
     if arguments.report is not None:
         check_target(arguments.report)
+    taken = {os.path.realpath(template): "the template"}
     reports = () if arguments.report is None else (arguments.report,)
-    check_different((*arguments.outputs, *reports), template)
+    for path in (*arguments.outputs, *reports):
+        real = os.path.realpath(path)
+        if real in taken:
+            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
+        taken[real] = f"another output, {path}"
 
 
 def _encode(

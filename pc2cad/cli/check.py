@@ -57,8 +57,6 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield one_line(f"{report.name}: {report.title}" if report.title else report.name)
     if report.parameters:
         yield "  " + ", ".join(f"{name} = {x:.12g}" for name, x in report.parameters.items())
-    if report.frame:
-        yield f"  frame: {one_line(report.frame)}"
     yield "\nSides of the parameter box"
     yield table([(s.name, s.fate, s.verdict, s.detail) for s in report.sides])
     yield f"\nFaces (deviation in {report.units}, area in {report.units}^2)"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,10 +22,6 @@ class SplineOptions(TypedDict):
     degree: int | None
     max_degree: int | None
     profile: str
-
-
-class OutputClashError(InputError):
-    """Two of the files of a command are the same one."""
 
 
 def add_template(parser: argparse.ArgumentParser) -> None:
@@ -79,16 +74,6 @@ def spline_options(arguments: argparse.Namespace) -> SplineOptions:
     }
     spline_profile(**options)
     return options
-
-
-def check_different(outputs: Sequence[str], template: Path) -> None:
-    """Raise OutputClashError where two outputs, or one and the template, are the same file."""
-    taken = {os.path.realpath(template): "the template"}
-    for path in outputs:
-        real = os.path.realpath(path)
-        if real in taken:
-            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
-        taken[real] = f"another output, {path}"
 
 
 @contextmanager

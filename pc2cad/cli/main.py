@@ -28,7 +28,6 @@ VERBS: Final = {
     "study": "build many variants of a template, with a table of what became of each",
     "mesh": "mesh a template with hexahedra or tetrahedra for finite elements",
     "render": "compile a template and write pictures of it, PNG or SVG",
-    "spline": "write the volume itself as trivariate splines for isogeometric analysis",
     "show": "show the point equation and its coordinate-wise system",
     "templates": "list the shipped templates",
     "new": "write a commented template to start from",

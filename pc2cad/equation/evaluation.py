@@ -31,13 +31,13 @@ class Program:
     """Straight-line program of some trees; call it with one array (or float) per symbol."""
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
-        nodes = _needed(roots)
+        nodes = list(walk(roots))
         index = {node: i for i, node in enumerate(nodes)}
-        self._steps = [_step(node, tuple(index[arg] for arg in _operands(node))) for node in nodes]
+        self._steps = [_step(node, tuple(index[arg] for arg in node.args)) for node in nodes]
         self._outputs = tuple(index[root] for root in roots)
         last_use = {i: i for i in range(len(nodes))}
         for i, node in enumerate(nodes):
-            for arg in _operands(node):
+            for arg in node.args:
                 last_use[index[arg]] = i
         kept = set(self._outputs)
         self._frees: list[list[int]] = [[] for _ in nodes]
@@ -61,25 +61,6 @@ class Program:
 
 
 _Run = Callable[..., Value]
-
-
-def _needed(roots: tuple[Expr, ...]) -> list[Expr]:
-    """Return the nodes below the roots, operands first, without those that become tables."""
-    nodes = list(walk(roots))
-    needed = set(roots)
-    for node in reversed(nodes):
-        if node in needed:
-            needed.update(_operands(node))
-    return [node for node in nodes if node in needed]
-
-
-def _operands(node: Expr) -> tuple[Expr, ...]:
-    """Return what a node takes from other steps: pieces hold numbers in a table of their own."""
-    return node.args[:1] if _is_table(node) else node.args
-
-
-def _is_table(node: Expr) -> bool:
-    return node.op == "pieces" and all(c.op == "number" for c in node.args[1:])
 
 
 def _step(node: Expr, operands: tuple[int, ...]) -> tuple[_Run, tuple[int, ...]]:
@@ -131,9 +112,6 @@ def _pieces_step(node: Expr) -> _Run:
     breaks, width, _, closed = node.payload
     knots = np.array([float(b) for b in breaks])
     period = knots[-1] - knots[0]
-    table = None
-    if _is_table(node):
-        table = np.array([float(c.payload) for c in node.args[1:]]).reshape(-1, width)
 
     def run(values: Mapping[str, Value], t: Value, *flat: Value) -> Value:
         if closed:
@@ -145,9 +123,6 @@ def _pieces_step(node: Expr) -> _Run:
         local = t - knots[index]
         value: Value = 0.0
         for k in reversed(range(width)):
-            if table is not None:
-                value = value * local + table[index, k]
-                continue
             column = flat[k::width]
             if all(np.ndim(c) == 0 for c in column):
                 coefficient = np.asarray(column)[index]

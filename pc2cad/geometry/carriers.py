@@ -37,7 +37,7 @@ def frame_on(origin: Array, z: Array, x: Array) -> Frame:
     z = z / np.linalg.norm(z)
     x = x - (x @ z) * z
     x = x / np.linalg.norm(x)
-    return Frame(origin, np.array([x, np.cross(z, x), z]))
+    return Frame(origin, np.array([x, np.cross(z, x), z]) + 0.0)
 
 
 # -- curves ----------------------------------------------------------------------------------------

@@ -1,0 +1,49 @@
+"""Curves in the parameter plane of a surface, as straight pieces or splines to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.geometry.carriers import PCurve, Segment, SplinePath
+from pc2cad.geometry.rational import PiecewiseSpace
+
+Array = NDArray[np.float64]
+
+#: what a path may be off, relative to its own size: a few roundings
+ROUNDING = 1e-13
+DEGREE = 15
+MOST_PIECES = 512
+
+
+def path(values: Callable[[Array], Array], breaks: Array, scale: Array) -> PCurve:
+    """Return the curve with these values (n,) -> (n, 2) over [0, 1].
+
+    `breaks` are ascending places with both ends where the function may have a kink; `scale` (2,)
+    is the size of the values. Raises ToleranceNotReachedError where splines do not converge.
+    """
+    probe = np.linspace(0.0, 1.0, 33)
+    ends = values(np.array([0.0, 1.0]))
+    straight = ends[0] + probe[:, None] * (ends[1] - ends[0])
+    if (np.abs(values(probe) - straight) / scale).max() <= ROUNDING:
+        (a, b), (c, d) = ends.tolist()
+        return Segment((a, b), (c, d))
+    points = np.asarray(breaks, dtype=float)
+    shares = np.linspace(0.03, 0.97, 13)
+    while len(points) <= MOST_PIECES:
+        space = PiecewiseSpace(DEGREE, points)
+        poles = space.fit(values(space.sites))
+        places = (points[:-1, None] + np.diff(points)[:, None] * shares).ravel()
+        gap = (np.abs(space.basis(places) @ poles - values(places)) / scale).max(axis=1)
+        worst = gap.reshape(len(points) - 1, -1).max(axis=1)
+        if worst.max() <= 20 * ROUNDING:
+            poles[[0, -1]] = ends
+            return SplinePath(DEGREE, space.knots, poles)
+        middles = ((points[:-1] + points[1:]) / 2)[worst > 20 * ROUNDING]
+        points = np.sort(np.concatenate((points, middles)))
+    raise ToleranceNotReachedError(
+        "an edge has no smooth curve in the parameters of a face that it bounds"
+    )
