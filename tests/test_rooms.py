@@ -56,6 +56,7 @@ ALLOWED = {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
     },
     "volume": {"analysis", "compiler", "equation", "errors", "mesh", "properties", "solidity"},
+    "viewer": {"viewer", "errors", "part", "picture", "numpy"},
     "picture": {
         "picture", "equation", "errors", "export", "mapping", "part", "topology", "numpy", "OCP",
         "vtkmodules",

@@ -28,6 +28,7 @@ VERBS: Final = {
     "study": "build many variants of a template, with a table of what became of each",
     "mesh": "mesh a template with hexahedra or tetrahedra for finite elements",
     "render": "compile a template and write pictures of it, PNG or SVG",
+    "view": "compile a template into a page to turn it on, or serve that page live",
     "show": "show the point equation and its coordinate-wise system",
     "templates": "list the shipped templates",
     "new": "write a commented template to start from",

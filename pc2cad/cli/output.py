@@ -18,10 +18,12 @@ PATIENCE: Final = 1.0
 _FIGURES: Final = re.compile(r"-|-?[0-9][-+.0-9e x]*")
 
 
-def say(text: str) -> None:
+def say(text: str, flush: bool = False) -> None:
     """Write a result and an end of line to stdout (nowhere when it is closed)."""
     if sys.stdout is not None:
         sys.stdout.write(f"{text}\n")
+        if flush:
+            sys.stdout.flush()
 
 
 def complain(text: str) -> None:

@@ -95,17 +95,13 @@ def _range(bar: object) -> str:
 def _style(arguments: argparse.Namespace) -> Style:
     from pc2cad.picture.drawing import Style
 
-    points = None
-    if arguments.points is not None:
-        numbers = _numbers("--points", arguments.points, int, ",", 3)
-        points = (int(numbers[0]), int(numbers[1]), int(numbers[2]))
     return Style(
         colours=arguments.colours,
         labels=arguments.labels,
         edges=not arguments.no_edges,
         explode=arguments.explode,
         isolines=arguments.isolines,
-        points=points,
+        points=None if arguments.points is None else read_counts(arguments.points),
         map=arguments.numbers,
         across=arguments.across,
     )
@@ -120,6 +116,12 @@ def _view(text: str) -> tuple[float, float, float]:
         raise InputError(f"--view: '{text[:40]}' is none of {', '.join(VIEWS)}, nor X,Y,Z")
     x, y, z = _numbers("--view", text, float, ",", 3)
     return x, y, z
+
+
+def read_counts(text: str) -> tuple[int, int, int]:
+    """Return the numbers of points per direction that ``--points`` gives."""
+    u, v, w = _numbers("--points", text, int, ",", 3)
+    return int(u), int(v), int(w)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -16,8 +16,9 @@ from pc2cad.picture.scene import Array, IntArray
 from pc2cad.topology.cells import Cell, directions_of, normal_direction, outward_sign
 from pc2cad.topology.complex import SideFate
 
-#: angle in radians between neighbouring tangents of a picture's grid, and its numbers of points
+#: angle in radians between neighbouring tangents of a picture's grid
 TURN = 0.05
+#: fewest and most points along a direction of a patch
 NODES = (2, 640)
 #: places along a direction, and lines across, from which its turning is told
 PROBES = (257, 9)
@@ -67,6 +68,8 @@ class Sides:
     """The equation of a part on the sides of its box."""
 
     part: Part
+    #: angle in radians between neighbouring tangents of a grid
+    turn: float = TURN
 
     @cached_property
     def map(self) -> Mapping3:
@@ -156,7 +159,7 @@ class Sides:
         steps = np.diff(np.moveaxis(self._points(patch, place), axis, 0), axis=0)
         normals = np.moveaxis(self._normals(patch, place), axis, 0)
         # even spacing has to serve the place that turns most; a flat patch of lines has two points
-        needed = max(_turn(steps), _turn(normals)) * len(steps) / TURN
+        needed = max(_turn(steps), _turn(normals)) * len(steps) / self.turn
         return int(np.clip(np.ceil(needed) + 1, NODES[0] if needed < 0.01 else 8, NODES[1]))
 
     def _normals(self, patch: Cell, place: Place) -> Array:

@@ -1,0 +1,214 @@
+"""``pc2cad view``: a part as one page for any browser, or served live on this machine."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from itertools import product
+from typing import TYPE_CHECKING
+
+from pc2cad.cli.inputs import add_template, add_tolerance, load, named, read_length, read_settings
+from pc2cad.cli.output import Progress, say, shown
+from pc2cad.cli.render import read_counts
+from pc2cad.errors import InputError, PointCadError
+
+if TYPE_CHECKING:
+    from pc2cad.equation.template import Parameter, Template
+    from pc2cad.viewer.page import Slider, Variant
+
+#: a page holds every combination of its sliders' values
+MOST_VARIANTS = 64
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the template, the output, the sliders and the server."""
+    add_template(parser)
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("-o", "--output", metavar="FILE", help="page to write, .html")
+    where.add_argument(
+        "--serve", action="store_true",
+        help="serve the page on 127.0.0.1 instead and recompute the part as its sliders move",
+    )  # fmt: skip
+    add_tolerance(parser)
+    parser.add_argument(
+        "--slider", metavar="NAME=VALUES", action="append", default=[], dest="sliders",
+        help="let a parameter vary: LOW:HIGH:COUNT or A,B,C …; with --serve LOW:HIGH (repeatable; "
+        "--serve offers all parameters without it)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--points", metavar="NU,NV,NW", help="offer the points of an even grid of the box as well"
+    )
+    parser.add_argument(
+        "--port", type=int, default=0, help="port for --serve (default: a free one)"
+    )
+    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the page, or serve it until it is interrupted."""
+    template, _ = load(arguments)
+    points = None if arguments.points is None else read_counts(arguments.points)
+    maker = _Maker(template, arguments, points)
+    return _serve(maker, arguments) if arguments.serve else _write(maker, arguments)
+
+
+class _Maker:
+    """Compiles the template at some values of its parameters into a payload."""
+
+    def __init__(
+        self, template: Template, arguments: argparse.Namespace, points: tuple[int, int, int] | None
+    ) -> None:
+        self.template = template
+        self.settings = read_settings(arguments.settings)
+        self.opening = template.bind(self.settings).parameters
+        self._tolerance = read_length("--tolerance", arguments.tolerance)
+        self._points = points
+        if points is not None:
+            from pc2cad.picture.drawing import Style
+
+            Style(points=points)  # refuses what is too much
+
+    def payload(self, values: Mapping[str, str]) -> bytes:
+        """Return the payload at these values; raise PointCadError for what is no solid."""
+        from pc2cad.compiler import compile_equation
+        from pc2cad.viewer.payload import payload
+
+        equation = self.template.bind({**self.settings, **values})
+        return payload(compile_equation(equation, self._tolerance), self._points)
+
+
+def _write(maker: _Maker, arguments: argparse.Namespace) -> int:
+    from pc2cad.export.files import check_target, write_atomically
+    from pc2cad.viewer.page import page
+
+    if not arguments.output.lower().endswith((".html", ".htm")):
+        raise InputError(f"a page's name ends in .html: {arguments.output[-80:]}")
+    check_target(arguments.output)
+    sliders = [_stored(text, maker) for text in arguments.sliders]
+    count = 1
+    for slider in sliders:
+        count *= len(slider.values)
+    if count > MOST_VARIANTS:
+        raise InputError(
+            f"the sliders have {count} combinations and a page holds {MOST_VARIANTS}; give fewer "
+            "values, or use --serve"
+        )
+    with Progress(arguments.quiet) as progress, named(arguments.template):
+        variants = []
+        for number, values in enumerate(product(*(s.values for s in sliders)), start=1):
+            progress(f"part {number} of {count}")
+            chosen = {s.name: repr(v) for s, v in zip(sliders, values, strict=True)}
+            variants.append(_variant(maker, chosen, alone=count == 1))
+    data = page(maker.template.title, sliders, variants, live=False)
+    write_atomically(arguments.output, data)
+    if not arguments.quiet:
+        failed = sum(variant.data is None for variant in variants)
+        refused = f", {failed} of them no solid" if failed else ""
+        parts = f"{count} parts{refused}" if count > 1 else "1 part"
+        say(f"{shown(arguments.output)}: {parts}, {len(data) / 1e6:.1f} MB")
+    return 0
+
+
+def _variant(maker: _Maker, values: Mapping[str, str], alone: bool) -> Variant:
+    """Return one variant; a failure among several is shown by the page at its place."""
+    from pc2cad.viewer.page import Variant
+
+    try:
+        return Variant(maker.payload(values))
+    except PointCadError as error:
+        if alone:
+            raise
+        return Variant(None, str(error))
+
+
+def _serve(maker: _Maker, arguments: argparse.Namespace) -> int:
+    from pc2cad.viewer.page import Variant, page
+    from pc2cad.viewer.serve import server
+
+    sliders = [_live(text, maker) for text in arguments.sliders] or [
+        _offered(p, maker) for p in maker.template.parameters
+    ]
+    with Progress(arguments.quiet) as progress, named(arguments.template):
+        progress("compile")
+        first = Variant(maker.payload({}))
+    content = page(maker.template.title, sliders, [first], live=True)
+    with server(content, maker.payload, arguments.port) as running:
+        if not arguments.quiet:
+            say(
+                f"http://127.0.0.1:{running.server_address[1]}/ (interrupt with Ctrl-C)", flush=True
+            )
+        try:
+            running.serve_forever()
+        except KeyboardInterrupt:
+            return 0
+    return 0
+
+
+def _stored(text: str, maker: _Maker) -> Slider:
+    """Return a slider over the values that LOW:HIGH:COUNT or a list gives, and the opening one."""
+    from pc2cad.viewer.page import Slider
+
+    parameter, raw = _parameter(text, maker)
+    if ":" in raw:
+        bounds = raw.split(":")
+        if len(bounds) != 3 or not bounds[2].strip().isdigit() or not 1 < int(bounds[2]) <= 1000:
+            raise InputError(f"--slider {text[:80]}: write LOW:HIGH:COUNT, COUNT from 2")
+        low, high = (_number(text, bound) for bound in bounds[:2])
+        steps = int(bounds[2]) - 1
+        values = [low + (high - low) * i / steps for i in range(steps + 1)]
+    else:
+        values = [_number(text, part) for part in raw.split(",")]
+    opening = float(maker.opening[parameter.name])
+    rounded = {float(f"{value:.12g}") for value in [*values, opening]}
+    return Slider(parameter.name, parameter.about, float(f"{opening:.12g}"), tuple(sorted(rounded)))
+
+
+def _live(text: str, maker: _Maker) -> Slider:
+    from pc2cad.viewer.page import Slider
+
+    parameter, raw = _parameter(text, maker)
+    bounds = [_number(text, part) for part in raw.split(":")]
+    if len(bounds) != 2 or not bounds[0] < bounds[1]:
+        raise InputError(f"--slider {text[:80]}: with --serve write LOW:HIGH")
+    opening = float(maker.opening[parameter.name])
+    return Slider(parameter.name, parameter.about, opening, (), *bounds)
+
+
+def _offered(parameter: Parameter, maker: _Maker) -> Slider:
+    """Return a slider round the opening value, from half to double of it, within its range."""
+    from pc2cad.equation.scalar import evaluate
+    from pc2cad.viewer.page import Slider
+
+    opening = float(maker.opening[parameter.name])
+    lowest = evaluate(parameter.minimum, {}) if parameter.minimum else float("-inf")
+    highest = evaluate(parameter.maximum, {}) if parameter.maximum else float("inf")
+    if highest - lowest <= 10 * max(abs(opening), 1e-300):
+        low, high = lowest, highest
+    else:
+        around = abs(opening) or 1.0
+        low, high = opening - around / 2, opening + around
+    return Slider(
+        parameter.name, parameter.about, opening, (), max(low, lowest), min(high, highest)
+    )  # fmt: skip
+
+
+def _parameter(text: str, maker: _Maker) -> tuple[Parameter, str]:
+    from pc2cad.equation.language import nearest
+
+    name, sign, raw = (part.strip() for part in text.partition("="))
+    known = {p.name: p for p in maker.template.parameters}
+    if not sign or not raw:
+        raise InputError(f"--slider {text[:80]}: write NAME=LOW:HIGH:COUNT")
+    if name not in known:
+        raise InputError(f"--slider: no parameter '{name[:80]}'{nearest(name, list(known))}")
+    return known[name], raw
+
+
+def _number(text: str, raw: str) -> float:
+    try:
+        value = float(raw)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise InputError(f"--slider {text[:80]}: '{raw[:40]}' is not a number")
+    return value

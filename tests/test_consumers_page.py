@@ -1,0 +1,124 @@
+"""The page in a real browser with the network off: turned, cut, hovered, its sliders moved."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from consumers.browser import Page, chromium, visit
+
+from pc2cad.cli.main import main
+
+pytestmark = [
+    pytest.mark.interop,
+    pytest.mark.skipif(chromium() is None, reason="chromium is not installed (apt)"),
+]
+
+SHOWN = "page.shown.faces.filter(f => f.visible).map(f => f.userData.name).sort().join(' ')"
+#: share of the canvas that is not white
+INK = """(() => {
+const s = document.getElementById('canvas'), c = document.createElement('canvas');
+c.width = s.width; c.height = s.height;
+const g = c.getContext('2d'); g.drawImage(s, 0, 0);
+const d = g.getImageData(0, 0, c.width, c.height).data; let n = 0;
+for (let i = 0; i < d.length; i += 4) if (d[i] < 250 || d[i+1] < 250 || d[i+2] < 250) n++;
+return n / (d.length / 4); })()"""
+MIDDLE = """(() => { const r = document.getElementById('canvas').getBoundingClientRect();
+return [r.width / 2, r.height / 2]; })()"""
+
+
+def test_a_stored_page(tmp_path: Path) -> None:
+    path = tmp_path / "duct.html"
+    assert main(["view", "torus_wedge", "-o", str(path), "--points", "100,100,100"]) == 0
+
+    async def act(page: Page) -> None:
+        assert await page.evaluate("page.problem") is None
+        assert await page.evaluate(SHOWN) == "u=0 u=0.25 w=1"
+        x, y = await page.evaluate(MIDDLE)
+        whole = await page.evaluate(INK)
+        assert 0.1 < whole < 0.9
+
+        await page.hover(x, y)
+        assert await page.evaluate("page.hovered") == "w=1"
+        tip = await page.evaluate("document.getElementById('tip').textContent")
+        assert tip.startswith("w=1\n")
+        assert "area" in tip
+
+        before = await page.evaluate("page.camera.position.toArray()")
+        await page.drag((x, y), (x + 120, y + 40))
+        after = await page.evaluate("page.camera.position.toArray()")
+        assert sum(abs(a - b) for a, b in zip(before, after, strict=True)) > 1.0
+        await page.click("#home")
+
+        await page.click("li[data-name='w=1'] input")
+        assert await page.evaluate(SHOWN) == "u=0 u=0.25"
+        assert await page.evaluate(INK) < 0.7 * whole
+        await page.click("li[data-name='w=1'] input")
+
+        await page.set("#axis", "z")
+        cut = await page.evaluate(INK)
+        assert cut < whole
+        await page.set("#place", 0.001)
+        assert await page.evaluate(INK) < 0.3 * whole
+        await page.set("#axis", "")
+        assert await page.evaluate(INK) == pytest.approx(whole, abs=1e-3)
+
+        await page.click("#points")
+        assert await page.evaluate(SHOWN) == ""
+        assert await page.evaluate("page.shown.cloud.geometry.attributes.position.count") == 10**6
+        assert await page.evaluate(INK) > 0.5 * whole
+
+        outside = {url.split(":")[0] for url in page.requests()}
+        assert outside <= {"file", "data"}
+        assert page.complaints() == []
+
+    visit(path.as_uri(), tmp_path, act)
+
+
+def test_stored_sliders_change_the_part(tmp_path: Path) -> None:
+    path = tmp_path / "cut.html"
+    arguments = ["view", "pyramid_cut", "-s", "q=1", "-s", "r=1", "--slider", "p=0.2,0.5,1"]
+    assert main([*arguments, "-o", str(path)]) == 0
+
+    async def act(page: Page) -> None:
+        assert await page.evaluate("page.part.parameters.p") == 0.5
+        await page.set("input[name=p]", 0)
+        await page.until("page.part.parameters.p === 0.2")
+        facts = await page.evaluate("document.getElementById('facts').textContent")
+        assert "volume25.2 mm³" in facts  # 31.5 (1 - p)
+        await page.set("input[name=p]", 2)  # p q r = 1: nothing is left
+        await page.until("page.problem !== null")
+        assert not await page.evaluate("document.getElementById('problem').hidden")
+        await page.set("input[name=p]", 1)
+        await page.until("page.problem === null && page.part.parameters.p === 0.5")
+        assert page.complaints() == []
+
+    visit(path.as_uri(), tmp_path, act)
+
+
+def test_a_served_page_has_its_parts_compiled_as_its_sliders_move(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pc2cad.cli.main", "view", "pyramid_cut", "--serve"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        url = process.stdout.readline().split()[0]
+
+        async def act(page: Page) -> None:
+            assert await page.evaluate("document.querySelectorAll('.slider').length") == 3
+            await page.set("input[name=p]", 0.8)
+            await page.until("page.part.parameters.p === 0.8")
+            facts = await page.evaluate("document.getElementById('facts').textContent")
+            assert f"volume{31.5 * (1 - 0.8 * 0.25 * 0.75):.10g} mm³" in facts
+            for value in (0.1, 0.2, 0.3, 0.4):  # faster than parts are compiled
+                await page.set("input[name=p]", value)
+            await page.until("page.part.parameters.p === 0.4")
+            assert await page.evaluate("page.problem") is None
+            await asyncio.sleep(0)
+
+        visit(url, tmp_path, act)
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)
