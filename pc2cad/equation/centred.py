@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 
 from pc2cad.equation.functions import FUNCTIONS
 from pc2cad.equation.intervals import Interval, enclose, interval
-from pc2cad.equation.tree import ZERO, Expr, call, piece_rows, pieces, symbol, walk
+from pc2cad.equation.tree import (
+    ZERO,
+    Expr,
+    call,
+    operands,
+    piece_rows,
+    pieces,
+    program,
+    symbol,
+    walk,
+)
 
 Array = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -47,9 +57,9 @@ class CentredProgram:
     """
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
-        nodes = list(walk(roots))
+        nodes = program(roots)
         index = {node: i for i, node in enumerate(nodes)}
-        self._nodes = [(node, tuple(index[arg] for arg in node.args)) for node in nodes]
+        self._nodes = [(node, tuple(index[arg] for arg in operands(node))) for node in nodes]
         self._outputs = tuple(index[root] for root in roots)
         self._symbols = frozenset().union(*(root.symbols for root in roots))
 
@@ -63,9 +73,9 @@ class CentredProgram:
         rows = _Rows({name: boxes[name] for name in self._symbols}, boxes)
         store: list[Centred] = []
         with np.errstate(all="ignore"):
-            for node, operands in self._nodes:
+            for node, before in self._nodes:
                 args = tuple(
-                    rows.spread(store[k], self._nodes[k][0].symbols, node.symbols) for k in operands
+                    rows.spread(store[k], self._nodes[k][0].symbols, node.symbols) for k in before
                 )
                 store.append(_centred(node, args, rows))
             return tuple(rows.whole(store[k], self._nodes[k][0].symbols) for k in self._outputs)
@@ -213,12 +223,20 @@ def _evaluated(tree: Expr, values: tuple[Interval, ...]) -> Interval:
 
 def _piece_partials(node: Expr, values: tuple[Interval, ...]) -> list[Interval]:
     """Enclose the derivative of a piecewise polynomial; a jump has no slope."""
-    breaks, _, smoothness, closed = node.payload
     unknown = Interval(np.full(1, -np.inf), np.full(1, np.inf))
-    # coefficients that move are not followed
-    rest = [unknown if c.symbols else interval(np.zeros(1)) for c in node.args[1:]]
-    if smoothness < 0 or any(c.symbols for c in node.args[1:]):
+    if len(values) > 1:
+        # coefficients that move are not followed
+        rest = [unknown if c.symbols else interval(np.zeros(1)) for c in node.args[1:]]
         return [unknown, *rest]
+    if node.payload.smoothness < 0:
+        return [unknown]
+    slope = _piece_slope(node)
+    return [enclose(slope, values) if slope.op == "pieces" else _evaluated(slope, values)]
+
+
+@lru_cache(maxsize=256)
+def _piece_slope(node: Expr) -> Expr:
+    """Return the derivative of pieces with constant coefficients, a function of the symbol 0."""
+    breaks, _, smoothness, closed = node.payload
     rows = tuple(tuple(c * k for k, c in enumerate(row))[1:] or (ZERO,) for row in piece_rows(node))
-    slope = pieces(symbol("0"), breaks, rows, smoothness - 1, closed)
-    return [_evaluated(slope, values), *rest]
+    return pieces(symbol("0"), breaks, rows, smoothness - 1, closed)

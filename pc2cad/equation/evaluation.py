@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.equation.functions import FUNCTIONS
-from pc2cad.equation.tree import Expr, walk
+from pc2cad.equation.scalar import evaluate
+from pc2cad.equation.tree import Expr, operands, program
 
 Array = NDArray[np.float64]
 Value = Any  # a float or an array of any broadcastable shape
@@ -31,13 +32,13 @@ class Program:
     """Straight-line program of some trees; call it with one array (or float) per symbol."""
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
-        nodes = list(walk(roots))
+        nodes = program(roots)
         index = {node: i for i, node in enumerate(nodes)}
-        self._steps = [_step(node, tuple(index[arg] for arg in node.args)) for node in nodes]
+        self._steps = [_step(node, tuple(index[arg] for arg in operands(node))) for node in nodes]
         self._outputs = tuple(index[root] for root in roots)
         last_use = {i: i for i in range(len(nodes))}
         for i, node in enumerate(nodes):
-            for arg in node.args:
+            for arg in operands(node):
                 last_use[index[arg]] = i
         kept = set(self._outputs)
         self._frees: list[list[int]] = [[] for _ in nodes]
@@ -53,8 +54,8 @@ class Program:
         """
         store: list[Value] = [None] * len(self._steps)
         with np.errstate(all="ignore"):
-            for i, (run, operands) in enumerate(self._steps):
-                store[i] = run(values, *(store[k] for k in operands))
+            for i, (run, before) in enumerate(self._steps):
+                store[i] = run(values, *(store[k] for k in before))
                 for k in self._frees[i]:
                     store[k] = None
         return tuple(store[k] for k in self._outputs)
@@ -112,6 +113,11 @@ def _pieces_step(node: Expr) -> _Run:
     breaks, width, _, closed = node.payload
     knots = np.array([float(b) for b in breaks])
     period = knots[-1] - knots[0]
+    table = None
+    if len(operands(node)) == 1:
+        table = np.array(
+            [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
+        ).reshape(-1, width)
 
     def run(values: Mapping[str, Value], t: Value, *flat: Value) -> Value:
         if closed:
@@ -123,6 +129,9 @@ def _pieces_step(node: Expr) -> _Run:
         local = t - knots[index]
         value: Value = 0.0
         for k in reversed(range(width)):
+            if table is not None:
+                value = value * local + table[index, k]
+                continue
             column = flat[k::width]
             if all(np.ndim(c) == 0 for c in column):
                 coefficient = np.asarray(column)[index]

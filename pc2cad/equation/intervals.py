@@ -15,13 +15,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pc2cad.equation.functions import FUNCTIONS
-from pc2cad.equation.tree import Expr, walk
+from pc2cad.equation.tree import Expr, operands, program
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -123,11 +124,11 @@ class IntervalProgram:
     """Straight-line program that encloses some trees; every common sub-tree is worked out once."""
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
-        nodes = list(walk(roots))
+        nodes = program(roots)
         index = {node: i for i, node in enumerate(nodes)}
-        self._nodes = [(node, tuple(index[arg] for arg in node.args)) for node in nodes]
+        self._nodes = [(node, tuple(index[arg] for arg in operands(node))) for node in nodes]
         self._outputs = tuple(index[root] for root in roots)
-        last = {index[arg]: i for i, node in enumerate(nodes) for arg in node.args}
+        last = {index[arg]: i for i, node in enumerate(nodes) for arg in operands(node)}
         kept = set(self._outputs)
         self._frees: list[list[int]] = [[] for _ in nodes]
         for i, use in last.items():
@@ -146,8 +147,8 @@ class IntervalProgram:
         """
         store: list[Any] = [None] * len(self._nodes)
         with np.errstate(all="ignore"):
-            for i, (node, operands) in enumerate(self._nodes):
-                store[i] = enclose(node, tuple(store[k] for k in operands), boxes)
+            for i, (node, before) in enumerate(self._nodes):
+                store[i] = enclose(node, tuple(store[k] for k in before), boxes)
                 for k in self._frees[i]:
                     store[k] = None
         return tuple(store[k] for k in self._outputs)
@@ -359,10 +360,16 @@ def _power(node: Expr, args: tuple[Interval, ...]) -> Interval:
     return _whole_line_where(np.asarray(unknown), result)
 
 
+@lru_cache(maxsize=256)
+def _table(node: Expr) -> tuple[Interval, ...]:
+    """Return the enclosures of coefficients that are all constant."""
+    return IntervalProgram(node.args[1:])({})
+
+
 def _pieces(node: Expr, args: tuple[Interval, ...]) -> Interval:
     """Enclose a piecewise polynomial: the hull over all pieces that the argument meets."""
     breaks, width, _, closed = node.payload
-    t, flat = args[0], args[1:]
+    t, flat = args[0], args[1:] or _table(node)
     knots = [float(b) for b in breaks]
     count = len(knots) - 1
     period = knots[-1] - knots[0]

@@ -135,6 +135,8 @@ def is_identically_zero(root: Expr) -> bool:
 
 def split_turns(root: Expr) -> tuple[Fraction, Expr]:
     """Return (r, rest) with root = r·pi + rest, rest in a canonical order of its terms."""
+    if root.op == "pieces":
+        return Fraction(0), root
     form = normal_form(root, largest=12)
     if form is None:
         return Fraction(0), root

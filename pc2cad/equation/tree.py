@@ -292,6 +292,20 @@ def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
     return tuple(flat[i : i + width] for i in range(0, len(flat), width))
 
 
+def operands(node: Expr) -> tuple[Expr, ...]:
+    """Return what a program has to work out before the node.
+
+    Coefficients of pieces are none of it where all are constant: they make a table.
+    """
+    table = node.op == "pieces" and not any(c.symbols for c in node.args[1:])
+    return node.args[:1] if table else node.args
+
+
+def program(roots: tuple[Expr, ...]) -> list[Expr]:
+    """Return the nodes below the roots, operands first, without those that make tables."""
+    return list(walk(roots, operands))
+
+
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     """Return the node's operation applied to other operands, folded anew."""
     if node.op == "add":
@@ -311,7 +325,9 @@ def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     return call(node.op, *args)
 
 
-def walk(roots: tuple[Expr, ...]) -> Iterator[Expr]:
+def walk(
+    roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] = lambda node: node.args
+) -> Iterator[Expr]:
     """Yield every node below `roots` once, operands before the node that uses them."""
     seen: set[int] = set()
     stack: list[tuple[Expr, bool]] = [(root, False) for root in reversed(roots)]
@@ -324,7 +340,7 @@ def walk(roots: tuple[Expr, ...]) -> Iterator[Expr]:
             yield node
         else:
             stack.append((node, True))
-            stack.extend((arg, False) for arg in reversed(node.args))
+            stack.extend((arg, False) for arg in reversed(below(node)))
 
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:
