@@ -95,6 +95,13 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     _sync_folder(target.parent)
 
 
+def sweep(folder: Path) -> None:
+    """Remove temporary files that a killed process has left; nobody may be writing there."""
+    for path in folder.glob(f"{TEMPORARY_PREFIX}*.tmp"):
+        with suppress(OSError):
+            path.unlink()
+
+
 def _resolve(path: str | os.PathLike[str]) -> Path:
     """Return the real file behind `path`, links followed."""
     text = os.fspath(path)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from pc2cad.errors import NotASolidError
+from pc2cad.export.files import sweep
 from pc2cad.studies.journal import Journal
 from pc2cad.studies.plan import Plan
 from pc2cad.studies.store import open_store
@@ -83,6 +84,9 @@ def run_study(
     keys = [task.key(plan.values(i)) for i in range(len(plan))]
     first = {key: i for i, key in reversed(list(enumerate(keys)))}
     with Journal(folder, task.fingerprint(), resume) as journal:
+        # the journal's lock says that no other process works on this study
+        sweep(folder)
+        open_store(task.store).sweep()
         left = [
             Job(key, plan.values(i))
             for key, i in sorted(first.items(), key=lambda item: item[1])

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pc2cad.errors import FileNotWrittenError, InputError
-from pc2cad.export.files import write_atomically
+from pc2cad.export.files import sweep, write_atomically
 
 
 class Store(Protocol):
@@ -22,6 +22,9 @@ class Store(Protocol):
 
     def has(self, name: str) -> bool:
         """Say whether a file is there."""
+
+    def sweep(self) -> None:
+        """Remove what a killed process has left half written."""
 
 
 class FolderStore:
@@ -47,6 +50,10 @@ class FolderStore:
     def has(self, name: str) -> bool:
         """Say whether a file is there."""
         return (self._folder / name).is_file()
+
+    def sweep(self) -> None:
+        """Remove temporary files of killed processes."""
+        sweep(self._folder)
 
 
 class AddressStore:
@@ -80,6 +87,9 @@ class AddressStore:
     def has(self, name: str) -> bool:
         """Say whether a file is there."""
         return bool(self._system.exists(f"{self._root.rstrip('/')}/{name}"))
+
+    def sweep(self) -> None:
+        """Do nothing: a file is there when it is whole."""
 
 
 @lru_cache(maxsize=4)
