@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from pc2cad.equation.sympy_bridge import to_sympy as to_sympy
     from pc2cad.equation.template_file import read_template as read_template
     from pc2cad.export.mesh_files import write_mesh as write_mesh
+    from pc2cad.export.spline_files import write_splines as write_splines
     from pc2cad.part import Part as Part
     from pc2cad.python import *  # noqa: F403
     from pc2cad.studies.study import study as study
     from pc2cad.volume import mesh_part as mesh_part
+    from pc2cad.volume import spline_part as spline_part
 
 _HOMES = {
     "Part": "pc2cad.part",
@@ -36,9 +38,11 @@ _HOMES = {
     "from_sympy": "pc2cad.equation.sympy_bridge",
     "mesh_part": "pc2cad.volume",
     "read_template": "pc2cad.equation.template_file",
+    "spline_part": "pc2cad.volume",
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.equation.sympy_bridge",
     "write_mesh": "pc2cad.export.mesh_files",
+    "write_splines": "pc2cad.export.spline_files",
 }
 
 

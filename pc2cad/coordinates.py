@@ -104,7 +104,7 @@ class _System:
         self._curves = {name: self._curve(name, 0) for name in template.curves}
         #: scalars of [let] as trees, to be seen through where weights must be added up
         self._scalars: dict[str, Expr] = {}
-        for definition in template.points:
+        for definition in (*template.points, *template.carried):
             self._stand_for(definition)
 
     def expansions(self) -> tuple[Expansion, ...]:

@@ -17,6 +17,7 @@ from pc2cad.topology.cells import Cell, normal_direction
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
+    from pc2cad.isogeometry import VolumeModel
     from pc2cad.mesh.volume_mesh import VolumeMesh
 
 #: lower and upper side of u, v and w: distinguishable also for colour-blind eyes (Okabe, Ito)
@@ -83,6 +84,15 @@ class Part:
 
         return mesh_equation(self.equation, MeshOptions(cells, size, order, shape))[0]
 
+    def splines(self, tolerance: float | None = None) -> VolumeModel:
+        """Return the volume itself as trivariate splines, exact where M is polynomial or rational.
+
+        `tolerance` bounds the distance elsewhere (a length, 1e-7 of the size by default).
+        """
+        from pc2cad.volume import spline_equation
+
+        return spline_equation(self.equation, tolerance)[0]
+
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""
         return Exportable(
@@ -100,7 +110,6 @@ class Part:
                 self.report.equation.centroid,
             ),
             tolerance=self.report.tolerance,
-            evidence=self.report.statements(),
         )
 
     def _colour(self, face: ModelFace) -> tuple[float, float, float]:

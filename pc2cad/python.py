@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pc2cad.equation import curves
-from pc2cad.equation.point_equation import PARAMETERS
+from pc2cad.equation.point_equation import PARAMETERS, Domain, PointEquation
 from pc2cad.equation.points import (
     Combination,
     Value,
@@ -25,11 +26,16 @@ from pc2cad.equation.points import (
 from pc2cad.equation.tree import PI, E, Expr, Number, as_expr, call, symbol
 from pc2cad.errors import InputError
 
+if TYPE_CHECKING:
+    from pc2cad.equation.frames import Frame
+    from pc2cad.equation.guides import Guide
+
 __all__ = [
-    "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "contour", "cos", "cosh",
-    "cross", "det", "diff", "distance", "dot", "e", "exit_from_plane", "exp", "length", "log",
-    "metric", "parameters", "pi", "point", "points", "polygon", "sin", "sine_wave", "sinh",
-    "sqrt", "tan", "tanh", "translate", "unit", "vector",
+    "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "channel", "composite",
+    "contour", "cos", "cosh", "cross", "det", "diff", "distance", "dot", "e", "ellipse",
+    "exit_from_plane", "exp", "frame", "guide", "helix", "length", "log", "metric", "parameters",
+    "pi", "point", "points", "polygon", "polyline", "regular_polygon", "sin", "sine_wave", "sinh",
+    "spline", "sqrt", "superellipse", "tan", "tanh", "translate", "unit", "vector",
 ]  # fmt: skip
 
 pi = PI
@@ -141,29 +147,165 @@ def sqrt(x: Expr | Number) -> Expr:
     return call("sqrt", as_expr(x))
 
 
+PlanePoints = Sequence[tuple[Expr | Number, Expr | Number]]
+
+
+def _plane(points: PlanePoints) -> list[tuple[Expr, Expr]]:
+    return [(as_expr(x), as_expr(y)) for x, y in points]
+
+
+def ellipse(a: Expr | Number, b: Expr | Number, t: Expr) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of the ellipse with semi-axes a and b; once round for t in [0, 1]."""
+    x, y = curves.ellipse(as_expr(a), as_expr(b))
+    return x(t), y(t)
+
+
+def superellipse(
+    a: Expr | Number, b: Expr | Number, exponent: Expr | Number, t: Expr
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of |x/a|^n + |y/b|^n = 1, n ≥ 2; it is analytic for even n."""
+    x, y = curves.superellipse(as_expr(a), as_expr(b), as_expr(exponent))
+    return x(t), y(t)
+
+
 def contour(
-    nodes: Sequence[tuple[Expr | Number, Expr | Number]],
+    nodes: PlanePoints,
     t: Expr,
     handle: Expr | Number | None = None,
+    spacing: str = "uniform",
 ) -> tuple[Expr, Expr]:
     """Return (x, y) at t of the closed C¹ contour through plane points; once round for t in [0, 1].
 
-    `handle` is the share λ of the neighbours' chord that each Bézier handle takes (default 1/6).
+    `handle` is the share λ of the neighbours' chord that each Bézier handle takes (default 1/6);
+    `spacing` is ``uniform``, ``centripetal`` or ``chord`` (see `curves.contour`).
     """
-    plane = [(as_expr(x), as_expr(y)) for x, y in nodes]
-    x, y = curves.contour(plane, as_expr(1) / 6 if handle is None else as_expr(handle))
+    share = as_expr(1) / 6 if handle is None else as_expr(handle)
+    x, y = curves.contour(_plane(nodes), share, spacing)
     return x(t), y(t)
 
 
-def polygon(corners: Sequence[tuple[Expr | Number, Expr | Number]], t: Expr) -> tuple[Expr, Expr]:
-    """Return (x, y) at t of the closed polygon through plane points; once round for t in [0, 1]."""
-    x, y = curves.polygon([(as_expr(x), as_expr(y)) for x, y in corners])
+def polygon(
+    corners: PlanePoints, t: Expr, radius: Number | Sequence[Number] = 0
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of the closed polygon through plane points; once round for t in [0, 1].
+
+    Without `radius` each side has the same share of t; with one (or one per corner) the corners are
+    rounded by arcs, and t goes with the length.
+    """
+    plane = _plane(corners)
+    if not isinstance(radius, Sequence):
+        if radius == 0:
+            x, y = curves.polygon(plane)
+            return x(t), y(t)
+        radius = [radius] * len(plane)
+    x, y = curves.rounded_polygon(plane, [as_expr(r) for r in radius])
     return x(t), y(t)
+
+
+def regular_polygon(
+    count: int, circumradius: Expr | Number, t: Expr, radius: Number = 0
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of a regular polygon with its first corner on the x axis."""
+    return polygon(curves.regular_polygon(count, as_expr(circumradius)), t, radius)
 
 
 def sine_wave(
-    radius: Expr | Number, amplitude: Expr | Number, waves: int, t: Expr
+    radius: Expr | Number,
+    amplitude: Expr | Number,
+    waves: int,
+    t: Expr,
+    radius_y: Expr | Number | None = None,
 ) -> tuple[Expr, Expr]:
-    """Return (x, y) at t of the sine wave r = R + h sin(nφ) round a circle, φ = 2πt."""
-    x, y = curves.sine_wave(as_expr(radius), as_expr(amplitude), as_expr(waves))
+    """Return (x, y) at t of the sine wave r = R + h sin(nφ) round a circle, φ = 2πt.
+
+    With `radius_y` it goes round an ellipse.
+    """
+    second = None if radius_y is None else as_expr(radius_y)
+    x, y = curves.sine_wave(as_expr(radius), as_expr(amplitude), as_expr(waves), second)
     return x(t), y(t)
+
+
+# -- channels: what works with numbers along the guide is imported late ----------------------------
+
+
+def guide(N: Value, interval: Sequence[Expr | Number] = (0, 1)) -> Guide:
+    """Return the guide of any point N(u); see `guides.curve`."""
+    from pc2cad.equation.guides import curve
+
+    return curve(N, interval)
+
+
+def helix(
+    radius: Expr | Number,
+    pitch: Expr | Number,
+    turns: Expr | Number,
+    end_radius: Expr | Number | None = None,
+) -> Guide:
+    """Return a helix about the z axis as a guide, conic with an end radius."""
+    from pc2cad.equation.guides import helix
+
+    return helix(radius, pitch, turns, end_radius)
+
+
+def spline(
+    points: Sequence[Sequence[float]], closed: bool = False, spacing: str = "chord"
+) -> Guide:
+    """Return the C² spline through points in space as a guide; see `guides.spline`."""
+    from pc2cad.equation.guides import spline
+
+    return spline(points, closed, spacing)
+
+
+def polyline(
+    points: Sequence[Sequence[float]],
+    radius: float | Sequence[float] = 0.0,
+    closed: bool = False,
+    corners: str = "round",
+) -> Guide:
+    """Return a polyline with fillets (or mitres) as a guide; see `polylines.polyline`."""
+    from pc2cad.equation.polylines import polyline
+
+    return polyline(points, radius, closed, corners)
+
+
+def composite(*parts: Guide) -> Guide:
+    """Return guides joined end to end with a common tangent; see `guides.composite`."""
+    from pc2cad.equation.guides import composite
+
+    return composite(parts)
+
+
+def frame(
+    along: Guide | Value,
+    kind: str = "rotation-minimising",
+    reference: Value | None = None,
+    twist: Expr | Number = 0,
+    symmetry: int = 1,
+) -> Frame:
+    """Return a frame along a guide (or along a point N(u)); see `frames.frame`."""
+    from pc2cad.equation.frames import frame
+
+    run = guide(along) if isinstance(along, (Expr, Combination)) else along
+    return frame(run, kind, reference, twist, symmetry)
+
+
+def channel(
+    along: Frame | Guide | Value,
+    section: Sequence[Expr | Number],
+    wall: Expr | Number | None = None,
+    *,
+    side: str = "centred",
+    measured: str = "radial",
+    domain: Domain | None = None,
+    name: str = "channel",
+    units: str = "mm",
+) -> PointEquation:
+    """Return a section carried along a frame as point equation; see `channel.channel`.
+
+    A guide, or a point N(u), takes the rotation-minimising frame.
+    """
+    from pc2cad.equation.channel import channel
+    from pc2cad.equation.frames import Frame
+
+    carrier = along if isinstance(along, Frame) else frame(along)
+    return channel(carrier, section, wall, side, measured, domain, name, units)

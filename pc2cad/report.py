@@ -26,40 +26,14 @@ class FaceReport:
 
     name: str
     carrier: str
-    #: exact, bounded or sampled
+    #: exact or sampled
     evidence: str
-    #: largest distance to the equation at equal parameters: a proved bound where the evidence says
-    #: so, else the largest seen
+    #: largest distance to the equation at equal parameters, over `samples` places
     deviation: float
-    #: the largest distance seen, over `samples` places
-    sampled: float
     samples: int
-    #: where no bound could be had, in the patch's own parameters; empty for the other evidence
-    open: str
     degrees: tuple[int, ...]
     poles: tuple[int, ...]
     area: float
-
-
-@dataclass(frozen=True)
-class EdgeReport:
-    """One edge between different faces: as `FaceReport`."""
-
-    name: str
-    carrier: str
-    evidence: str
-    deviation: float
-    sampled: float
-    open: str
-    degree: int
-    poles: int
-
-
-_WORDS = {
-    "exact": "exact",
-    "bounded": "proved to deviate from the equation by at most {length}",
-    "sampled": "sampled to deviate from the equation by at most {length}",
-}
 
 
 @dataclass(frozen=True)
@@ -86,14 +60,14 @@ class Report:
     tolerance: float
     sides: tuple[SideReport, ...]
     faces: tuple[FaceReport, ...]
-    #: the edges between different faces
-    curves: tuple[EdgeReport, ...]
     #: edges between different faces, and their ends
     edges: int
     vertices: int
     #: genus of each shell, the outer one first
     genus: tuple[int, ...]
     euler: int
+    #: of a channel: what frame carries its section along which guide; otherwise nothing
+    frame: str
     #: det J keeps its sign: proved or sampled
     determinant: str
     #: inner images with winding number 1, and how near parts of the boundary may come to one
@@ -115,35 +89,14 @@ class Report:
         return len(self.genus)
 
     @property
-    def parts(self) -> tuple[FaceReport | EdgeReport, ...]:
-        """The faces and the edges."""
-        return (*self.faces, *self.curves)
-
-    @property
     def deviation(self) -> float:
-        """Largest deviation of any face or edge from the equation: bounds and samples alike."""
-        return max(part.deviation for part in self.parts)
+        """Largest deviation of any face from the equation."""
+        return max(face.deviation for face in self.faces)
 
     @property
     def evidence(self) -> str:
-        """The weakest evidence of any face or edge: ``exact``, ``bounded`` or ``sampled``."""
-        found = {part.evidence for part in self.parts}
-        return next(e for e in ("sampled", "bounded", "exact") if e in found)
-
-    def statements(self) -> tuple[str, ...]:
-        """Return in sentences which faces and edges are exact, and what is known of the others."""
-        sentences = []
-        for evidence, words in _WORDS.items():
-            found = [part for part in self.parts if part.evidence == evidence]
-            if found:
-                names = [
-                    f"({part.name})" if isinstance(part, EdgeReport) else part.name
-                    for part in found
-                ]
-                largest = max(part.deviation for part in found)
-                what = words.format(length=f"{largest:.3g} {self.units}")
-                sentences.append(f"{what}: {', '.join(names)}")
-        return tuple(sentences)
+        """``exact`` when every face is, else ``sampled``."""
+        return "exact" if all(f.evidence == "exact" for f in self.faces) else "sampled"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain data for JSON."""

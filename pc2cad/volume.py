@@ -4,6 +4,7 @@ PointEquation  ─analyse→   Analysis     which sides collapse, coincide, boun
                ─integrate→ Properties   volume and areas of the equation
                ─solidity→  Solidity     no fold, no overlap, or it is refused
                ─mesh→      VolumeMesh   structured hexahedra on a (u,v,w) grid
+            or ─represent→ VolumeModel  M itself as trivariate splines
 
 Tetrahedra are made of the kernel's solid instead, which is compiled as usual.
 """
@@ -18,6 +19,8 @@ from typing import Any, Literal
 from pc2cad.analysis import Analysis, analyse
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
 from pc2cad.errors import InputError, require
+from pc2cad.geometry.profile import COMPACT, SplineProfile
+from pc2cad.isogeometry import VolumeModel, represent_volume
 from pc2cad.mesh.grid import Grading, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.quality import Quality, measure
@@ -119,6 +122,40 @@ def mesh_equation(
     report = report_on(mesh, measure(mesh), properties.volume, areas, cells)
     clock("")
     return mesh, MeshReport(**{**vars(report), "times": clock.times})
+
+
+def spline_equation(
+    equation: PointEquation,
+    tolerance: float | None = None,
+    profile: SplineProfile = COMPACT,
+    progress: Progress | None = None,
+) -> tuple[VolumeModel, float]:
+    """Return M as trivariate splines, and the volume of the equation itself.
+
+    `tolerance` bounds the distance from the equation (a length, 1e-7 of the size by default) where
+    no exact form is known. Raises NotASolidError, ToleranceNotReachedError.
+    """
+    clock = _Clock(progress)
+    clock("analyse")
+    analysis = analyse(equation)
+    clock("integrate")
+    properties = integrate(analysis)
+    clock("solidity")
+    check_solidity(analysis)
+    clock("represent")
+    return represent_volume(analysis, tolerance, profile), properties.volume
+
+
+def spline_part(
+    equation: Equation,
+    domain: Domain | None = None,
+    tolerance: float | None = None,
+    *,
+    name: str = "part",
+    units: str = "mm",
+) -> VolumeModel:
+    """Return a Python point equation over a box as trivariate splines; see `spline_equation`."""
+    return spline_equation(point_equation(equation, domain, name=name, units=units), tolerance)[0]
 
 
 def mesh_part(

@@ -22,16 +22,14 @@ ALLOWED = {
     },
     "quadrature": {"numpy"},
     "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
-    "enclosure": {"enclosure", "equation", "geometry", "numpy", "scipy"},
     "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
     "model": {"geometry", "topology", "numpy"},
     "planar": {"geometry", "model", "topology", "numpy"},
     "courses": {"directions", "equation", "geometry", "numpy"},
     "laying": {"geometry", "model", "topology", "numpy"},
-    "proof": {"directions", "enclosure", "equation", "geometry", "model", "numpy"},
     "boundary": {
         "analysis", "courses", "directions", "errors", "geometry", "laying", "model", "planar",
-        "proof", "topology", "numpy",
+        "topology", "numpy",
     },
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
@@ -49,7 +47,10 @@ ALLOWED = {
         "solidity",
         "topology", "numpy",
     },
-    "export": {"export", "errors", "mesh", "numpy", "OCP", "lib3mf", "vtkmodules"},
+    "export": {
+        "export", "errors", "isogeometry", "mesh", "topology", "numpy", "OCP", "lib3mf",
+        "vtkmodules",
+    },
     "studies": {
         "studies", "compiler", "equation", "errors", "export", "geometry", "library", "part",
         "picture", "report", "numpy", "scipy", "__version__",
@@ -57,15 +58,20 @@ ALLOWED = {
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
     },
-    "volume": {"analysis", "compiler", "equation", "errors", "mesh", "properties", "solidity"},
     "viewer": {"viewer", "errors", "part", "picture", "numpy"},
     "picture": {
         "picture", "equation", "errors", "export", "mapping", "part", "topology", "numpy", "OCP",
         "vtkmodules",
     },
+    "volume": {
+        "analysis", "compiler", "equation", "errors", "geometry", "isogeometry", "mesh",
+        "properties", "solidity",
+    },
+    "isogeometry": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
 }  # fmt: skip
-#: within the equation room only the vectorised evaluations need arrays
-NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals"}
+#: within the equation room only the vectorised evaluations need arrays, and what is made along a
+#: guide by numbers: quadrature, frames, interpolating splines
+NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals", "along", "frames", "interpolation"}
 #: what topology takes from the equation room: the three-valued answer, nothing else
 TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
 OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "lib3mf", "vtk", "vtkmodules"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -13,22 +12,19 @@ from pc2cad.cli.inputs import (
     add_template,
     add_tolerance,
     bind,
+    check_different,
     load,
     named,
     read_length,
     spline_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
-from pc2cad.errors import FileNotWrittenError, InputError
+from pc2cad.errors import FileNotWrittenError
 
 if TYPE_CHECKING:
     from pc2cad.export.model import ExportOptions
     from pc2cad.part import Part
     from pc2cad.report import Report
-
-
-class OutputClashError(InputError):
-    """Two of the files of a command are the same one."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,8 +101,7 @@ def summary(report: Report) -> str:
     """Return volume, area, faces and evidence on one line."""
     units = report.units
     exact = report.evidence == "exact"
-    known = f"deviation {report.deviation:.2g} {units} ({report.evidence})"
-    evidence = "exact" if exact else known
+    evidence = "exact" if exact else f"deviation {report.deviation:.2g} {units} (sampled)"
     return (
         f"volume {report.equation.volume:.10g} {units}^3, area {report.equation.area:.10g} "
         f"{units}^2, {len(report.faces)} faces, {evidence}"
@@ -129,13 +124,8 @@ def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
         check_writable(path)
     if arguments.report is not None:
         check_target(arguments.report)
-    taken = {os.path.realpath(template): "the template"}
     reports = () if arguments.report is None else (arguments.report,)
-    for path in (*arguments.outputs, *reports):
-        real = os.path.realpath(path)
-        if real in taken:
-            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
-        taken[real] = f"another output, {path}"
+    check_different((*arguments.outputs, *reports), template)
 
 
 def _encode(

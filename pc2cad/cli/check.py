@@ -22,7 +22,7 @@ from pc2cad.cli.output import Progress, one_line, say, table
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import Expectations
-    from pc2cad.report import EdgeReport, FaceReport, Report
+    from pc2cad.report import Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,12 +57,12 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield one_line(f"{report.name}: {report.title}" if report.title else report.name)
     if report.parameters:
         yield "  " + ", ".join(f"{name} = {x:.12g}" for name, x in report.parameters.items())
+    if report.frame:
+        yield f"  frame: {one_line(report.frame)}"
     yield "\nSides of the parameter box"
     yield table([(s.name, s.fate, s.verdict, s.detail) for s in report.sides])
     yield f"\nFaces (deviation in {report.units}, area in {report.units}^2)"
     yield _faces(report)
-    yield f"\nEdges (deviation in {report.units})"
-    yield _edges(report)
     yield f"\nTopology\n  {_topology(report)}"
     yield f"\nIntegrals ({report.units})"
     yield _integrals(report)
@@ -75,38 +75,18 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
 
 def _faces(report: Report) -> str:
     rows: list[tuple[str, ...]] = [
-        ("face", "carrier", "evidence", "deviation", "seen", "samples", "degrees", "poles", "area")
+        ("face", "carrier", "evidence", "deviation", "samples", "degrees", "poles", "area")
     ]
     rows += [
         (
-            face.name, face.carrier, face.evidence, *_deviations(face), str(face.samples or "-"),
+            face.name, face.carrier, face.evidence,
+            f"{face.deviation:.2g}" if face.samples else "-", str(face.samples or "-"),
             " x ".join(map(str, face.degrees)) or "-", " x ".join(map(str, face.poles)) or "-",
             f"{face.area:.10g}",
         )
         for face in report.faces
     ]  # fmt: skip
     return table(rows)
-
-
-def _edges(report: Report) -> str:
-    rows: list[tuple[str, ...]] = [
-        ("edge", "carrier", "evidence", "deviation", "seen", "degree", "poles")
-    ]
-    rows += [
-        (
-            edge.name, edge.carrier, edge.evidence, *_deviations(edge), str(edge.degree or "-"),
-            str(edge.poles or "-"),
-        )
-        for edge in report.curves
-    ]  # fmt: skip
-    return table(rows)
-
-
-def _deviations(part: FaceReport | EdgeReport) -> tuple[str, str]:
-    """Return the deviation, a bound where it is proved, and the largest one seen."""
-    if part.evidence == "exact":
-        return "-", "-"
-    return f"{part.deviation:.2g}", f"{part.sampled:.2g}"
 
 
 def _topology(report: Report) -> str:
@@ -141,7 +121,7 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
     rows = [
         ("size", f"{report.size:.10g} {units}"),
         ("tolerance", f"{report.tolerance:.3g} {units}"),
-        ("deviation", _deviation(report)),
+        ("deviation", f"{report.deviation:.2g} {units} ({report.evidence})"),
         ("kernel tolerance", f"{report.kernel_tolerance:.2g} {units}"),
         ("solid", "valid in the kernel, closed, of the derived topology and the right integrals"),
         ("det J", f"keeps its sign ({report.determinant})"),
@@ -151,14 +131,6 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
     if error is not None and math.isfinite(error):
         rows.insert(4, ("quadrature error", f"{error:.1e} (estimate, relative)"))
     return [(name, value) for name, value in rows]
-
-
-def _deviation(report: Report) -> str:
-    if report.evidence == "exact":
-        return "none: every face and edge is exact"
-    text = f"{report.deviation:.2g} {report.units} ({report.evidence})"
-    places = [f"{p.name} at {p.open}" for p in report.parts if p.open]
-    return f"{text}; no bound for {'; '.join(places)}" if places else text
 
 
 def _overlap(report: Report) -> str:

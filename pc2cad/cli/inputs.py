@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,10 @@ class SplineOptions(TypedDict):
     degree: int | None
     max_degree: int | None
     profile: str
+
+
+class OutputClashError(InputError):
+    """Two of the files of a command are the same one."""
 
 
 def add_template(parser: argparse.ArgumentParser) -> None:
@@ -74,6 +79,16 @@ def spline_options(arguments: argparse.Namespace) -> SplineOptions:
     }
     spline_profile(**options)
     return options
+
+
+def check_different(outputs: Sequence[str], template: Path) -> None:
+    """Raise OutputClashError where two outputs, or one and the template, are the same file."""
+    taken = {os.path.realpath(template): "the template"}
+    for path in outputs:
+        real = os.path.realpath(path)
+        if real in taken:
+            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
+        taken[real] = f"another output, {path}"
 
 
 @contextmanager

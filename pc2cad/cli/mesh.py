@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from pc2cad.cli.inputs import add_template, bind, load, named, read_length
+from pc2cad.cli.inputs import add_template, bind, check_different, load, named, read_length
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError
 
@@ -66,7 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
             check_mesh_writable(output)
         if arguments.report is not None:
             check_target(arguments.report)
-        _check_different(arguments, os.path.realpath(path))
+        reports = () if arguments.report is None else (arguments.report,)
+        check_different((*arguments.outputs, *reports), path)
         with named(arguments.template):
             mesh, report = mesh_equation(equation, options, progress)
         for output in arguments.outputs:
@@ -81,17 +82,6 @@ def run(arguments: argparse.Namespace) -> int:
         for paragraph in _paragraphs(report):
             say(paragraph)
     return 0
-
-
-def _check_different(arguments: argparse.Namespace, template: str) -> None:
-    from pc2cad.cli.build import OutputClashError
-
-    taken = {template: "the template"}
-    for path in (*arguments.outputs, *((arguments.report,) if arguments.report else ())):
-        real = os.path.realpath(path)
-        if real in taken:
-            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
-        taken[real] = f"another output, {path}"
 
 
 def _options(arguments: argparse.Namespace) -> MeshOptions:

@@ -57,6 +57,10 @@ def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[s
     for name, (low, high) in zip("uvw", template.domain, strict=True):
         yield f"  {as_text(low)} <= {name} <= {as_text(high)}"
     yield from _curves(template, path)
+    if template.guide is not None:
+        yield f"\nGuide\n  N(u): {template.guide.words}"
+    if template.frame is not None:
+        yield f"\nFrame\n  R = N + normal, Q = N + binormal: {template.frame.words}"
     yield "\nPoint equation"
     for definition in (*template.lets, *template.solid):
         yield f"  {definition.name} = {one_line(definition.text)}"
@@ -94,23 +98,27 @@ def _curves(template: Template, path: Path) -> Iterator[str]:
     yield "\nCurves (coordinates in the plane of the section, once round for t from 0 to 1)"
     for name, table in raw["curves"].items():
         yield f"  {name}_x(t), {name}_y(t): {_in_words(table)}"
-        if table["kind"] == "sine":
+        if table["kind"] in ("sine", "ellipse", "superellipse", "polar", "plane"):
             for axis in "xy":
                 tree = template.curves[f"{name}_{axis}"](symbol("t"))
                 yield f"    {name}_{axis}(t) = {as_text(tree)}"
 
 
 def _in_words(table: dict[str, Any]) -> str:
-    if table["kind"] == "sine":
-        return (
-            f"sine wave round a circle of radius {table['radius']}, with amplitude "
-            f"{table['amplitude']} and {table['waves']} waves"
-        )
-    nodes = ", ".join(f"({x}, {y})" for x, y in table["points"])
-    return (
-        f"closed contour of first order of smoothness through {len(table['points'])} points, "
-        f"{nodes}; length of the handles: {table.get('handle', '1/6')} of the neighbours' chord"
-    )
+    kind = table["kind"]
+    given = ", ".join(f"{k} = {v}" for k, v in table.items() if k not in ("kind", "points"))
+    through = ""
+    if "points" in table:
+        nodes = ", ".join(f"({x}, {y})" for x, y in table["points"])
+        through = f" through {len(table['points'])} points, {nodes}"
+    words = {
+        "sine": "sine wave round a circle, r = radius + amplitude*sin(waves*phi)",
+        "contour": "closed contour of first order of smoothness",
+        "plane": "plane curve",
+        "polar": "curve about the guide",
+        "regular": "regular polygon",
+    }.get(kind, kind)
+    return f"{words}{through}{'; ' if given else ''}{given}"
 
 
 def _latex(template: Template) -> Iterator[str]:

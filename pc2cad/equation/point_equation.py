@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final
 
@@ -59,6 +59,9 @@ class PointEquation:
     units: str = "mm"
     parameters: Mapping[str, float] = field(default_factory=dict)
     expectations: Expectations = Expectations()
+    #: of a channel: its guide N(u), and what frame carries the section along it
+    guide: tuple[Expr, Expr, Expr] | None = None
+    frame: str = ""
     #: makes the equation again with other points, where it knows the names of its points
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False
@@ -83,7 +86,7 @@ class PointEquation:
 
 
 #: a point, or its three coordinates: trees, numbers or SymPy expressions
-Equation = Combination | Sequence[Any]
+Equation = Combination | Sequence[Any] | PointEquation
 Domain = Mapping[str, Sequence[Expr | Number]]
 
 
@@ -92,9 +95,13 @@ def point_equation(
 ) -> PointEquation:
     """Return the point equation of a point (or of three coordinates) over a box.
 
-    `domain` maps u, v and w to their limits; what is missing runs from 0 to 1. Raises
+    `domain` maps u, v and w to their limits; what is missing runs from 0 to 1, or as it did in an
+    equation that is one already (which keeps its name and units). Raises
     NotAPointEquationError, WeightsDoNotSumError or EmptyDomainError.
     """
+    if isinstance(equation, PointEquation):
+        limits = dict(zip(PARAMETERS, equation.domain, strict=True)) | dict(domain or {})
+        return replace(equation, domain=_domain(limits))
     if not isinstance(equation, Combination):
         coordinates = tuple(equation)
         if len(coordinates) != 3:
@@ -105,16 +112,15 @@ def point_equation(
     check_point(equation)
     if units not in UNITS:
         raise InputError(f"unknown units '{units}'; use one of {', '.join(UNITS)}")
-    limits = domain or {}
+    return PointEquation(equation.coordinates, _domain(domain or {}), name=name, units=units)
+
+
+def _domain(limits: Domain) -> tuple[Interval, Interval, Interval]:
     unknown = set(limits) - set(PARAMETERS)
     if unknown:
         raise InputError(f"the domain names {sorted(unknown)[0]}; a solid has only u, v and w")
-    return PointEquation(
-        equation.coordinates,
-        tuple(interval(p, limits.get(p, (ZERO, ONE))) for p in PARAMETERS),  # type: ignore[arg-type]
-        name=name,
-        units=units,
-    )
+    u, v, w = (interval(p, limits.get(p, (ZERO, ONE))) for p in PARAMETERS)
+    return u, v, w
 
 
 def _coordinate(value: Any) -> Expr | Number:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pc2cad.equation.language import nearest, read_expression
 from pc2cad.equation.point_equation import (
@@ -21,6 +21,10 @@ from pc2cad.equation.points import Combination, Value
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import Expr, Number, as_expr
 from pc2cad.errors import InputError
+
+if TYPE_CHECKING:
+    from pc2cad.equation.frames import Frame
+    from pc2cad.equation.guides import Guide
 
 
 class TemplateError(InputError):
@@ -67,6 +71,10 @@ class Template:
     parameters: tuple[Parameter, ...]
     points: tuple[Definition, ...]
     curves: Mapping[str, Any]
+    guide: Guide | None
+    frame: Frame | None
+    #: the points that [guide] and [frame] define: N, and R and Q
+    carried: tuple[Definition, ...]
     lets: tuple[Definition, ...]
     domain: tuple[Interval, Interval, Interval]
     #: M, or x, y and z, as written
@@ -129,10 +137,11 @@ class Template:
         self, bound: dict[str, Expr], mover: Callable[[Mapping[str, Moved]], PointEquation]
     ) -> PointEquation:
         """Return the equation of a template that was read with all its parameters bound."""
-        check_point(self.M)
+        M = self.frame.shifted(self.M) if self.frame else self.M
+        check_point(M)
         u, v, w = (interval(p, d) for p, d in zip(PARAMETERS, self.domain, strict=True))
         return PointEquation(
-            self.M.coordinates,
+            M.coordinates,
             (u, v, w),
             name=self.name,
             title=self.title,
@@ -141,6 +150,10 @@ class Template:
             units=self.units,
             parameters={name: evaluate(value, {}) for name, value in bound.items()},
             expectations=self._expectations(),
+            guide=self.guide.N.coordinates if self.guide else None,
+            frame=f"{self.frame.words}; guide: {self.guide.words}"
+            if self.frame and self.guide
+            else "",
             mover=mover,
         )
 

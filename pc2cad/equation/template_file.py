@@ -2,40 +2,35 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import stat
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from pc2cad.equation import curves
-from pc2cad.equation.language import PARAMETER_NAMES, RESERVED_NAMES, nearest, read_expression
+from pc2cad.equation.language import PARAMETER_NAMES, read_expression
 from pc2cad.equation.point_equation import UNITS, Interval
 from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
 from pc2cad.equation.template import Definition, Moved, Parameter, Template, TemplateError
-from pc2cad.equation.tree import ONE, ZERO, Expr, number, symbol
+from pc2cad.equation.template_channel import read_curves, read_frame, read_guide
+from pc2cad.equation.template_tables import Tables, shown, written
+from pc2cad.equation.tree import ONE, ZERO, Expr, symbol
 from pc2cad.errors import InputError
 
 LARGEST_FILE: Final = 256 * 1024
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}\Z")
 #: the TOML parser takes quadratic time for keys of thousands of parts
 _DEEP_KEY: Final = re.compile(r"(?<![A-Za-z0-9_-])(?:[A-Za-z0-9_-]++[ \t]*+\.[ \t]*+){16}")
 _TEXTS: Final = ("title", "about", "source", "units")
-_TABLES: Final = ("parameters", "points", "domain", "curves", "let", "solid", "expect")
+_TABLES: Final = (
+    "parameters", "points", "domain", "curves", "guide", "frame", "let", "solid", "expect",
+)  # fmt: skip
 _EXPECTED: Final = (
     "volume", "area", "centroid", "faces", "edges", "vertices", "shells", "euler",
 )  # fmt: skip
-#: kind of curve -> (required keys, optional keys)
-_CURVE_KEYS: Final = {
-    "contour": (("points",), ("handle",)),
-    "polygon": (("points",), ()),
-    "sine": (("radius", "amplitude", "waves"), ()),
-}
 
 
 def read_template(path: str | os.PathLike[str]) -> Template:
@@ -93,7 +88,7 @@ def _decimal(text: str) -> Fraction | float:
     return Fraction(text)
 
 
-class _Reader:
+class _Reader(Tables):
     """Reads the tables in the order in which they may refer to one another."""
 
     def __init__(
@@ -103,131 +98,80 @@ class _Reader:
         bound: Mapping[str, Expr],
         moved: Mapping[str, Moved],
     ) -> None:
-        self._file = file
-        self._data = data
+        super().__init__(file, data)
         #: values of parameters (without them, all are symbols) and what replaces points
         self._bound = bound
         self._moved = moved
-        self._names: dict[str, Value] = {}
-        self._curves: dict[str, Any] = {}
 
     def template(self, name: str) -> Template:
-        self._check_keys(self._data, (*_TEXTS, *_TABLES), "")
-        texts = {key: self._text(key) for key in _TEXTS}
+        self.check_keys(self.data, (*_TEXTS, *_TABLES), "")
+        texts = {key: self.text(key) for key in _TEXTS}
         units = texts["units"] or "mm"
         if units not in UNITS:
-            self._fail("units", f"unknown units '{units}'; use one of {', '.join(UNITS)}")
+            self.fail("units", f"unknown units '{units}'; use one of {', '.join(UNITS)}")
         if not texts["title"]:
-            self._fail("title", "a template needs a title")
+            self.fail("title", "a template needs a title")
         parameters = self._parameters()
         domain = self._domain()
         points = self._points()
-        self._read_curves()
-        self._names |= {p: symbol(p) for p in PARAMETER_NAMES}
-        lets = self._lets()
+        read_curves(self)
+        self.names |= {p: symbol(p) for p in PARAMETER_NAMES}
+        u = self.bound(domain[0][0]), self.bound(domain[0][1])
+        guide, carried = read_guide(self, u)
+        frame, normals = read_frame(self, guide)
+        written_out = carried if "N" in self.table("guide") else []
+        carried = [] if written_out else carried
+        lets = (*written_out, *self._lets())
         solid, M = self._solid()
         return Template(
             name, texts["title"], texts["about"], texts["source"], units, parameters, points,
-            dict(self._curves), lets, domain, solid, M, self._expected(),
-            partial(_read, name, self._file, self._data),
+            dict(self.curves), guide, frame, (*carried, *normals), lets, domain, solid, M,
+            self._expected(), partial(_read, name, self.file, self.data),
         )  # fmt: skip
-
-    def _fail(self, key: str, message: str) -> Any:
-        raise TemplateError(f"{self._file}: {key}: {message}")
-
-    def _check_keys(self, table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-        known = tuple(known)
-        for key in table:
-            if key not in known:
-                self._fail(where + _shown(key), f"unknown key{nearest(key, known)}")
-
-    def _text(self, key: str) -> str:
-        value = self._data.get(key, "")
-        if not isinstance(value, str):
-            self._fail(key, "must be a text in quotes")
-        return str(value)
-
-    def _table(self, key: str) -> dict[str, Any]:
-        value = self._data.get(key, {})
-        if not isinstance(value, dict):
-            self._fail(key, f"must be a table, [{key}]")
-        return dict(value)
-
-    def _scalar(self, key: str, raw: object) -> Expr:
-        """Read a number or the text of a scalar expression."""
-        if isinstance(raw, str):
-            value = self._expression(key, raw)
-            if not isinstance(value, Expr):
-                self._fail(key, f"must be a scalar, and {kind_of(value).value} was given")
-            return value  # type: ignore[return-value]
-        if isinstance(raw, bool) or not isinstance(raw, (int, float, Fraction)):
-            self._fail(key, "must be a number or an expression in quotes")
-        if isinstance(raw, float) and not math.isfinite(raw):
-            self._fail(key, f"{raw} is not a finite number")
-        try:
-            return number(raw)  # type: ignore[arg-type]
-        except InputError as error:
-            return self._fail(key, str(error))  # type: ignore[no-any-return]
-
-    def _expression(self, key: str, text: str) -> Value:
-        try:
-            return read_expression(text, self._names, self._curves)
-        except InputError as error:
-            return self._fail(key, str(error))  # type: ignore[no-any-return]
-
-    def _define(self, key: str, name: str, value: Value | None) -> None:
-        """Add a name, which must be new, well formed and not reserved."""
-        if not _NAME.match(name):
-            self._fail(key, f"'{_shown(name)}' is not a name (a letter, then letters, digits, _)")
-        if name in RESERVED_NAMES:
-            self._fail(key, f"the name {name} is reserved")
-        if name in self._names or name in self._curves:
-            self._fail(key, f"the name {name} is defined twice")
-        if value is not None:
-            self._names[name] = value
 
     def _parameters(self) -> tuple[Parameter, ...]:
         result = []
-        for name, raw in self._table("parameters").items():
-            key = f"[parameters] {_shown(name)}"
+        for name, raw in self.table("parameters").items():
+            key = f"[parameters] {shown(name)}"
             if not isinstance(raw, dict):
                 raw = {"default": raw}
-            self._check_keys(raw, ("default", "min", "max", "about"), f"{key}.")
+            self.check_keys(raw, ("default", "min", "max", "about"), f"{key}.")
             if "default" not in raw:
-                self._fail(key, "needs a default")
-            limits = {k: self._scalar(f"{key}.{k}", raw[k]) for k in raw if k != "about"}
+                self.fail(key, "needs a default")
+            limits = {k: self.scalar(f"{key}.{k}", raw[k]) for k in raw if k != "about"}
             about = raw.get("about", "")
             if not isinstance(about, str):
-                self._fail(f"{key}.about", "must be a text in quotes")
+                self.fail(f"{key}.about", "must be a text in quotes")
             for k, tree in limits.items():
                 if tree.symbols:
-                    self._fail(f"{key}.{k}", "must be constant")
+                    self.fail(f"{key}.{k}", "must be constant")
             result.append(
                 Parameter(name, limits["default"], limits.get("min"), limits.get("max"), about)
             )
         for parameter in result:
             value = self._bound.get(parameter.name, symbol(parameter.name))
-            self._define(f"[parameters] {parameter.name}", parameter.name, value)
+            self.defaults[parameter.name] = self._bound.get(parameter.name, parameter.default)
+            self.define(f"[parameters] {parameter.name}", parameter.name, value)
         return tuple(result)
 
     def _points(self) -> tuple[Definition, ...]:
         result = []
-        for name, raw in self._table("points").items():
-            key = f"[points] {_shown(name)}"
+        for name, raw in self.table("points").items():
+            key = f"[points] {shown(name)}"
             if not isinstance(raw, list) or len(raw) != 3:
-                self._fail(key, "a point is a list of three coordinates, [x, y, z]")
-            value = point(*(self._scalar(f"{key}[{i}]", x) for i, x in enumerate(raw)))
-            text = "[" + ", ".join(_written(x) for x in raw) + "]"
+                self.fail(key, "a point is a list of three coordinates, [x, y, z]")
+            value = point(*(self.scalar(f"{key}[{i}]", x) for i, x in enumerate(raw)))
+            text = "[" + ", ".join(written(x) for x in raw) + "]"
             result.append(Definition(name, text, value))
         for definition in result:
-            self._define(f"[points] {definition.name}", definition.name, definition.value)
+            self.define(f"[points] {definition.name}", definition.name, definition.value)
         return self._move(result)
 
     def _move(self, points: list[Definition]) -> tuple[Definition, ...]:
         """Return the points with current points in the place of those that are moved."""
-        known = self._names | {p: symbol(p) for p in PARAMETER_NAMES}
+        known = self.names | {p: symbol(p) for p in PARAMETER_NAMES}
         moved = [self._current(d, known) if d.name in self._moved else d for d in points]
-        self._names |= {d.name: d.value for d in moved}
+        self.names |= {d.name: d.value for d in moved}
         return tuple(moved)
 
     def _current(self, fixed: Definition, known: Mapping[str, Value]) -> Definition:
@@ -255,104 +199,55 @@ class _Reader:
         return Definition(fixed.name, raw if isinstance(raw, str) else repr(value), value)
 
     def _domain(self) -> tuple[Interval, Interval, Interval]:
-        table = self._table("domain")
-        self._check_keys(table, PARAMETER_NAMES, "[domain] ")
+        table = self.table("domain")
+        self.check_keys(table, PARAMETER_NAMES, "[domain] ")
         limits: list[Interval] = []
         for name in PARAMETER_NAMES:
             key = f"[domain] {name}"
             raw = table.get(name, [ZERO, ONE])
             if not isinstance(raw, list) or len(raw) != 2:
-                self._fail(key, "is a list of two limits, [lower, upper]")
-            low, high = (x if isinstance(x, Expr) else self._scalar(key, x) for x in raw)
+                self.fail(key, "is a list of two limits, [lower, upper]")
+            low, high = (x if isinstance(x, Expr) else self.scalar(key, x) for x in raw)
             limits.append((low, high))
         return limits[0], limits[1], limits[2]
 
-    def _read_curves(self) -> None:
-        for name, raw in self._table("curves").items():
-            key = f"[curves.{_shown(name)}]"
-            if not isinstance(raw, dict) or raw.get("kind") not in _CURVE_KEYS:
-                self._fail(key, f"needs a kind, one of {', '.join(_CURVE_KEYS)}")
-            required, optional = _CURVE_KEYS[raw["kind"]]
-            self._check_keys(raw, ("kind", *required, *optional), f"{key} ")
-            for needed in required:
-                if needed not in raw:
-                    self._fail(key, f"a {raw['kind']} needs the key {needed}")
-            try:
-                pair = self._curve(key, raw)
-            except InputError as error:
-                if isinstance(error, TemplateError):
-                    raise
-                self._fail(key, str(error))
-            self._define(key, name, None)
-            for axis, function in zip("xy", pair, strict=True):
-                self._define(key, f"{name}_{axis}", None)
-                self._curves[f"{name}_{axis}"] = function
-
-    def _curve(self, key: str, raw: dict[str, Any]) -> curves.Curve:
-        if raw["kind"] == "sine":
-            values = (self._scalar(f"{key} {k}", raw[k]) for k in ("radius", "amplitude", "waves"))
-            return curves.sine_wave(*values)
-        nodes = raw["points"]
-        if not isinstance(nodes, list) or not all(isinstance(n, list) and len(n) == 2
-                                                  for n in nodes):  # fmt: skip
-            self._fail(f"{key} points", "is a list of plane points, [[x, y], …]")
-        plane = [
-            (self._scalar(f"{key} points[{i}]", x), self._scalar(f"{key} points[{i}]", y))
-            for i, (x, y) in enumerate(nodes)
-        ]
-        if raw["kind"] == "polygon":
-            return curves.polygon(plane)
-        return curves.contour(plane, self._scalar(f"{key} handle", raw.get("handle", "1/6")))
-
     def _lets(self) -> tuple[Definition, ...]:
         result = []
-        for name, raw in self._table("let").items():
-            key = f"[let] {_shown(name)}"
-            value = self._expression(key, raw) if isinstance(raw, str) else self._scalar(key, raw)
-            self._define(key, name, value)
-            result.append(Definition(name, _written(raw), value))
+        for name, raw in self.table("let").items():
+            key = f"[let] {shown(name)}"
+            value = self.expression(key, raw) if isinstance(raw, str) else self.scalar(key, raw)
+            self.define(key, name, value)
+            result.append(Definition(name, written(raw), value))
         return tuple(result)
 
     def _solid(self) -> tuple[tuple[Definition, ...], Combination]:
-        table = self._table("solid")
-        self._check_keys(table, ("M", "x", "y", "z"), "[solid] ")
+        table = self.table("solid")
+        self.check_keys(table, ("M", "x", "y", "z"), "[solid] ")
         if set(table) == {"M"}:
             key, raw = "[solid] M", table["M"]
-            value = self._expression(key, raw) if isinstance(raw, str) else None
+            value = self.expression(key, raw) if isinstance(raw, str) else None
             if not isinstance(value, Combination) or kind_of(value).name != "POINT":
                 what = kind_of(value).value if value is not None else "something else"
-                self._fail(key, f"M must be a point equation in quotes, and {what} was given")
+                self.fail(key, f"M must be a point equation in quotes, and {what} was given")
             return (Definition("M", str(raw), value),), value  # type: ignore[arg-type,return-value]
         if set(table) == {"x", "y", "z"}:
-            trees = [self._scalar(f"[solid] {axis}", table[axis]) for axis in "xyz"]
-            written = (
-                Definition(a, _written(table[a]), t) for a, t in zip("xyz", trees, strict=True)
-            )
-            return tuple(written), point(*trees)
-        return self._fail("[solid]", "needs either M or all of x, y and z")  # type: ignore[no-any-return]
+            trees = [self.scalar(f"[solid] {axis}", table[axis]) for axis in "xyz"]
+            rows = (Definition(a, written(table[a]), t) for a, t in zip("xyz", trees, strict=True))
+            return tuple(rows), point(*trees)
+        return self.fail("[solid]", "needs either M or all of x, y and z")  # type: ignore[no-any-return]
 
     def _expected(self) -> dict[str, tuple[Expr, ...]]:
-        table = self._table("expect")
-        self._check_keys(table, _EXPECTED, "[expect] ")
+        table = self.table("expect")
+        self.check_keys(table, _EXPECTED, "[expect] ")
         result = {}
         for name, raw in table.items() if not self._moved else ():
             # what is stated of the points as written need not hold of moved ones
             key = f"[expect] {name}"
             values = raw if name == "centroid" else [raw]
             if not isinstance(values, list) or len(values) != (3 if name == "centroid" else 1):
-                self._fail(key, "is a list of three coordinates")
-            trees = tuple(self._scalar(key, value) for value in values)
+                self.fail(key, "is a list of three coordinates")
+            trees = tuple(self.scalar(key, value) for value in values)
             if any(not tree.symbols.isdisjoint(PARAMETER_NAMES) for tree in trees):
-                self._fail(key, "must not depend on u, v or w")
+                self.fail(key, "must not depend on u, v or w")
             result[name] = trees
         return result
-
-
-def _written(raw: object) -> str:
-    """Return a value of the file as text, numbers as decimals."""
-    return repr(number(raw)) if isinstance(raw, Fraction) else str(raw)
-
-
-def _shown(key: str) -> str:
-    """Make a key safe for a one-line message."""
-    return key if key.isprintable() and len(key) <= 80 else repr(key)[:80]

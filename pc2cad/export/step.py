@@ -99,9 +99,7 @@ def _product_name(exportable: Exportable) -> str:
 
 def _description(exportable: Exportable) -> list[str]:
     text = part21.lines(exportable.description)
-    for sentence in exportable.evidence:
-        text += part21.lines(sentence)
-    if exportable.tolerance > 0.0 and not exportable.evidence:
+    if exportable.tolerance > 0.0:
         text.append(
             f"deviation from the equation at most {exportable.tolerance:.3g} {exportable.units}"
         )

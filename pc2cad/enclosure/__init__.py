@@ -1,1 +1,0 @@
-"""Proved bounds: enclosures of expression trees, and of their distance from splines."""

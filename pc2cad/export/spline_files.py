@@ -1,0 +1,111 @@
+"""The table of formats for trivariate splines, and writing a volume model to any of them."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pc2cad.errors import InputError
+from pc2cad.export.files import check_target, write_atomically
+from pc2cad.isogeometry import Patch, VolumeModel
+
+
+@dataclass(frozen=True)
+class SplineFormat:
+    """One format of splines: how it is recognised and specified, and what it keeps."""
+
+    extension: str
+    title: str
+    #: address of the format's specification
+    specification: str
+    #: how patches and the names of sides are found in the file
+    keeps: str
+    #: module with ``encode(model) -> str``
+    module: str
+
+
+SPLINE_FORMATS: tuple[SplineFormat, ...] = (
+    SplineFormat(
+        ".xml",
+        "G+Smo multi-patch",
+        "https://gismo.github.io/",
+        "interfaces between patches, glued sides too; labels of boundary sides",
+        "pc2cad.export.gismo",
+    ),
+    SplineFormat(
+        ".mesh",
+        "MFEM NURBS mesh 1.0",
+        "https://mfem.org/mesh-formats/#nurbs-meshes",
+        "boundary attributes 1 … 6 for the lower and upper limit of each axis; seams stay open",
+        "pc2cad.export.mfem",
+    ),
+    SplineFormat(
+        ".itd",
+        "IRIT data",
+        "https://gershonelber.org/irit/",
+        "patches",
+        "pc2cad.export.irit",
+    ),
+    SplineFormat(
+        ".g2",
+        "GoTools spline volumes",
+        "https://github.com/SINTEF-Geometry/GoTools",
+        "patches",
+        "pc2cad.export.gotools",
+    ),
+)
+
+
+def spline_format(path: str | os.PathLike[str]) -> SplineFormat:
+    """Return the format of a file name's ending; raise InputError where there is none."""
+    ending = Path(path).suffix.lower()
+    for entry in SPLINE_FORMATS:
+        if entry.extension == ending:
+            return entry
+    known = ", ".join(entry.extension for entry in SPLINE_FORMATS)
+    has = f"the ending {ending!r}" if ending else "no ending"
+    raise InputError(f"The spline file {os.fspath(path)[-80:]!r} has {has}; use one of {known}.")
+
+
+def check_splines_writable(path: str | os.PathLike[str]) -> None:
+    """Find out before a computation whether splines can be written to `path`."""
+    spline_format(path)
+    check_target(path)
+
+
+def write_splines(model: VolumeModel, path: str | os.PathLike[str]) -> None:
+    """Write a volume model in the format of the name's ending, whole or not at all.
+
+    Raises InputError for an unknown ending, FileNotWrittenError.
+    """
+    encode: Callable[[VolumeModel], str] = importlib.import_module(
+        spline_format(path).module
+    ).encode
+    write_atomically(path, encode(model).encode("ascii", "replace"))
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Return numbers, each of which comes back as the same double."""
+    return " ".join(map(repr, map(float, values)))
+
+
+def rows(patch: Patch, *, homogeneous: bool, weight: str = "last") -> list[str]:
+    """Return the poles of a patch as lines, the first axis fastest.
+
+    `weight` says where the weight of a rational spline stands: first, last, or nowhere.
+    """
+    volume = patch.volume
+    poles = volume.poles.transpose(2, 1, 0, 3).reshape(-1, 3)
+    if volume.weights is None:
+        return [numbers(row) for row in poles]
+    weights = volume.weights.transpose(2, 1, 0).reshape(-1)
+    lines = []
+    for row, w in zip(poles, weights, strict=True):
+        place = [*(row * w if homogeneous else row)]
+        if weight != "nowhere":
+            place = [w, *place] if weight == "first" else [*place, w]
+        lines.append(numbers(place))
+    return lines

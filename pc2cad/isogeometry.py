@@ -1,0 +1,211 @@
+"""The represent stage for the whole volume: M itself as a trivariate spline, for isogeometry.
+
+Input: Analysis. Output: VolumeModel, one spline per piece of the box (creases limit pieces).
+Directions along which M is polynomial or a trigonometric polynomial are carried exactly; the
+others get a spline space that meets the tolerance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.analysis import Analysis
+from pc2cad.directions import CellFunction, DirectionClasses, Piece, polynomial_space
+from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.geometry.carriers import Evidence
+from pc2cad.geometry.profile import COMPACT, SplineProfile
+from pc2cad.geometry.refinement import Sampler, adapt, check_places
+from pc2cad.geometry.spline_space import SplineSpace
+from pc2cad.geometry.trigonometric import wave_in
+from pc2cad.geometry.trivariate import Axis, GridSampler, SplineVolume, fit_volume
+from pc2cad.topology.cells import Cell, cell_name
+from pc2cad.topology.complex import BoundaryComplex
+
+Array = NDArray[np.float64]
+
+#: cross sections on which a direction is resolved: ends and Gauss nodes
+_SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(7)[0] + 1) / 2, [1.0]))
+#: what one direction's fit may use of the tolerance, and what all three may
+_SHARE, _ALL = 0.2, 0.9
+#: a deviation below this many roundings of the coordinates is none
+_ROUNDING = 1000 * float(np.finfo(float).eps)
+_MOST_CHECKS = 1_000_000
+_TRIES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """The spline over one piece of the box; its axes are `VolumeModel.directions`."""
+
+    cell: Cell
+    volume: SplineVolume
+    #: largest distance seen from the equation at equal parameters, and at how many places
+    deviation: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeModel:
+    """M as trivariate splines; lengths in `units`."""
+
+    name: str
+    units: str
+    #: which of u, v, w the first, second and third axis are; v, u, w for a left-handed map
+    directions: tuple[int, int, int]
+    #: patches in the order of their cells
+    patches: tuple[Patch, ...]
+    #: number of pieces of u, v and w
+    pieces: tuple[int, int, int]
+    boundary: BoundaryComplex
+    #: exact: polynomial or rational, coefficients rounded; sampled: deviation measured
+    evidence: Evidence
+    tolerance: float
+
+    @property
+    def deviation(self) -> float:
+        """Largest deviation of any patch."""
+        return max(patch.deviation for patch in self.patches)
+
+    @property
+    def rational(self) -> bool:
+        """True where a patch has weights."""
+        return any(patch.volume.weights is not None for patch in self.patches)
+
+    def volume(self) -> float:
+        """Return the volume of all patches."""
+        return sum(patch.volume.volume() for patch in self.patches)
+
+    def side_name(self, patch: Patch, axis: int, upper: bool) -> str:
+        """Return the name of the cell of the box that a side of a patch is, e.g. ``u=0``."""
+        cell = list(patch.cell)
+        cell[self.directions[axis]] += 1 if upper else -1
+        return cell_name((cell[0], cell[1], cell[2]), self.boundary.labels)
+
+
+def represent_volume(
+    analysis: Analysis, tolerance: float | None = None, profile: SplineProfile = COMPACT
+) -> VolumeModel:
+    """Return M as trivariate splines within `tolerance` (a length, 1e-7 of the size by default).
+
+    `profile` says which degrees directions without an exact form choose from, how high the degree
+    of an exact one may be, and whether it may be rational. Raises ToleranceNotReachedError.
+    """
+    tolerance = 1e-7 * analysis.size if tolerance is None else tolerance
+    directions = (0, 1, 2) if analysis.orientation > 0 else (1, 0, 2)
+    spans = [range(1, 2 * len(limits) - 1, 2) for limits in analysis.bounds]
+    functions = [CellFunction(analysis, (a, b, c), profile.exact) for a, b, c in product(*spans)]
+    classes = DirectionClasses(analysis, profile.degrees)
+    exact = {(f.cell, d): _exact_axis(classes, f, d, profile) for f in functions for d in range(3)}
+    rounding = _ROUNDING * (analysis.size + analysis.magnitude)
+    known = all(axis is not None for axis in exact.values())
+    target = _SHARE * tolerance
+    for _ in range(_TRIES):
+        spaces = _resolve(classes, functions, exact, target, rounding / 16)
+        patches = []
+        for function in functions:
+            axes = [
+                exact[function.cell, d] or Axis(spaces[classes.owner((d, function.cell[d]))])
+                for d in directions
+            ]
+            volume = fit_volume(_turned(function, directions), (axes[0], axes[1], axes[2]))
+            deviation, samples = _deviation(_turned(function, directions), volume)
+            patches.append(Patch(function.cell, volume, deviation, samples))
+        worst = max(patch.deviation for patch in patches)
+        if known and worst > rounding:
+            raise ToleranceNotReachedError(
+                f"the exact spline of the volume deviates by {worst:.3g}: its degree is too high "
+                "for double precision"
+            )
+        if known or worst <= _ALL * tolerance:
+            evidence: Evidence = "exact" if known else "sampled"
+            u, v, w = (len(span) for span in spans)
+            return VolumeModel(
+                analysis.equation.name, analysis.equation.units, directions, tuple(patches),
+                (u, v, w), analysis.boundary, evidence, tolerance,
+            )  # fmt: skip
+        target *= 0.5 * min(1.0, tolerance / worst)
+    raise ToleranceNotReachedError(
+        f"the spline volume deviates by {worst:.3g} from the equation where {tolerance:.3g} was "
+        "asked; allow a larger --tolerance"
+    )
+
+
+def _turned(function: CellFunction, directions: tuple[int, int, int]) -> GridSampler:
+    """Return the function with its arguments and axes in the order of `directions`."""
+
+    def sample(x: Array, y: Array, z: Array) -> Array:
+        places = (x, y, z)
+        local = [places[directions.index(d)] for d in range(3)]
+        return np.transpose(function(*local), (*directions, 3))
+
+    return sample
+
+
+def _exact_axis(
+    classes: DirectionClasses, function: CellFunction, d: int, profile: SplineProfile
+) -> Axis | None:
+    """Return the axis that carries a function exactly along a direction, None if none is known."""
+    space = polynomial_space(function, d, classes.breaks((d, function.cell[d])))
+    if space is not None:
+        return Axis(space)
+    trees, names = function.trees
+    wave = wave_in(trees, names[d]) if profile.rational else None
+    if wave is None or 2 * wave.order > profile.exact:
+        return None
+    points = np.linspace(0.0, 1.0, wave.arcs + 1)
+    degree = 2 * wave.order
+    return Axis(SplineSpace(degree, points, [degree] * (wave.arcs - 1)), wave)
+
+
+def _beside(samplers: list[Sampler]) -> Sampler:
+    """Return several functions along one direction as one."""
+
+    def sample(t: Array) -> Array:
+        return np.concatenate([s(t).reshape(len(t), -1, 3) for s in samplers], axis=1)
+
+    return sample
+
+
+def _resolve(
+    classes: DirectionClasses,
+    functions: list[CellFunction],
+    exact: dict[tuple[Cell, int], Axis | None],
+    target: float,
+    floor: float,
+) -> dict[Piece, SplineSpace]:
+    """Return a space for every class of pieces of directions that has no exact form."""
+    users: dict[Piece, list[Sampler]] = {}
+    for function in functions:
+        for d in range(3):
+            if exact[function.cell, d] is None:
+                owner = classes.owner((d, function.cell[d]))
+                users.setdefault(owner, []).append(_along(function, d))
+    return {
+        owner: adapt(_beside(samplers), classes.rules(owner), target, floor)
+        for owner, samplers in users.items()
+    }
+
+
+def _along(function: CellFunction, d: int) -> Sampler:
+    def sample(t: Array) -> Array:
+        places = [_SECTIONS] * 3
+        places[d] = t
+        return np.moveaxis(function(*places), d, 0).reshape(len(t), -1, 3)
+
+    return sample
+
+
+def _deviation(sample: GridSampler, volume: SplineVolume) -> tuple[float, int]:
+    """Return the largest distance between function and spline over a grid off the sites."""
+    places = [check_places(axis.space) for axis in volume.axes]
+    while np.prod([len(p) for p in places], dtype=float) > _MOST_CHECKS:
+        longest = max(range(3), key=lambda k: len(places[k]))
+        places[longest] = places[longest][::2]
+    x, y, z = places
+    a, b, c = (axis.local(t) for axis, t in zip(volume.axes, places, strict=True))
+    gap = volume(x, y, z) - sample(a, b, c)
+    return float(np.sqrt((gap * gap).sum(axis=-1)).max()), gap.size // 3

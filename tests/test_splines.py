@@ -1,0 +1,227 @@
+"""Trivariate splines: exact where they say so, and read by other libraries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import pc2cad as pc
+from pc2cad.analysis import Analysis, analyse
+from pc2cad.cli.main import main
+from pc2cad.equation.template_file import read_template
+from pc2cad.errors import InputError, NotASolidError
+from pc2cad.export.patches import interfaces
+from pc2cad.export.spline_files import write_splines
+from pc2cad.geometry.profile import spline_profile
+from pc2cad.geometry.trigonometric import wave_in
+from pc2cad.isogeometry import VolumeModel, represent_volume
+from pc2cad.properties import integrate
+
+TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
+SAMPLED = {
+    "channel_contour", "channel_ellipse", "channel_sine", "helical_channel", "simplex_hyperboloid",
+}  # fmt: skip
+Array = NDArray[np.float64]
+u, v, w = pc.parameters()
+
+
+def analysis_of(name: str) -> Analysis:
+    path = next(path for path in TEMPLATES if path.stem == name)
+    return analyse(read_template(path).bind({}))
+
+
+def truth(analysis: Analysis, model: VolumeModel, patch: int, places: Array) -> Array:
+    """Return M at spline parameters of a patch, straight from the equation."""
+    found = model.patches[patch]
+    columns: list[Array] = [np.empty(0)] * 3
+    for k, d in enumerate(model.directions):
+        low, high = analysis.span(d, found.cell[d])
+        columns[d] = low + (high - low) * found.volume.axes[k].local(places[:, k])
+    return analysis.map.points(*columns)
+
+
+@pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: path.stem)
+def test_volumes_of_splines_are_the_equations(path: Path) -> None:
+    analysis = analyse(read_template(path).bind({}))
+    model = represent_volume(analysis)
+    exact = integrate(analysis).volume
+    if path.stem in SAMPLED:
+        assert model.evidence == "sampled"
+        assert 0 < model.deviation <= model.tolerance
+        assert model.volume() == pytest.approx(exact, rel=1e-7)
+    else:
+        assert model.evidence == "exact"
+        assert model.deviation <= 1e-14 * (analysis.size + analysis.magnitude)
+        assert model.volume() == pytest.approx(exact, rel=1e-12)
+
+
+def test_exact_splines_are_as_small_as_they_can_be() -> None:
+    degrees = {
+        name: represent_volume(analysis_of(name)).patches[0].volume
+        for name in ("pyramid", "triquadratic_cube", "hollow_cylinder", "torus")
+    }
+    assert degrees["pyramid"].degrees == (1, 1, 1)
+    assert degrees["triquadratic_cube"].degrees == (2, 2, 2)
+    assert degrees["hollow_cylinder"].poles.shape == (2, 9, 2, 3)
+    # a full turn is four quarter arcs of degree 2
+    assert sorted(degrees["torus"].poles.shape) == [2, 3, 9, 9]
+    assert degrees["torus"].weights is not None
+
+
+def test_waves_are_found_with_their_angle_and_order() -> None:
+    t = 2 * pc.pi * u
+    assert wave_in((pc.sin(t) * pc.cos(t) + v, v), "u").order == 2  # type: ignore[union-attr]
+    wave = wave_in((pc.cos(3 * t), pc.sin(2 * t)), "u")
+    assert wave is not None
+    assert (wave.order, wave.turn) == (3, pytest.approx(2 * np.pi))
+    assert wave_in((pc.cos(t) * u, v), "u") is None
+    assert wave_in((pc.sqrt(2 + pc.cos(t)), v), "u") is None
+    assert wave_in((pc.cos(t) + pc.cos(pc.e * t), v), "u") is None
+    assert wave_in((pc.cos(u * v), v), "u") is None
+    assert wave_in((pc.cos(t) / (1 + pc.sin(t)), v), "u") is None
+
+
+def test_the_cubic_profile_has_neither_weights_nor_high_degrees() -> None:
+    analysis = analysis_of("hollow_ball")
+    model = represent_volume(analysis, 1e-4, spline_profile(profile="cubic"))
+    assert not model.rational
+    assert max(model.patches[0].volume.degrees) <= 3
+    assert model.evidence == "sampled"
+    assert model.deviation <= 1e-4
+
+
+def test_creases_part_patches_which_are_joined_in_order() -> None:
+    corners = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2)]
+    x, y = pc.polygon(corners, v)
+    shape = (0.5 + (x - 0.5) * u, 0.5 + (y - 0.5) * u, 2 * w)
+    model = pc.spline_part(shape, name="angle")
+    assert model.pieces == (1, 6, 1)
+    assert len(model.patches) == 6
+    assert model.volume() == pytest.approx(8.0, rel=1e-13)
+    joined = interfaces(model)
+    assert {frozenset((i.first, i.second)) for i in joined} == {
+        frozenset((k, (k + 1) % 6)) for k in range(6)
+    }
+
+
+# -- files in other libraries ----------------------------------------------------------------------
+
+FILES = ("hollow_ball", "channel_sine", "triquadratic_cube", "turned_ring", "pyramid_cut")
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize("name", FILES)
+def test_files_are_evaluated_elsewhere_at_a_thousand_points(tmp_path: Path, name: str) -> None:
+    splinepy = pytest.importorskip("splinepy")
+    from splipy.io import G2
+
+    analysis = analysis_of(name)
+    model = represent_volume(analysis)
+    places = np.random.default_rng(7).random((1000, 3))
+    expected = truth(analysis, model, 0, places)
+    allowed = model.deviation + 1e-14 * (analysis.size + analysis.magnitude)
+    for ending in (".xml", ".itd", ".g2"):
+        write_splines(model, tmp_path / f"part{ending}")
+    found = {}
+    found[".itd"] = splinepy.io.load(str(tmp_path / "part.itd"))[0].evaluate(places)
+    patches = splinepy.io.gismo.load(str(tmp_path / "part.xml"))[0].patches
+    found[".xml"] = patches[0].evaluate(places)
+    with G2(str(tmp_path / "part.g2")) as file:
+        volume = file.read()[0]
+    found[".g2"] = np.array([volume(*place) for place in places])
+    for ending, points in found.items():
+        gap = np.sqrt(((points - expected) ** 2).sum(axis=1)).max()
+        assert gap <= 1.5 * allowed, ending
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize("name", FILES)
+def test_mfem_evaluates_its_file_at_a_thousand_points(tmp_path: Path, name: str) -> None:
+    mfem = pytest.importorskip("mfem.ser")
+    analysis = analysis_of(name)
+    model = represent_volume(analysis)
+    path = tmp_path / "part.mesh"
+    write_splines(model, path)
+    mesh = mfem.Mesh(str(path), 1, 1)
+    spans = [len(axis.space.points) - 1 for axis in model.patches[0].volume.axes]
+    assert mesh.GetNE() == np.prod(spans)
+    assert {mesh.GetBdrAttribute(k) for k in range(mesh.GetNBE())} == {1, 2, 3, 4, 5, 6}
+    random = np.random.default_rng(3)
+    local, points, elements = random.random((1000, 3)), [], random.integers(mesh.GetNE(), size=1000)
+    node = mfem.IntegrationPoint()
+    for element, place in zip(elements, local, strict=True):
+        node.Set3(*place)
+        transformation = mesh.GetElementTransformation(int(element))
+        points.append(np.array(transformation.Transform(node)))
+        transformation.SetIntPoint(node)
+        assert transformation.Weight() >= -1e-12 * analysis.size**3
+    # elements are knot rectangles, the first axis fastest
+    a, b, c = np.unravel_index(elements, spans[::-1])
+    places = np.empty((1000, 3))
+    for k, index in enumerate((c, b, a)):
+        knots = model.patches[0].volume.axes[k].space.points
+        places[:, k] = knots[index] + (knots[index + 1] - knots[index]) * local[:, k]
+    gap = np.sqrt(((np.array(points) - truth(analysis, model, 0, places)) ** 2).sum(axis=1)).max()
+    assert gap <= 1.5 * model.deviation + 1e-13 * (analysis.size + analysis.magnitude)
+
+
+@pytest.mark.interop
+def test_gismo_reads_patches_glued_sides_and_boundaries(tmp_path: Path) -> None:
+    pygismo = pytest.importorskip("pygismo")
+    found = {}
+    for name in ("turned_ring", "triquadratic_cube"):
+        path = tmp_path / f"{name}.xml"
+        write_splines(represent_volume(analysis_of(name)), path)
+        patches = pygismo.core.gsMultiPatch()
+        pygismo.io.gsFileData(str(path)).getFirst(patches)
+        found[name] = (patches.nPatches(), len(patches.boundaries()), len(patches.interfaces()))
+    assert found == {"turned_ring": (1, 4, 1), "triquadratic_cube": (1, 6, 0)}
+
+
+@pytest.mark.interop
+def test_mfem_joins_the_patches_of_a_closed_polygon(tmp_path: Path) -> None:
+    mfem = pytest.importorskip("mfem.ser")
+    x, y = pc.polygon([(0, 0), (3, 0), (3, 2), (0, 2)], v)
+    tube = (1.5 + (x - 1.5) * (1 + u), 1 + (y - 1) * (1 + u), 2 * w)
+    model = pc.spline_part(tube, name="tube")
+    write_splines(model, tmp_path / "tube.mesh")
+    mesh = mfem.Mesh(str(tmp_path / "tube.mesh"), 1, 1)
+    assert (mesh.GetNE(), mesh.GetNV(), mesh.GetNBE()) == (4, 16, 16)
+    assert sum(mesh.GetElementVolume(k) for k in range(4)) == pytest.approx(36.0, rel=1e-12)
+
+
+def test_python_and_the_verb_write_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "ball.g2"
+    assert main(["spline", "hollow_ball", "-o", str(out)]) == 0
+    assert "1 rational patch, exact" in capsys.readouterr().out
+    other = tmp_path / "same.g2"
+    pc.write_splines(represent_volume(analysis_of("hollow_ball")), other)
+    assert out.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "x.step"], "use one of .xml"),
+        (["-o", "x.g2", "-o", "./x.g2"], "same file"),
+        (["-o", "x.g2", "--tolerance", "0"], "positive length"),
+    ],
+)
+def test_the_verb_refuses_with_a_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    arguments: list[str], message: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["spline", "ball", *arguments]) == InputError.exit_code
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_map_that_folds_has_no_splines() -> None:
+    with pytest.raises(NotASolidError):
+        pc.spline_part((u * u - u / 2, v, w), name="folded")
