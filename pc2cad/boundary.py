@@ -66,10 +66,18 @@ def represent(
     )  # fmt: skip
 
 
-def check_tolerance(analysis: Analysis, tolerance: float | None) -> float:
-    """Return the tolerance, or its default; raise where double precision cannot hold it."""
+def check_tolerance(
+    analysis: Analysis, tolerance: float | None, thickness: float = np.inf
+) -> float:
+    """Return the tolerance, or its default; raise where double precision cannot hold it.
+
+    The default is 1e-7 of the part's size, and of a slender part (whose `thickness` 2V/A is less
+    than a tenth of that) 1e-6 of the thickness: its volume is then right to 1e-6.
+    """
     if tolerance is None:
         tolerance = 1e-7 * analysis.size
+        least = min(tolerance, 4 * _rounding(analysis))
+        tolerance = max(least, min(tolerance, 1e-6 * thickness))
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise InputError(f"the tolerance must be a positive length, not {tolerance}")
     rounding = _rounding(analysis)
@@ -137,13 +145,18 @@ class _Representation:
         found = self._proved_plane(function)
         evidence: Evidence = "exact"
         if found is None:
-            nodes = np.linspace(0.03, 0.97, 9)
-            points = function(nodes, nodes).reshape(-1, 3)
-            found = fit_plane(points, 1e-12 * self._analysis.size + self._rounding)
+            slack = 1e-12 * self._analysis.size + self._rounding
+            nodes = _irrational(9)
+            found = fit_plane(function(nodes, nodes).reshape(-1, 3), slack)
             if found is None:
                 return None
             span = linear_span(function.trees[0])
-            evidence = "exact" if span is not None and _rank(span) <= 2 else "sampled"
+            if span is None or _rank(span) > 2:
+                # waves between the first nodes would show here
+                dense = function(_irrational(64), _irrational(61)).reshape(-1, 3)
+                found, evidence = fit_plane(dense, slack), "sampled"
+                if found is None:
+                    return None
         s, t = directions_of(function.cell)
         places = [0.0, 0.0, 0.0]
         for d in range(3):
@@ -295,6 +308,11 @@ class _Representation:
 
 def _bezier(poles: Array) -> SplineCurve:
     return SplineCurve(len(poles) - 1, bezier_knots(len(poles) - 1), poles)
+
+
+def _irrational(count: int) -> Array:
+    """Return ascending places in (0, 1), evenly spread and at the zeros of no wave."""
+    return np.sort(np.arange(1, count + 1) * ((5**0.5 - 1) / 2) % 1.0)
 
 
 def _rank(vectors: Array) -> int:

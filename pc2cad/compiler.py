@@ -44,9 +44,9 @@ def compile_equation(
     """Compile a point equation into a validated part.
 
     `tolerance` is the largest distance, in model units, that a face may have from the equation;
-    None means 1e-7 of the part's size. Where a spline is fitted, its degree in each direction is
-    3, 5 or 7, whichever needs the fewest poles; `degree` fixes it, `max_degree` lets fits choose
-    from 3 up to it (at most 13). The profile "cubic" keeps every spline at degree 3 and not
+    None means 1e-7 of the part's size, or 1e-6 of its thickness 2V/A where that is less. Where a
+    spline is fitted, its degree in each direction is 3, 5 or 7, whichever needs the fewest poles;
+    `degree` fixes it, `max_degree` lets fits choose from 3 up to it (at most 13). The profile "cubic" keeps every spline at degree 3 and not
     rational. Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing
     doubtful is returned.
     """
@@ -62,8 +62,9 @@ def compile_equation(
         return result
 
     analysis = stage("analyse", lambda: analyse(equation))
-    tolerance = check_tolerance(analysis, tolerance)
+    check_tolerance(analysis, tolerance)
     properties = stage("integrate", lambda: integrate(analysis))
+    tolerance = check_tolerance(analysis, tolerance, 2 * properties.volume / properties.area)
     check_thickness(properties)
     solidity = stage("solidity", lambda: check_solidity(analysis))
     model = stage(

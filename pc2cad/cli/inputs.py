@@ -47,7 +47,7 @@ def add_tolerance(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tolerance", metavar="LENGTH",
         help="largest distance of a face from the equation, in model units "
-        "(default: 1e-7 of the part's size)",
+        "(default: 1e-7 of the part's size, or 1e-6 of its thickness 2V/A where that is less)",
     )  # fmt: skip
 
 
