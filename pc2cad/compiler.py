@@ -46,9 +46,9 @@ def compile_equation(
     `tolerance` is the largest distance, in model units, that a face may have from the equation;
     None means 1e-7 of the part's size, or 1e-6 of its thickness 2V/A where that is less. Where a
     spline is fitted, its degree in each direction is 3, 5 or 7, whichever needs the fewest poles;
-    `degree` fixes it, `max_degree` lets fits choose from 3 up to it (at most 13). The profile "cubic" keeps every spline at degree 3 and not
-    rational. Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing
-    doubtful is returned.
+    `degree` fixes it, `max_degree` lets fits choose from 3 up to it (at most 13). The profile
+    "cubic" keeps every spline at degree 3 and not rational. Raises InputError, NotASolidError,
+    ToleranceNotReachedError or KernelError; nothing doubtful is returned.
     """
     splines = spline_profile(degree, max_degree, profile)
     times: dict[str, float] = {}

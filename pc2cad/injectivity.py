@@ -168,9 +168,30 @@ def _met(analysis: Analysis, sheets: Sequence[Sheet], contact: Contact) -> str:
             shown.append(f"{name} = {analysis.map.value(d, x):.4g}")
         places.append(", ".join(shown))
     point = ", ".join(f"{x:.6g}" for x in contact.point)
+    first, second = (sheets[face] for face in contact.faces)
     return (
         f"the map covers itself, or touches: {places[0]} and {places[1]} both lie at ({point}); "
-        f"{_advice(analysis)}"
+        f"{_missed_seam(analysis, first, second) or _advice(analysis)}"
+    )
+
+
+def _missed_seam(analysis: Analysis, one: Sheet, other: Sheet) -> str:
+    """Say what two ends of one parameter lack to be a seam, where they nearly are one."""
+    first, second = one.function, other.function
+    apart = [d for d in range(3) if first.cell[d] != second.cell[d]]
+    if len(apart) != 1 or {first.cell[apart[0]], second.cell[apart[0]]} != {
+        0, 2 * len(analysis.bounds[apart[0]]) - 2,
+    }:  # fmt: skip
+        return ""
+    nodes = np.linspace(0.0, 1.0, 17)
+    gap = np.linalg.norm(first(nodes, nodes) - second(nodes, nodes), axis=-1)
+    if gap.max() > 0.25 * analysis.size:
+        return ""
+    names = [analysis.boundary.name(function.cell) for function in (first, second)]
+    return (
+        f"the sides {' and '.join(names)} nearly close, {gap.min():.3g} to {gap.max():.3g} apart "
+        f"at equal parameters: if they are to be one seam, {PARAMETERS[apart[0]]} has to end where "
+        "it began, after a whole period (of a wave: a whole number of them)"
     )
 
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import cached_property
+from math import ceil, comb
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +21,12 @@ from pc2cad.equation.evaluation import Program
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.equation.radicals import take_out_ends
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import Expr, substitute, symbol
+from pc2cad.equation.tree import Expr, number, substitute, symbol
 
 Array = NDArray[np.float64]
+
+#: distances from a limit at which speeds are compared
+_NEAR, _NEARER = 1e-6, 1e-9
 
 
 @dataclass(frozen=True)
@@ -86,16 +91,17 @@ class Mapping3:
 def local_map(equation: PointEquation) -> Mapping3:
     """Return M over the unit box, without infinite speeds at its sides.
 
-    Where a derivative is infinite at a limit of its parameter (a square root that ends there), no
-    spline in that parameter would converge: the direction gets a parameter whose square it is, near
-    that end. The solid is the same, and all faces along the direction change alike.
+    Where a derivative is infinite at a limit of its parameter (a root that ends there, an arc sine
+    that reaches 1), no spline in that parameter would converge: the direction gets a parameter of
+    which the old one is a power near that end. The solid is the same, and all faces along the
+    direction change alike.
     """
     u, v, w = (
         low + (high - low) * symbol(name)
         for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
     )
     first = mapping = _mapping(equation, (u, v, w))
-    for _ in range(2):
+    for _ in range(3):
         slower = {
             PARAMETERS[d]: change for d in range(3) if (change := _slower(mapping, d)) is not None
         }
@@ -114,17 +120,41 @@ def _mapping(equation: PointEquation, parameters: tuple[Expr, Expr, Expr]) -> Ma
 
 def _slower(mapping: Mapping3, direction: int) -> Expr | None:
     """Return a parameter that starts (or ends) slowly where the speed is infinite, or None."""
-    across = np.array([0.13, 0.38, 0.61, 0.86])
-    grid = [across] * 3
-    grid[direction] = np.array([0.0, 0.5, 1.0])
-    speed = np.moveaxis(mapping.tangents((direction,), *open_grid(*grid))[0], direction, 0)
-    start, middle, end = (bool(np.isfinite(speed[i]).all()) for i in range(3))
-    t = symbol(PARAMETERS[direction])
-    if not middle or (start and end):
+    start, end = (_root(mapping, direction, limit) for limit in (0, 1))
+    if start == end == 1:
         return None
-    if end:
-        return t**2
-    return t * (2 - t) if start else t**2 * (3 - 2 * t)
+    t = symbol(PARAMETERS[direction])
+    # the integral of s^(start-1) (1-s)^(end-1), made to end at 1
+    total = sum(((-1) ** k * _term(start, end, k) for k in range(end)), start=Fraction(0))
+    change: Expr = number(0)
+    for k in range(end):
+        change = change + (-1) ** k * _term(start, end, k) / total * t ** (start + k)
+    return change
+
+
+def _term(start: int, end: int, k: int) -> Fraction:
+    return Fraction(comb(end - 1, k), start + k)
+
+
+def _root(mapping: Mapping3, direction: int, limit: int) -> int:
+    """Return n where M moves as the n-th root (to a whole power) near a limit; 1 where it does not.
+
+    The speed goes with h^(a-1) at the distance h from the limit; a is a fraction over n. Edges and
+    corners are looked at as well: the speed may be infinite on those only.
+    """
+    grid = [np.array([0.0, 0.13, 0.38, 0.61, 0.86, 1.0])] * 3
+    grid[direction] = np.abs(limit - np.array([_NEAR, _NEARER]))
+    with np.errstate(all="ignore"):
+        tangent = np.moveaxis(mapping.tangents((direction,), *open_grid(*grid))[0], direction, 0)
+        near, nearer = np.sqrt((tangent**2).sum(axis=-1))
+        slopes = np.log(near / nearer) / np.log(_NEAR / _NEARER)
+    found = 1 + float(np.min(slopes, where=np.isfinite(slopes), initial=0.0))
+    if not 0.03 < found < 0.92:
+        return 1
+    exponent = Fraction(found).limit_denominator(8)
+    if abs(float(exponent) - found) < 0.01:
+        return exponent.denominator
+    return ceil(1 / found) + 1
 
 
 def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:

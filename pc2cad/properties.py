@@ -28,6 +28,8 @@ MOST_POINTS = 3e6
 SLAB_POINTS = 300_000
 #: relative difference of two rules at which a third is tried
 DOUBTFUL = 1e-12
+#: relative difference of two rules at which there is no integral
+UNSETTLED = 0.01
 #: places of the lines in the other two directions: irrational, evenly spread (Roberts' sequence)
 _LINES = (0.5 + np.outer(np.arange(1, 9), [0.7548776662466927, 0.5698402909980532])) % 1.0
 #: nodes and weights per direction
@@ -37,7 +39,7 @@ _Density = Callable[[Array, Array, Array], Samples]
 
 
 class NotIntegrableError(NotASolidError):
-    """The volume of the equation is not finite."""
+    """The volume or the area of the equation is not finite."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,11 @@ def integrate(analysis: Analysis) -> Properties:
         area, face_error = _integral(density, panels)
         areas.append(float(area[0]))
         errors.append(face_error)
+    if not max(errors) < UNSETTLED:
+        raise NotIntegrableError(
+            f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
+            "one rule to the next): look for a division by zero inside the box"
+        )
     return Properties(
         abs(volume), sum(areas), (float(first[0]), float(first[1]), float(first[2])),
         tuple(areas), max(errors),

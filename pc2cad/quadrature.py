@@ -25,6 +25,8 @@ CONVERGED = 1e-13
 ROUNDING = 1e-10
 #: nodes of one direction, and length of a panel, at which it gives up
 MOST_NODES, SHORTEST = 60_000, 1e-13
+#: length of a panel below which a step in it is left alone: rounding of a root makes such steps
+STEEPEST = 1e-6
 #: nodes along which the accepted panels are looked at once more
 LOOK = 192
 EPSILON = float(np.finfo(float).eps)
@@ -152,7 +154,7 @@ class _Work:
 
     def _accept(self, i: int, change: float, noise: float, miss: float) -> bool:
         target = max(CONVERGED, noise)
-        if miss > max(10 * target, ROUNDING / 100) and self.high[i] - self.low[i] > SHORTEST:
+        if miss > max(10 * target, ROUNDING / 100) and self.high[i] - self.low[i] > STEEPEST:
             return False
         if change <= target:
             # the rule before this one was right already
