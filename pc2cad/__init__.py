@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pc2cad.equation.sympy_bridge import to_sympy as to_sympy
     from pc2cad.equation.template_file import read_template as read_template
     from pc2cad.export.mesh_files import write_mesh as write_mesh
+    from pc2cad.export.point_files import write_points as write_points
     from pc2cad.export.spline_files import write_splines as write_splines
     from pc2cad.part import Part as Part
     from pc2cad.python import *  # noqa: F403
@@ -42,6 +43,7 @@ _HOMES = {
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.equation.sympy_bridge",
     "write_mesh": "pc2cad.export.mesh_files",
+    "write_points": "pc2cad.export.point_files",
     "write_splines": "pc2cad.export.spline_files",
 }
 

@@ -61,6 +61,13 @@ class Mapping3:
         """Return the equation's own parameter at a local coordinate of one direction."""
         return evaluate(self.parameters[direction], {PARAMETERS[direction]: local})
 
+    def values(self, direction: int, local: ArrayLike) -> Array:
+        """Return the equation's own parameter at local coordinates of one direction (an array)."""
+        name = PARAMETERS[direction]
+        places = np.asarray(local, dtype=float)
+        (found,) = Program((self.parameters[direction],))({name: places})
+        return np.array(np.broadcast_to(found, places.shape))
+
     @cached_property
     def derivatives(self) -> tuple[tuple[Expr, ...], ...]:
         """Trees of M_u, M_v and M_w."""

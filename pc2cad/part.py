@@ -15,8 +15,10 @@ from pc2cad.report import Report
 from pc2cad.topology.cells import Cell, normal_direction
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
+    from pc2cad.interior import Location, PointSet
     from pc2cad.isogeometry import VolumeModel
     from pc2cad.mesh.volume_mesh import VolumeMesh
 
@@ -92,6 +94,27 @@ class Part:
         from pc2cad.volume import spline_equation
 
         return spline_equation(self.equation, tolerance)[0]
+
+    def sample(
+        self,
+        count: int = 1000,
+        *,
+        method: Literal["uniform", "blue"] = "uniform",
+        seed: int = 0,
+    ) -> PointSet:
+        """Return random points of the interior, uniform in space or kept apart (blue noise)."""
+        from pc2cad.analysis import analyse
+        from pc2cad.interior import sample_blue, sample_uniform
+
+        draw = sample_blue if method == "blue" else sample_uniform
+        return draw(analyse(self.equation), count, seed)
+
+    def locate(self, points: ArrayLike) -> Location:
+        """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""
+        from pc2cad.analysis import analyse
+        from pc2cad.interior import locate
+
+        return locate(analyse(self.equation), points)
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""

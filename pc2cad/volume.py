@@ -5,6 +5,7 @@ PointEquation  ─analyse→   Analysis     which sides collapse, coincide, boun
                ─solidity→  Solidity     no fold, no overlap, or it is refused
                ─mesh→      VolumeMesh   structured hexahedra on a (u,v,w) grid
             or ─represent→ VolumeModel  M itself as trivariate splines
+            or ─sample→    PointSet     points of the interior (room `interior`)
 
 Tetrahedra are made of the kernel's solid instead, which is compiled as usual.
 """
@@ -91,6 +92,20 @@ class MeshReport:
         return {**asdict(self), "volume_difference": self.volume_difference}
 
 
+def analyse_solid(
+    equation: PointEquation, progress: Progress | None = None
+) -> tuple[Analysis, Properties]:
+    """Return what is known of a point equation without the kernel; raise NotASolidError."""
+    tell = progress or (lambda stage: None)
+    tell("analyse")
+    analysis = analyse(equation)
+    tell("integrate")
+    properties = integrate(analysis)
+    tell("solidity")
+    check_solidity(analysis)
+    return analysis, properties
+
+
 def mesh_equation(
     equation: PointEquation,
     options: MeshOptions | None = None,
@@ -103,12 +118,7 @@ def mesh_equation(
     """
     options = options or MeshOptions()
     clock = _Clock(progress)
-    clock("analyse")
-    analysis = analyse(equation)
-    clock("integrate")
-    properties = integrate(analysis)
-    clock("solidity")
-    check_solidity(analysis)
+    analysis, properties = analyse_solid(equation, clock)
     clock("mesh")
     areas = _areas(analysis, properties)
     cells = None
@@ -135,14 +145,7 @@ def spline_equation(
     `tolerance` bounds the distance from the equation (a length, 1e-7 of the size by default) where
     no exact form is known. Raises NotASolidError, ToleranceNotReachedError.
     """
-    clock = _Clock(progress)
-    clock("analyse")
-    analysis = analyse(equation)
-    clock("integrate")
-    properties = integrate(analysis)
-    clock("solidity")
-    check_solidity(analysis)
-    clock("represent")
+    analysis, properties = analyse_solid(equation, progress)
     return represent_volume(analysis, tolerance, profile), properties.volume
 
 

@@ -48,7 +48,7 @@ ALLOWED = {
         "topology", "numpy",
     },
     "export": {
-        "export", "errors", "isogeometry", "mesh", "topology", "numpy", "OCP", "lib3mf",
+        "export", "errors", "interior", "isogeometry", "mesh", "topology", "numpy", "OCP", "lib3mf",
         "vtkmodules",
     },
     "studies": {
@@ -67,6 +67,7 @@ ALLOWED = {
         "analysis", "compiler", "equation", "errors", "geometry", "isogeometry", "mesh",
         "properties", "solidity",
     },
+    "interior": {"analysis", "errors", "mapping", "topology", "numpy", "scipy"},
     "isogeometry": {"analysis", "directions", "errors", "geometry", "topology", "numpy"},
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays, and what is made along a

@@ -29,6 +29,7 @@ VERBS: Final = {
     "mesh": "mesh a template with hexahedra or tetrahedra for finite elements",
     "render": "compile a template and write pictures of it, PNG or SVG",
     "view": "compile a template into a page to turn it on, or serve that page live",
+    "points": "sample the solid's interior",
     "spline": "write the volume itself as trivariate splines for isogeometric analysis",
     "show": "show the point equation and its coordinate-wise system",
     "templates": "list the shipped templates",

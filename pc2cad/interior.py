@@ -1,0 +1,414 @@
+"""Points of the interior: samples of the solid, and M inverted at given points.
+
+Input: Analysis. Output: PointSet (samples) or Location (where points lie). Everything works in the
+local parameters of the box and is vectorised.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from pc2cad.analysis import Analysis
+from pc2cad.errors import InputError
+from pc2cad.mapping import open_grid
+from pc2cad.topology.cells import directions_of, normal_direction
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: cells per smooth piece of a direction in which samples are drawn with one bound each
+_STRATA = 12
+#: share that a cell's bound lies above the largest |det J| of its nodes
+_MARGIN = 1.25
+#: candidates per point of blue noise
+_CANDIDATES = 8
+#: points of the box from which the inversion starts, per direction
+_SEEDS = 21
+_MOST_STEPS = 60
+#: starts round a collapsed side: values of the parameters ignored there, and distances from it
+_ROUND = np.arange(0.5, 12) / 12
+_DEPTHS = (1e-4, 1e-3, 1e-2, 0.05)
+_CHUNK = 100_000
+MOST_POINTS = 100_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class PointSet:
+    """Points inside the solid (n, 3) in model units, and their u, v, w (n, 3)."""
+
+    name: str
+    units: str
+    points: Array
+    parameters: Array
+    #: no two points are nearer than this (0: nothing is known)
+    spacing: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Location:
+    """Where points lie with respect to a solid."""
+
+    #: True where M takes the point's value in the box
+    inside: Bools
+    #: u, v, w of the nearest point found, (n, 3)
+    parameters: Array
+    #: that nearest point, (n, 3)
+    nearest: Array
+    #: how far it is; within rounding of 0 for inner points
+    distance: Array
+
+
+def sample_uniform(analysis: Analysis, count: int, seed: int = 0) -> PointSet:
+    """Return random points of equal density in space: (u,v,w) are drawn with density |det J|."""
+    _check(count)
+    return _point_set(analysis, _draw(analysis, count, np.random.default_rng(seed)))
+
+
+def sample_blue(analysis: Analysis, count: int, seed: int = 0) -> PointSet:
+    """Return random points that keep a distance (Poisson discs); `spacing` says which.
+
+    Of eight times as many uniform points those are kept, in random order, that are no nearer than
+    the spacing to one kept already; the spacing is the largest for which enough are left.
+    """
+    _check(count)
+    local = _draw(analysis, _CANDIDATES * count, np.random.default_rng(seed))
+    points = analysis.map.points(*local.T)
+    tree = cKDTree(points)
+    volume = _volume(analysis)
+    low, high = 0.0, 2.0 * float(np.cbrt(volume / count))
+    kept = np.arange(count)
+    for _ in range(12):
+        middle = (low + high) / 2
+        found = _apart(tree, len(points), middle)
+        if len(found) >= count:
+            low, kept = middle, found[:count]
+        else:
+            high = middle
+    return _point_set(analysis, local[kept], low)
+
+
+def sample_grid(analysis: Analysis, spacing: float) -> PointSet:
+    """Return the points of a cubic lattice of a spacing (model units) that lie in the solid."""
+    if not 0 < spacing < np.inf:
+        raise InputError(f"the spacing of a lattice must be a positive length, not {spacing}")
+    shell = _seed_points(analysis)[1]
+    low, high = shell.min(axis=0) - spacing, shell.max(axis=0) + spacing
+    counts = np.ceil((high - low) / spacing)
+    if np.prod(counts) > MOST_POINTS:
+        raise InputError(f"a lattice of {spacing:.3g} has more than {MOST_POINTS:.0e} points here")
+    axes = [
+        np.arange(np.ceil(a / spacing), np.floor(b / spacing) + 1) * spacing
+        for a, b in zip(low, high, strict=True)
+    ]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = locate(analysis, points)
+    equation = analysis.equation
+    return PointSet(equation.name, equation.units, points[found.inside],
+                    found.parameters[found.inside], spacing)  # fmt: skip
+
+
+def locate(analysis: Analysis, points: ArrayLike) -> Location:
+    """Return for each point (n, 3) whether it is inside, and the nearest place of the solid.
+
+    M is inverted by damped Newton steps that stay in the box, from the nearest of many images. A
+    point is inside where that ends within 1e-10 of the part's size of it. The nearest place is a
+    local minimum from these starts.
+    """
+    targets = np.atleast_2d(np.asarray(points, dtype=float))
+    if targets.ndim != 2 or targets.shape[1] != 3 or not np.isfinite(targets).all():
+        raise InputError("points to locate are rows of three finite coordinates")
+    inverse = _Inverse(analysis)
+    local = np.empty_like(targets)
+    for start in range(0, len(targets), _CHUNK):
+        local[start : start + _CHUNK] = inverse(targets[start : start + _CHUNK])
+    nearest = analysis.map.points(*local.T)
+    distance = np.sqrt(((nearest - targets) ** 2).sum(axis=1))
+    return Location(distance <= inverse.tolerance, _own(analysis, local), nearest, distance)
+
+
+def _check(count: int) -> None:
+    if not 1 <= count <= MOST_POINTS:
+        raise InputError(f"the number of points must be from 1 to {MOST_POINTS:.0e}, not {count}")
+
+
+def _point_set(analysis: Analysis, local: Array, spacing: float = 0.0) -> PointSet:
+    equation = analysis.equation
+    return PointSet(equation.name, equation.units, analysis.map.points(*local.T),
+                    _own(analysis, local), spacing)  # fmt: skip
+
+
+def _own(analysis: Analysis, local: Array) -> Array:
+    """Return the equation's own u, v, w at local parameters."""
+    return np.stack([analysis.map.values(d, local[:, d]) for d in range(3)], axis=1)
+
+
+# -- drawing with density |det J| ------------------------------------------------------------------
+
+
+def _jacobian(analysis: Analysis, u: Array, v: Array, w: Array) -> Array:
+    a, b, c = analysis.map.tangents((0, 1, 2), u, v, w)
+    return np.asarray(np.abs((np.cross(a, b) * c).sum(axis=-1)))
+
+
+def _strata(analysis: Analysis) -> list[Array]:
+    rows = []
+    for d in range(3):
+        inner = [b.position for b in analysis.breaks[d] if 0 < b.position < 1]
+        limits = [0.0, *inner, 1.0]
+        each = max(1, -(-_STRATA // (len(limits) - 1)))
+        rows.append(np.concatenate(
+            [np.linspace(a, b, each + 1)[:-1] for a, b in pairwise(limits)] + [[1.0]]
+        ))  # fmt: skip
+    return rows
+
+
+def _volume(analysis: Analysis) -> float:
+    x, weight = np.polynomial.legendre.leggauss(5)
+    nodes, weights = [], []
+    for edges in _strata(analysis):
+        half = np.diff(edges)[:, None] / 2
+        nodes.append(((edges[1:, None] + edges[:-1, None]) / 2 + half * x).ravel())
+        weights.append((half * weight).ravel())
+    return float(np.einsum("ijk,i,j,k", _jacobian(analysis, *open_grid(*nodes)), *weights))
+
+
+def _draw(analysis: Analysis, count: int, random: np.random.Generator) -> Array:
+    """Return local parameters with density |det J|, by rejection with a bound for each cell.
+
+    A bound that a drawn place exceeds is raised and everything is drawn again, so that every place
+    returned was drawn under bounds that held.
+    """
+    edges = _strata(analysis)
+    fine = [np.sort(np.concatenate((e, (e[1:] + e[:-1]) / 2))) for e in edges]
+    values = _jacobian(analysis, *open_grid(*fine))
+    for axis in range(3):
+        values = np.moveaxis(values, axis, 0)
+        values = np.maximum(np.maximum(values[:-1:2], values[1::2]), values[2::2])
+        values = np.moveaxis(values, 0, axis)
+    bounds = _MARGIN * values.ravel() + 1e-3 * float(values.max())
+    shape = values.shape
+    lengths = np.ix_(*(np.diff(e) for e in edges))
+    sizes = np.asarray(lengths[0] * lengths[1] * lengths[2]).ravel()
+    while True:
+        drawn = _try(analysis, count, random, edges, shape, bounds, sizes)
+        if drawn is not None:
+            return drawn
+
+
+def _try(
+    analysis: Analysis,
+    count: int,
+    random: np.random.Generator,
+    edges: list[Array],
+    shape: tuple[int, ...],
+    bounds: Array,
+    sizes: Array,
+) -> Array | None:
+    chances = bounds * sizes
+    chances /= chances.sum()
+    rows: list[Array] = []
+    missing = count
+    while missing > 0:
+        cells = random.choice(len(chances), size=min(2 * missing + 64, _CHUNK), p=chances)
+        place = np.empty((len(cells), 3))
+        for d, index in enumerate(np.unravel_index(cells, shape)):
+            low, high = edges[d][index], edges[d][index + 1]
+            place[:, d] = low + (high - low) * random.random(len(cells))
+        density = _jacobian(analysis, *place.T)
+        above = density > bounds[cells]
+        if above.any():
+            np.maximum.at(bounds, cells[above], _MARGIN * density[above])
+            return None
+        kept = place[random.random(len(cells)) * bounds[cells] < density]
+        rows.append(kept[:missing])
+        missing -= len(rows[-1])
+    return np.concatenate(rows)
+
+
+def _apart(tree: cKDTree, count: int, distance: float) -> NDArray[np.int_]:
+    """Return indices, ascending, of points that are no nearer to each other than a distance.
+
+    Lower indices go first: a point is kept when none of its lower neighbours is.
+    """
+    pairs = tree.query_pairs(distance, output_type="ndarray")
+    low, high = pairs.min(axis=1), pairs.max(axis=1)
+    kept, undecided = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
+    while undecided.any():
+        blocked = np.zeros(count, dtype=bool)
+        live = undecided[low]
+        blocked[high[live]] = True
+        chosen = undecided & ~blocked
+        kept |= chosen
+        undecided &= ~chosen
+        undecided[high[chosen[low]]] = False
+    return np.flatnonzero(kept)
+
+
+# -- inversion -------------------------------------------------------------------------------------
+
+
+def _seed_points(analysis: Analysis) -> tuple[Array, Array]:
+    """Return local places all over the box, its sides included, and their images."""
+    nodes = []
+    for d in range(3):
+        inner = [b.position for b in analysis.breaks[d] if 0 < b.position < 1]
+        grid = analysis.map.points(*open_grid(*_line(d)))
+        steps = np.sqrt((np.diff(grid.reshape(-1, 3), axis=0) ** 2).sum(axis=1)).sum()
+        many = int(np.clip(_SEEDS * steps / max(analysis.size, 1e-300), _SEEDS / 3, 6 * _SEEDS))
+        nodes.append(np.unique(np.concatenate((np.linspace(0, 1, many), inner))))
+    places = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return places, analysis.map.points(*places.T)
+
+
+def _line(direction: int) -> list[Array]:
+    nodes = [np.array([0.53])] * 3
+    nodes[direction] = np.linspace(0, 1, 201)
+    return nodes
+
+
+class _Inverse:
+    """M inverted by Levenberg-Marquardt steps in the box; lives for one call of `locate`."""
+
+    def __init__(self, analysis: Analysis) -> None:
+        self._analysis = analysis
+        self._places, images = _seed_points(analysis)
+        self._tree = cKDTree(images)
+        rounding = 1e3 * float(np.finfo(float).eps) * analysis.magnitude
+        self.tolerance = 1e-10 * analysis.size + rounding
+        self._closed = np.zeros(3, dtype=bool)
+        #: coordinates of the lower and of the upper sides, and which of them (2, 3) bound the solid
+        self._limits = np.array([[0.0], [1.0]]) * np.ones(3)
+        self._faces = np.zeros((2, 3), dtype=bool)
+        #: direction, limit and ignored parameters of the sides that collapse
+        self._collapsed: list[tuple[int, float, tuple[int, ...]]] = []
+        for side in analysis.boundary.sides:
+            d = normal_direction(side.patch)
+            limit = float(side.patch[d] > 0)
+            if side.fate == "face":
+                self._faces[int(limit), d] = True
+            elif side.fate in ("curve", "point"):
+                ignored = tuple(k for k in directions_of(side.patch) if k != side.along)
+                if (d, limit, ignored) not in self._collapsed:
+                    self._collapsed.append((d, limit, ignored))
+        for side in analysis.boundary.sides:
+            if side.partner is not None and side.symmetry is not None:
+                plain = not (
+                    side.symmetry.swap or side.symmetry.reverse_s or side.symmetry.reverse_t
+                )
+                for d in range(3):
+                    if plain and side.patch[d] % 2 == 0 and side.patch[d] != side.partner[d]:
+                        self._closed[d] = True
+
+    def __call__(self, targets: Array) -> Array:
+        """Return the local places (n, 3) nearest to targets (n, 3)."""
+        best = np.empty_like(targets)
+        residual = np.full(len(targets), np.inf)
+        asked = np.arange(len(targets))
+        # a few starts for everyone, more for those that are not met
+        for starts in (range(2), range(2, 6), range(6, 14)):
+            ranks = [rank + 1 for rank in starts]
+            _, nearest = self._tree.query(targets[asked], k=ranks)
+            for column in range(len(ranks)):
+                local, square = self._descend(targets[asked], self._places[nearest[:, column]])
+                better = square < residual[asked]
+                best[asked[better]] = local[better]
+                residual[asked[better]] = square[better]
+            # a minimum on a face is an answer; one elsewhere at a distance is none
+            on_face = ((best[asked] == self._limits[:, None]) & self._faces[:, None]).any(
+                axis=(0, 2)
+            )
+            asked = asked[~on_face & (residual[asked] > self.tolerance**2)]
+            if not len(asked):
+                break
+        for direction, limit, ignored in self._collapsed:
+            asked = np.flatnonzero((residual > self.tolerance**2) & (best[:, direction] == limit))
+            if len(asked):
+                start = self._round_pole(targets[asked], best[asked], direction, limit, ignored)
+                local, square = self._descend(targets[asked], start)
+                better = square < residual[asked]
+                best[asked[better]] = local[better]
+                residual[asked[better]] = square[better]
+        return best
+
+    def _round_pole(
+        self, targets: Array, local: Array, direction: int, limit: float, ignored: tuple[int, ...]
+    ) -> Array:
+        """Return starts off a collapsed side, the best of many all round it.
+
+        On such a side the direction in which the target lies is one of the parameters that M
+        ignores there: descent along the others ends on the side.
+        """
+        best, least = local.copy(), np.full(len(local), np.inf)
+        inwards = 1.0 - 2.0 * limit
+        for turn in product(_ROUND, repeat=len(ignored)):
+            for depth in _DEPTHS:
+                place = local.copy()
+                place[:, direction] = limit + inwards * depth
+                place[:, list(ignored)] = turn
+                square = ((self._analysis.map.points(*place.T) - targets) ** 2).sum(axis=1)
+                better = square < least
+                best[better], least[better] = place[better], square[better]
+        return best
+
+    def _descend(self, targets: Array, start: Array) -> tuple[Array, Array]:
+        local = start.copy()
+        damping = np.full(len(local), 1e-3)
+        square = np.full(len(local), np.inf)
+        active = np.arange(len(local))
+        for _ in range(_MOST_STEPS):
+            here = local[active]
+            point, *tangents = self._analysis.map.frame(*here.T)
+            gap = point - targets[active]
+            value = (gap * gap).sum(axis=1)
+            square[active] = value
+            jacobian = np.stack(tangents, axis=-1)
+            step, promised = self._step(here, jacobian, gap, damping[active])
+            moved = self._inside(here + step)
+            there = self._analysis.map.points(*moved.T) - targets[active]
+            after = (there * there).sum(axis=1)
+            better = after < value
+            index = active[better]
+            local[index], square[index] = moved[better], after[better]
+            # Nielsen's rule: where the solid curves away, damping settles at the curvature's share
+            gain = (value - after) / np.maximum(promised, 1e-300)
+            factor = np.clip(1 - (2 * gain - 1) ** 3, 0.1, 2.0)
+            damping[active] *= np.where(better, factor, 4.0)
+            small = after >= value * (1 - 1e-12)
+            done = (square[active] <= (self.tolerance / 100) ** 2) | (
+                (better & small) | (damping[active] > 1e8)
+            )
+            active = active[~done]
+            if not len(active):
+                break
+        return local, square
+
+    def _step(
+        self, here: Array, jacobian: Array, gap: Array, damping: Array
+    ) -> tuple[Array, Array]:
+        """Return the damped step and how much it should lower the square of the distance.
+
+        Directions that push out of the box are held.
+        """
+        gradient = np.einsum("nij,ni->nj", jacobian, gap)
+        held = ((here <= 0) & (gradient > 0)) | ((here >= 1) & (gradient < 0))
+        held &= ~self._closed
+        free = ~held
+        normal = np.einsum("nij,nik->njk", jacobian, jacobian)
+        diagonal = np.einsum("njj->nj", normal)
+        scale = diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300
+        both = free[:, :, None] & free[:, None, :]
+        normal = np.where(both, normal, 0.0)
+        normal += np.eye(3) * np.where(free, damping[:, None] * scale, scale)[:, None, :]
+        right = np.where(free, -gradient, 0.0)
+        step = np.linalg.solve(normal, right[..., None])[..., 0]
+        promised = (step * (damping[:, None] * scale * step - np.where(free, gradient, 0.0))).sum(1)
+        return step, promised
+
+    def _inside(self, place: Array) -> Array:
+        wrapped = np.where((place < 0) | (place > 1), place - np.floor(place), place)
+        return np.where(self._closed, wrapped, np.clip(place, 0.0, 1.0))
