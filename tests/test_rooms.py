@@ -48,8 +48,8 @@ ALLOWED = {
         "topology", "numpy",
     },
     "export": {
-        "export", "errors", "interior", "isogeometry", "mesh", "topology", "numpy", "OCP", "lib3mf",
-        "vtkmodules",
+        "export", "errors", "geometry", "interior", "isogeometry", "mesh", "topology", "numpy",
+        "OCP", "lib3mf", "vtkmodules",
     },
     "studies": {
         "studies", "compiler", "equation", "errors", "export", "geometry", "library", "part",

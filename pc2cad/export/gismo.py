@@ -58,6 +58,6 @@ def _geometry(patch: Patch, identifier: int) -> list[str]:
     if volume.weights is not None:
         weights = numbers(volume.weights.transpose(2, 1, 0).ravel())
         lines += [f"<weights>{weights}</weights>", "</Basis>"]
-    poles = "\n".join(rows(patch, homogeneous=False, weight="nowhere"))
+    poles = "\n".join(rows(volume, homogeneous=False, weight="nowhere"))
     lines += [f'<coefs geoDim="3">\n{poles}\n</coefs>', "</Geometry>"]
     return lines

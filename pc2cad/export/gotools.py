@@ -15,6 +15,6 @@ def encode(model: VolumeModel) -> str:
         for axis in volume.axes:
             lines.append(f"{axis.space.size} {axis.space.degree + 1}")
             lines.append(numbers(axis.space.knots))
-        lines += rows(patch, homogeneous=True)
+        lines += rows(volume, homogeneous=True)
         lines.append("")
     return "\n".join(lines)

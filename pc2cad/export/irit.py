@@ -18,7 +18,7 @@ def encode(model: VolumeModel) -> str:
             f"  [TRIVAR BSPLINE {sizes} {orders} {'E3' if volume.weights is None else 'P3'}"
         )
         lines += [f"    [KV {numbers(s.knots)}]" for s in spaces]
-        lines += [f"    [{row}]" for row in rows(patch, homogeneous=True, weight="first")]
+        lines += [f"    [{row}]" for row in rows(volume, homogeneous=True, weight="first")]
         lines.append("  ]")
     lines.append("]\n")
     return "\n".join(lines)

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from pc2cad.errors import InputError
 from pc2cad.export.files import check_target, write_atomically
-from pc2cad.isogeometry import Patch, VolumeModel
+from pc2cad.geometry.trivariate import SplineVolume
+from pc2cad.isogeometry import VolumeModel
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ SPLINE_FORMATS: tuple[SplineFormat, ...] = (
         ".mesh",
         "MFEM NURBS mesh 1.0",
         "https://mfem.org/mesh-formats/#nurbs-meshes",
-        "boundary attributes 1 … 6 for the lower and upper limit of each axis; seams stay open",
+        "boundary attributes 1 … 6 for the lower and upper limit of each axis; three patches round",
         "pc2cad.export.mfem",
     ),
     SplineFormat(
@@ -92,12 +93,11 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(map(repr, map(float, values)))
 
 
-def rows(patch: Patch, *, homogeneous: bool, weight: str = "last") -> list[str]:
-    """Return the poles of a patch as lines, the first axis fastest.
+def rows(volume: SplineVolume, *, homogeneous: bool, weight: str = "last") -> list[str]:
+    """Return the poles of a volume as lines, the first axis fastest.
 
     `weight` says where the weight of a rational spline stands: first, last, or nowhere.
     """
-    volume = patch.volume
     poles = volume.poles.transpose(2, 1, 0, 3).reshape(-1, 3)
     if volume.weights is None:
         return [numbers(row) for row in poles]

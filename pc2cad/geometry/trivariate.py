@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
@@ -77,6 +78,34 @@ class SplineVolume:
 
     def _project(self, values: Array) -> Array:
         return values if self.weights is None else values[..., :3] / values[..., 3:]
+
+    def split(self, axis: int, parts: int) -> list[SplineVolume]:
+        """Return the same volume in pieces of equal numbers of knot spans (or equal length)."""
+        space = self.axes[axis].space
+        points, multiplicity = (
+            space.points,
+            dict(zip(space.points[1:-1].tolist(), space.multiplicities.tolist(), strict=True)),
+        )
+        spans = len(points) - 1
+        cuts = np.linspace(0, 1, parts + 1)
+        if spans >= parts:
+            cuts = points[[round(k * spans / parts) for k in range(parts + 1)]]
+        pieces = []
+        for low, high in pairwise(cuts):
+            inner = [x for x in points.tolist() if low < x < high]
+            local = [0.0, *((x - low) / (high - low) for x in inner), 1.0]
+            part = SplineSpace(space.degree, local, [multiplicity[x] for x in inner])
+            values = space.basis(low + (high - low) * part.sites) @ np.moveaxis(
+                self._homogeneous, axis, 0
+            ).reshape(space.size, -1)
+            rest = np.delete(self._homogeneous.shape, axis)
+            table = np.moveaxis(part.fit(values).reshape(part.size, *rest), 0, axis)
+            # the way from a part's parameter to the equation's stays with the whole
+            axes = [Axis(part) if k == axis else a for k, a in enumerate(self.axes)]
+            weights = None if self.weights is None else table[..., 3]
+            poles = self._project(table)
+            pieces.append(SplineVolume((axes[0], axes[1], axes[2]), poles, weights))
+        return pieces
 
     def volume(self) -> float:
         """Return the integral of the Jacobian determinant, by Gauss rules on every knot span.

@@ -1,0 +1,84 @@
+"""Finite elements of meshes from equations, against closed forms (examples/analyses.py)."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from pc2cad.equation.template_file import read_template
+from pc2cad.volume import MeshOptions, mesh_equation
+
+ROOT = Path(__file__).parent.parent
+TEMPLATES = sorted(ROOT.glob("templates/*.toml"))
+spec = importlib.util.spec_from_file_location("analyses", ROOT / "examples" / "analyses.py")
+assert spec is not None
+assert spec.loader is not None
+analyses = importlib.util.module_from_spec(spec)
+sys.modules["analyses"] = analyses
+spec.loader.exec_module(analyses)
+
+pytestmark = pytest.mark.interop
+needs_ccx = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="CalculiX is not installed (apt-get install calculix-ccx)"
+)
+#: all types of element, a gluing with a turn, a wall
+QUICK = {"half_ball", "turned_ring", "hollow_cylinder", "pyramid_cut"}
+
+
+@needs_ccx
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=[] if path.stem in QUICK else [pytest.mark.slow])
+        for path in TEMPLATES
+    ],
+    ids=lambda path: path.stem,
+)
+def test_a_free_part_expands_without_stress(path: Path) -> None:
+    equation = read_template(path).bind({})
+    size = mesh_equation(equation)[1].equation_volume ** (1 / 3) / 3
+    mesh, _ = mesh_equation(equation, MeshOptions(size=size, order=2))
+    displacement, stress = analyses.thermal_expansion(mesh)
+    # both of what the warming makes; CalculiX prints seven digits
+    assert displacement < 1e-6
+    assert stress < 1e-5
+
+
+@needs_ccx
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [("hollow_ball", 5e-4), ("thick_tube", 3e-4), ("torsion", 1e-5), ("heat_in_calculix", 5e-5)],
+)
+def test_calculix_finds_the_closed_form(name: str, most: float) -> None:
+    assert getattr(analyses, name)().error < most
+
+
+@needs_ccx
+def test_a_finer_mesh_is_nearer_to_lame() -> None:
+    errors = [analyses.thick_tube(n).error for n in (1, 2, 4)]
+    assert errors[0] > 8 * errors[1] > 64 * errors[2] / 2
+
+
+@needs_ccx
+@pytest.mark.slow
+def test_a_clamped_pipe_bends_as_a_beam() -> None:
+    # the clamp stiffens the root, which beam theory does not see
+    assert analyses.cantilever().error < 1e-2
+
+
+def test_scikit_fem_reads_names_and_finds_the_heat_flow() -> None:
+    pytest.importorskip("skfem")
+    coarse, fine = analyses.heat_in_scikit_fem(6), analyses.heat_in_scikit_fem(12)
+    assert fine.error < 1e-3
+    assert coarse.error / fine.error == pytest.approx(4.0, rel=0.1)
+
+
+def test_mfem_finds_the_heat_flow_with_few_unknowns() -> None:
+    pytest.importorskip("mfem")
+    answer = analyses.heat_in_mfem()
+    assert answer.unknowns < 100
+    assert answer.error < 1e-5
