@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pc2cad.analysis import Analysis
 from pc2cad.courses import Courses, Strand
 from pc2cad.directions import CellFunction, DirectionClasses
+from pc2cad.equation.cancellation import cancel
 from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.geometry.bernstein import bernstein, bezier_knots, linear_span
 from pc2cad.geometry.carriers import (
@@ -104,11 +105,13 @@ class _Representation:
         self._rounding = rounding
         self._boundary = analysis.boundary
         self._profile = profile
+        trees = cancel(analysis.map.coordinates)
         self._faces = [
-            CellFunction(analysis, face.patch, profile.exact) for face in self._boundary.faces
+            CellFunction(analysis, face.patch, profile.exact, trees)
+            for face in self._boundary.faces
         ]
         self._edges = [
-            CellFunction(analysis, edge.cell, profile.exact) for edge in self._boundary.edges
+            CellFunction(analysis, edge.cell, profile.exact, trees) for edge in self._boundary.edges
         ]
         self._planes = [self._plane(function) for function in self._faces]
         self._laid = [

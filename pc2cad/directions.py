@@ -41,6 +41,8 @@ class CellFunction:
     cell: Cell
     #: polynomials of a higher degree are not carried exactly
     largest: int = LARGEST_DEGREE
+    #: trees that equal the map's own, in a simpler form
+    coordinates: tuple[Expr, ...] = ()
     #: polynomial degree per axis (None: not polynomial), filled in on demand
     degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
 
@@ -78,7 +80,8 @@ class CellFunction:
             here = symbol(name) if self.cell[d] % 2 else number(0)
             values[name] = number(low) + number(high - low) * here
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        return resolve_pieces(substitute(self.analysis.map.coordinates, values)), names
+        coordinates = self.coordinates or self.analysis.map.coordinates
+        return resolve_pieces(substitute(coordinates, values)), names
 
     @cached_property
     def form(self) -> Separation | None:

@@ -28,8 +28,8 @@ ALLOWED = {
     "courses": {"directions", "equation", "geometry", "numpy"},
     "laying": {"geometry", "model", "topology", "numpy"},
     "boundary": {
-        "analysis", "courses", "directions", "errors", "geometry", "laying", "model", "planar",
-        "topology", "numpy",
+        "analysis", "courses", "directions", "equation", "errors", "geometry", "laying", "model",
+        "planar", "topology", "numpy",
     },
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),

@@ -1,0 +1,299 @@
+"""Square roots and quotients that cancel: lengths that turn out constant, unit vectors of them.
+
+|KN| of a circle is a root of squares of sines and cosines; its normal form is a constant. Here
+roots of constants and of perfect squares are taken, and quotients whose denominator divides what
+stands above it are carried out, all in exact arithmetic: what does not cancel stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from pc2cad.equation.identity import Verdict, is_constant_value
+from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.equation.scalar import evaluate
+from pc2cad.equation.tree import ONE, ZERO, Expr, call, div, number, power, rewrite, walk
+
+#: forms with more terms than this are left alone
+LARGEST = 150
+#: and so are trees with more operations, unless samples find them constant
+MOST_NODES = 80
+#: roots of squares with more terms are not looked for
+LONGEST_ROOT = 12
+
+_NO = Verdict.REFUTED
+_Rank = tuple[int, int, list[int]]
+
+
+def cancel(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return equal trees without the roots and quotients that cancel.
+
+    Every symbol is a local parameter and runs from 0 to 1: a root of a square is taken only where
+    the sign of what was squared is certain over that box.
+    """
+    ops = {node.op for node in walk(roots) if node.symbols}
+    if "sqrt" in ops:
+        roots = rewrite(roots, "sqrt", _root)
+    return tuple(_divided(root) for root in roots) if "div" in ops else roots
+
+
+def _root(node: Expr) -> Expr:
+    radicand = node.args[0]
+    # algebra is dear: a few values tell whether there is a constant to be proved
+    steady = bool(node.symbols) and is_constant_value(radicand, _value(radicand)) is not _NO
+    if not node.symbols or not (steady or _is_short(radicand)):
+        return node
+    form = _form(radicand)
+    if form is None:
+        return node
+    if all(not atom.symbols for monomial in form for atom, _ in monomial):
+        return call("sqrt", _tree(form))
+    return _root_of_square(form) or node
+
+
+def _divided(root: Expr) -> Expr:
+    quotients = any(node.op == "div" and node.args[1].symbols for node in walk((root,)))
+    if not quotients or not _is_short(root):
+        return root
+    plain, form = normal_form(root, LARGEST), _form(root)
+    return root if form is None or form == plain else _tree(form)
+
+
+def _value(root: Expr) -> float:
+    """Return the value at one place."""
+    return evaluate(root, {name: 0.37 + 0.11 * i for i, name in enumerate(sorted(root.symbols))})
+
+
+def _is_short(root: Expr) -> bool:
+    return sum(1 for node in walk((root,)) if node.args) <= MOST_NODES
+
+
+# -- normal forms in which things cancel -----------------------------------------------------------
+
+
+def _form(root: Expr) -> NormalForm | None:
+    """Return the normal form with squares of roots and exact quotients carried out."""
+    form = normal_form(root, LARGEST)
+    while form is not None:
+        changed = _without_squares(form)
+        if changed is None:
+            changed = _without_quotient(form)
+        if changed is None:
+            return form
+        form = changed if len(changed) <= LARGEST else None
+    return None
+
+
+def _without_squares(form: NormalForm) -> NormalForm | None:
+    """Replace the square of one root (or of the reciprocal of one); None if there is none."""
+    for monomial in form:
+        for atom, exponent in monomial:
+            if exponent < 2:
+                continue
+            if atom.op == "sqrt":
+                return _replaced(form, atom, atom.args[0])
+            if atom.op == "div" and atom.args[0] is ONE and atom.args[1].op == "sqrt":
+                return _replaced(form, atom, div(ONE, atom.args[1].args[0]))
+    return None
+
+
+def _replaced(form: NormalForm, atom: Expr, square: Expr) -> NormalForm | None:
+    total = ZERO
+    for monomial, coefficient in form.items():
+        term = number(coefficient)
+        for a, exponent in monomial:
+            pairs, rest = divmod(exponent, 2) if a is atom else (0, exponent)
+            term = term * power(square, number(pairs)) * power(a, number(rest))
+        total = total + term
+    return normal_form(total, LARGEST)
+
+
+def _without_quotient(form: NormalForm) -> NormalForm | None:
+    """Carry out one exact division; None where no denominator divides what stands above it."""
+    atoms = {atom: None for monomial in form for atom, _ in monomial if atom.op == "div"}
+    for atom in atoms:
+        divisor = normal_form(atom.args[1], LARGEST)
+        if not divisor:
+            continue
+        highest = max(e for monomial in form for a, e in monomial if a is atom)
+        above = {_less(m, atom, highest): c for m, c in form.items() if (atom, highest) in m}
+        quotient = _quotient(above, divisor)
+        if quotient is None:
+            continue
+        rest = {m: c for m, c in form.items() if (atom, highest) not in m}
+        lower = power(atom, number(highest - 1))
+        return normal_form(_tree(rest) + _tree(quotient) * lower, LARGEST)
+    return None
+
+
+def _quotient(above: NormalForm, divisor: NormalForm) -> NormalForm | None:
+    """Return the polynomial quotient if the division leaves nothing, else None."""
+    order = _order(above, divisor)
+    lead = max(divisor, key=order)
+    rest, result = dict(above), dict[Monomial, Fraction]()
+    for _ in range(2 * LARGEST):
+        if not rest:
+            return result
+        top = max(rest, key=order)
+        share = _over(top, lead)
+        if share is None:
+            return None
+        factor = rest[top] / divisor[lead]
+        result[share] = factor
+        for monomial, coefficient in divisor.items():
+            place = _times(monomial, share)
+            left = rest.get(place, Fraction(0)) - factor * coefficient
+            if left:
+                rest[place] = left
+            else:
+                rest.pop(place, None)
+    return None
+
+
+# -- roots of perfect squares ----------------------------------------------------------------------
+
+
+def _root_of_square(form: NormalForm) -> Expr | None:
+    """Return the root of a perfect square of known sign, or None."""
+    for write in (lambda f: f, _in_sines):
+        square = write(form)
+        order = _order(square)
+        lead = max(square, key=order)
+        content = square[lead]
+        half = _halved(lead)
+        if half is None or content < 0:
+            continue
+        root = _completed(square, half, content, order, write)
+        if root is None:
+            continue
+        low, high = _bounds(root)
+        if low > 0 or high < 0:
+            tree = _tree(root)
+            return call("sqrt", number(content)) * (tree if low > 0 else -tree)
+    return None
+
+
+def _completed(
+    square: NormalForm,
+    half: Monomial,
+    content: Fraction,
+    order: Callable[[Monomial], _Rank],
+    write: Callable[[NormalForm], NormalForm],
+) -> NormalForm | None:
+    """Return g with content · g² = square, its leading term `half`, term by term."""
+    root: NormalForm = {half: Fraction(1)}
+    while len(root) <= LONGEST_ROOT:
+        tree = _tree(root)
+        form = normal_form(_tree(square) - number(content) * tree * tree, 4 * LARGEST)
+        if form is None:
+            return None
+        rest = write(form)
+        if not rest:
+            return root
+        top = max(rest, key=order)
+        share = _over(top, half)
+        if share is None or share in root:
+            return None
+        root[share] = rest[top] / (2 * content)
+    return None
+
+
+def _in_sines(form: NormalForm) -> NormalForm:
+    """Write squares of cosines as 1 - sin², where normal forms do the reverse."""
+    result: NormalForm = {}
+    stack = list(form.items())
+    while stack:
+        monomial, coefficient = stack.pop()
+        cosine = next((a for a, e in monomial if a.op == "cos" and e > 1), None)
+        if cosine is None:
+            total = result.get(monomial, Fraction(0)) + coefficient
+            if total:
+                result[monomial] = total
+            else:
+                result.pop(monomial, None)
+            continue
+        lower = _less(monomial, cosine, 2)
+        sine = ((call("sin", cosine.args[0]), 2),)
+        stack += [(lower, coefficient), (_times(lower, sine), -coefficient)]
+    return result
+
+
+def _bounds(form: NormalForm) -> tuple[float, float]:
+    """Return what a polynomial lies between while symbols run from 0 to 1, term by term."""
+    low = high = 0.0
+    for monomial, coefficient in form.items():
+        a = b = float(coefficient)
+        for atom, exponent in monomial:
+            if not atom.symbols:
+                ends = [evaluate(atom, {}) ** exponent] * 2
+            elif atom.op == "symbol":
+                ends = [0.0, 1.0]
+            elif atom.op in ("sin", "cos"):
+                ends = [0.0 if exponent % 2 == 0 else -1.0, 1.0]
+            else:
+                return -float("inf"), float("inf")
+            products = [x * y for x in (a, b) for y in ends]
+            a, b = min(products), max(products)
+        low, high = low + a, high + b
+    margin = 1e-12 * sum(abs(float(c)) for c in form.values())
+    return low - margin, high + margin
+
+
+# -- monomials -------------------------------------------------------------------------------------
+
+
+def _order(*forms: NormalForm) -> Callable[[Monomial], _Rank]:
+    """Return a key that orders monomials: by degree, then by the exponents of their atoms."""
+    names = {a: repr(a) for form in forms for m in form for a, _ in m if a.op != "number"}
+    atoms = sorted(names, key=lambda a: (not a.symbols, names[a]))
+
+    def key(monomial: Monomial) -> _Rank:
+        exponents = dict(monomial)
+        moving = sum(e for a, e in monomial if a.symbols)
+        return moving, sum(exponents.values()), [exponents.get(a, 0) for a in atoms]
+
+    return key
+
+
+def _times(a: Monomial, b: Monomial) -> Monomial:
+    powers = dict(a)
+    for atom, exponent in b:
+        powers[atom] = powers.get(atom, 0) + exponent
+    return _ordered(powers)
+
+
+def _less(monomial: Monomial, atom: Expr, exponent: int) -> Monomial:
+    powers = dict(monomial)
+    powers[atom] -= exponent
+    return _ordered(powers)
+
+
+def _over(top: Monomial, bottom: Monomial) -> Monomial | None:
+    powers = dict(top)
+    for atom, exponent in bottom:
+        if powers.get(atom, 0) < exponent:
+            return None
+        powers[atom] -= exponent
+    return _ordered(powers)
+
+
+def _halved(monomial: Monomial) -> Monomial | None:
+    if any(exponent % 2 for _, exponent in monomial):
+        return None
+    return _ordered({atom: exponent // 2 for atom, exponent in monomial})
+
+
+def _ordered(powers: dict[Expr, int]) -> Monomial:
+    """Return a monomial in the order that normal forms keep."""
+    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda item: id(item[0])))
+
+
+def _tree(form: NormalForm) -> Expr:
+    total = ZERO
+    for monomial, coefficient in form.items():
+        term = number(coefficient)
+        for atom, exponent in monomial:
+            term = term * power(atom, number(exponent))
+        total = total + term
+    return total
