@@ -361,6 +361,12 @@ def test_what_does_not_cancel_stays_approximated():
     assert [f.evidence for f in part.report.faces if f.carrier == "plane"] == ["exact"] * 2
 
 
+def test_a_wave_is_no_plane_because_its_zeros_are_sampled():
+    part = pc.compile_part((U, V, W * (2 + SIN(400 * pc.pi * U) / 10)), tolerance=1e-2)
+    assert carriers(part)["plane"] == 5
+    assert part.report.solid.volume == pytest.approx(2, rel=1e-2)
+
+
 def test_the_cubic_profile_knows_no_rational_faces():
     part = compile_equation(
         pc.read_template(template_paths()["ellipsoid"]).bind(), 1e-4, profile="cubic"
