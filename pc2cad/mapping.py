@@ -85,10 +85,11 @@ class Mapping3:
         columns = self._programs[keys](values)
         results = []
         for i in range(0, len(columns), 3):
-            result = np.empty((*shape, 3))
+            # one coordinate after the other in memory: products of coordinates are then fast
+            result = np.empty((3, *shape))
             for axis in range(3):
-                result[..., axis] = columns[i + axis]
-            results.append(result)
+                result[axis] = columns[i + axis]
+            results.append(result.transpose(*range(1, result.ndim), 0))
         return results
 
     def _trees_of(self, key: str) -> tuple[Expr, ...]:

@@ -34,17 +34,28 @@ class Program:
     def __init__(self, roots: tuple[Expr, ...]) -> None:
         nodes = program(roots)
         index = {node: i for i, node in enumerate(nodes)}
-        self._steps = [_step(node, tuple(index[arg] for arg in operands(node))) for node in nodes]
+        before = [tuple(index[arg] for arg in operands(node)) for node in nodes]
+        last = list(range(len(nodes)))
+        for i, row in enumerate(before):
+            for k in row:
+                last[k] = i
         self._outputs = tuple(index[root] for root in roots)
-        last_use = {i: i for i in range(len(nodes))}
-        for i, node in enumerate(nodes):
-            for arg in operands(node):
-                last_use[index[arg]] = i
         kept = set(self._outputs)
-        self._frees: list[list[int]] = [[] for _ in nodes]
-        for i, last in last_use.items():
-            if i not in kept:
-                self._frees[last].append(i)
+        frees: list[list[int]] = [[] for _ in nodes]
+        #: values of the nodes that hold no symbol, worked out once
+        self._constants: list[Value] = [None] * len(nodes)
+        self._symbols: list[tuple[int, str]] = []
+        self._steps: list[tuple[int, _Run, tuple[int, ...], list[int]]] = []
+        with np.errstate(all="ignore"):
+            for i, node in enumerate(nodes):
+                if node.symbols and i not in kept:
+                    frees[last[i]].append(i)
+                if node.op == "symbol":
+                    self._symbols.append((i, node.payload))
+                elif node.symbols:
+                    self._steps.append((i, _step(node), before[i], frees[i]))
+                else:
+                    self._constants[i] = _step(node)(*(self._constants[k] for k in before[i]))
 
     def __call__(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
         """Evaluate all trees; the results have the broadcast shape of what each one depends on.
@@ -52,11 +63,18 @@ class Program:
         Values outside a function's domain come out as nan or inf, without a warning: the caller
         decides whether a place is a fault.
         """
-        store: list[Value] = [None] * len(self._steps)
+        store = self._constants.copy()
+        for i, name in self._symbols:
+            store[i] = values[name]
         with np.errstate(all="ignore"):
-            for i, (run, before) in enumerate(self._steps):
-                store[i] = run(values, *(store[k] for k in before))
-                for k in self._frees[i]:
+            for i, run, before, frees in self._steps:
+                if len(before) == 2:
+                    store[i] = run(store[before[0]], store[before[1]])
+                elif len(before) == 1:
+                    store[i] = run(store[before[0]])
+                else:
+                    store[i] = run(*(store[k] for k in before))
+                for k in frees:
                     store[k] = None
         return tuple(store[k] for k in self._outputs)
 
@@ -64,37 +82,34 @@ class Program:
 _Run = Callable[..., Value]
 
 
-def _step(node: Expr, operands: tuple[int, ...]) -> tuple[_Run, tuple[int, ...]]:
+def _step(node: Expr) -> _Run:
+    """Return the operation of a node on the values of its operands."""
     op, payload = node.op, node.payload
     if op == "number":
         constant = np.float64(float(payload))
-        return (lambda values: constant), ()
+        return lambda: constant
     if op == "constant":
         value = np.float64(np.pi if payload == "pi" else np.e)
-        return (lambda values: value), ()
-    if op == "symbol":
-        return (lambda values: values[payload]), ()
+        return lambda: value
     if op in _BINARY:
-        function = _BINARY[op]
-        return (lambda values, a, b: function(a, b)), operands
+        return _BINARY[op]
     if op == "neg":
-        return (lambda values, a: -a), operands
+        return np.negative
     if op == "pow":
-        return _power_step(node, operands)
+        return _power_step(node.args[1])
     if op == "pieces":
-        return _pieces_step(node), operands
-    ufunc = getattr(np, FUNCTIONS[op].numpy_name)
-    return (lambda values, *args: ufunc(*args)), operands
+        return _pieces_step(node)
+    function: _Run = getattr(np, FUNCTIONS[op].numpy_name)
+    return function
 
 
-def _power_step(node: Expr, operands: tuple[int, ...]) -> tuple[_Run, tuple[int, ...]]:
-    exponent = node.args[1]
-    if exponent.op == "number" and exponent.payload.denominator == 1:
-        n = int(exponent.payload)
-        if 0 < n <= 8:
-            return (lambda values, a: _integer_power(a, n)), operands[:1]
-        return (lambda values, a: np.power(a, float(n))), operands[:1]
-    return (lambda values, a, b: np.power(a, b)), operands
+def _power_step(exponent: Expr) -> _Run:
+    if exponent.op != "number" or exponent.payload.denominator != 1:
+        return np.power
+    n = int(exponent.payload)
+    if 0 < n <= 8:
+        return lambda a, _: _integer_power(a, n)
+    return lambda a, _: np.power(a, float(n))
 
 
 def _integer_power(a: Value, n: int) -> Value:
@@ -119,7 +134,7 @@ def _pieces_step(node: Expr) -> _Run:
             [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
         ).reshape(-1, width)
 
-    def run(values: Mapping[str, Value], t: Value, *flat: Value) -> Value:
+    def run(t: Value, *flat: Value) -> Value:
         if closed:
             # the closing break belongs to the last piece of its own turn, so that one-sided
             # derivatives at the end of a domain are those from inside
