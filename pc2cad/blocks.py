@@ -68,39 +68,39 @@ def opposite_faces(sheets: Sequence[Sheet]) -> Integers:
 
 def pyramid(sheets: Sequence[Sheet], opposite: Integers) -> list[Level]:
     """Return the levels from cells to whole faces."""
-    stacks = [_leaves(sheet, _wall(sheets, opposite, f)) for f, sheet in enumerate(sheets)]
-    ones = np.ones((len(sheets), 2), dtype=np.int64)
-    levels = [_level(stacks, ones)]
-    while max(max(stack[0].shape[:2]) for stack in stacks) > 1:
-        factors = np.array([_factor(stack) for stack in stacks])
+    groups: dict[tuple[int, int], list[int]] = {}
+    for f, sheet in enumerate(sheets):
+        groups.setdefault(sheet.shape, []).append(f)
+    faces = list(groups.values())
+    stacks = [_leaves(sheets, group, opposite) for group in faces]
+    levels = [_level(stacks, faces, [(1, 1)] * len(stacks))]
+    while max(max(stack[0].shape[1:3]) for stack in stacks) > 1:
+        factors = [_factor(stack) for stack in stacks]
         stacks = [_halved(stack, *factor) for stack, factor in zip(stacks, factors, strict=True)]
-        levels.append(_level(stacks, factors))
+        levels.append(_level(stacks, faces, factors))
     return levels
 
 
+#: faces of one shape: boxes (faces, n, m, 7), axes (faces, n, m, 3, 3) and radii (faces, n, m, 3)
 _Stack = tuple[Array, Array, Array, Array]
 
 
-def _level(stacks: list[_Stack], factors: Integers) -> Level:
-    shapes = [stack[0].shape[:2] for stack in stacks]
-    sizes = [n * m for n, m in shapes]
+def _level(stacks: list[_Stack], faces: list[list[int]], factors: list[tuple[int, int]]) -> Level:
+    order = np.concatenate(faces).astype(np.int64)
+    counts = [len(group) for group in faces]
+    shapes = np.repeat([stack[0].shape[1:3] for stack in stacks], counts, axis=0)
+    sizes = shapes.prod(axis=1)
     low, high, axes, radii = (
-        np.concatenate([stack[k].reshape(-1, *stack[k].shape[2:]) for stack in stacks])
+        np.concatenate([stack[k].reshape(-1, *stack[k].shape[3:]) for stack in stacks])
         for k in range(4)
     )
     place = np.concatenate([np.indices(shape).reshape(2, -1).T for shape in shapes])
-    return Level(
-        low, high, axes, radii, np.repeat(np.arange(len(stacks)), sizes), place,
-        np.cumsum([0, *sizes[:-1]]), np.array(shapes), factors,
-    )  # fmt: skip
-
-
-def _wall(sheets: Sequence[Sheet], opposite: Integers, face: int) -> Array | None:
-    """Return the unit vectors across the wall at the samples of a face, if it has two sides."""
-    if opposite[face] < 0:
-        return None
-    low, high = sorted((face, int(opposite[face])))
-    return unit(sheets[high].samples - sheets[low].samples)
+    start, shape, factor = np.empty_like(order), np.empty_like(shapes), np.empty_like(shapes)
+    start[order] = np.cumsum(sizes) - sizes
+    shape[order] = shapes
+    factor[order] = np.repeat(factors, counts, axis=0)
+    face = np.repeat(order, sizes)
+    return Level(low, high, axes, radii, face, place, start, shape, factor)
 
 
 def unit(vectors: Array) -> Array:
@@ -117,30 +117,35 @@ def spread(vectors: Array) -> tuple[Array, Array]:
 
 
 def _corners(samples: Array) -> list[Array]:
-    """Return the nine samples of every cell of a grid (2n+1, 2m+1, …) as nine (n, m, …)."""
-    n, m = samples.shape[0] - 1, samples.shape[1] - 1
-    return [samples[i : n + i : 2, j : m + j : 2] for i in range(3) for j in range(3)]
+    """Return the nine samples of every cell of grids (F, 2n+1, 2m+1, …) as nine (F, n, m, …)."""
+    n, m = samples.shape[1] - 1, samples.shape[2] - 1
+    return [samples[:, i : n + i : 2, j : m + j : 2] for i in range(3) for j in range(3)]
 
 
-def _leaves(sheet: Sheet, wall: Array | None) -> _Stack:
-    g = sheet.samples
+def _leaves(sheets: Sequence[Sheet], faces: list[int], opposite: Integers) -> _Stack:
+    """Return the cells of some faces of one shape."""
+    g = np.stack([sheets[f].samples for f in faces])
     slack = BETWEEN * bow(g)
     parts = _corners(g @ _DIRECTIONS.T)
     low, high = parts[0], parts[0]
     for part in parts[1:]:
         low, high = np.minimum(low, part), np.maximum(high, part)
-    axes, radii = np.empty((*sheet.shape, 3, 3)), np.full((*sheet.shape, 3), 2.0)
-    step_s, step_t = unit(g[1:] - g[:-1]), unit(g[:, 1:] - g[:, :-1])
-    n, m = 2 * sheet.shape[0], 2 * sheet.shape[1]
+    shape = (len(faces), *sheets[faces[0]].shape, 3)
+    axes, radii = np.zeros((*shape, 3)), np.full(shape, 2.0)
+    step_s, step_t = unit(g[:, 1:] - g[:, :-1]), unit(g[:, :, 1:] - g[:, :, :-1])
+    n, m = 2 * shape[1], 2 * shape[2]
     edges = (
-        np.stack([step_s[i:n:2, j : m + j : 2] for i in (0, 1) for j in (0, 1, 2)], axis=2),
-        np.stack([step_t[i : n + i : 2, j:m:2] for i in (0, 1, 2) for j in (0, 1)], axis=2),
-        None if wall is None else np.stack(_corners(wall), axis=2),
+        np.stack([step_s[:, i:n:2, j : m + j : 2] for i in (0, 1) for j in (0, 1, 2)], axis=3),
+        np.stack([step_t[:, i : n + i : 2, j:m:2] for i in (0, 1, 2) for j in (0, 1)], axis=3),
     )
     for k, vectors in enumerate(edges):
-        if vectors is not None:
-            axes[:, :, k], radii[:, :, k] = spread(vectors)
-    axes[:, :, 2] = 0.0 if wall is None else axes[:, :, 2]
+        axes[..., k, :], radii[..., k] = spread(vectors)
+    walls = [k for k, f in enumerate(faces) if opposite[f] >= 0]
+    if walls:
+        # both sides of a wall take the way across it in one sense
+        sides = [sorted((faces[k], int(opposite[faces[k]]))) for k in walls]
+        vectors = unit(np.stack([sheets[b].samples - sheets[a].samples for a, b in sides]))
+        axes[walls, ..., 2, :], radii[walls, ..., 2] = spread(np.stack(_corners(vectors), axis=3))
     return low - slack[..., None], high + slack[..., None], axes, radii
 
 
@@ -169,20 +174,17 @@ def _off_chord(start: Array, middle: Array, end: Array) -> Array:
 def _factor(stack: _Stack) -> tuple[int, int]:
     """Return how many rows and columns to join: along the shorter side of the blocks first."""
     low, high, axes, _ = stack
-    n, m = low.shape[:2]
+    n, m = low.shape[1:3]
     if n == 1 or m == 1:
         return min(n, 2), min(m, 2)
     extent = (high - low)[..., :3]
-    along, across = (
-        float(np.median(np.abs(np.einsum("...i,...i->...", extent, np.abs(axes[:, :, k])))))
-        for k in (0, 1)
-    )
+    along, across = (float((extent * np.abs(axes[..., k, :])).sum()) for k in (0, 1))
     return (2 if along < 1.6 * across else 1), (2 if across < 1.6 * along else 1)
 
 
 def _halved(stack: _Stack, rows: int, columns: int) -> _Stack:
     low, high, axes, radii = stack
-    for axis, factor in ((0, rows), (1, columns)):
+    for axis, factor in ((1, rows), (2, columns)):
         if factor == 1:
             continue
         starts = np.arange(0, low.shape[axis], 2)
@@ -268,9 +270,10 @@ def independent(first: Cones, second: Cones, crossing: bool) -> Flags:
 
 def adjoining(sheets: Sequence[Sheet], leaf: Level, pairs: Integers) -> Flags:
     """Say which pairs of cells share a corner."""
-    numbers = np.concatenate([
-        np.stack([n[:-1, :-1], n[:-1, 1:], n[1:, :-1], n[1:, 1:]], axis=2).reshape(-1, 4)
-        for n in (sheet.nodes for sheet in sheets)
-    ])  # fmt: skip
+    numbers = np.empty((len(leaf.face), 4), dtype=np.int64)
+    for sheet, start in zip(sheets, leaf.start, strict=True):
+        n = sheet.nodes
+        corners = np.stack([n[:-1, :-1], n[:-1, 1:], n[1:, :-1], n[1:, 1:]], axis=2)
+        numbers[start : start + corners[..., 0].size] = corners.reshape(-1, 4)
     first, second = numbers[pairs[:, 0]], numbers[pairs[:, 1]]
     return np.asarray((first[:, :, None] == second[:, None, :]).any(axis=(1, 2)))

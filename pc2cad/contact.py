@@ -66,9 +66,10 @@ def find_contact(
     """
     opposite = opposite_faces(sheets)
     levels = pyramid(sheets, opposite)
+    top = levels[-1].start
     # a plane face is injective where its edges are, and those belong to other faces too
     pairs = np.array([
-        (a, b)
+        (top[a], top[b])
         for a, sheet in enumerate(sheets)
         for b in range(a, len(sheets))
         if a != b or not sheet.flat

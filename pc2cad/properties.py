@@ -14,8 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.equation.point_equation import PARAMETERS
+from pc2cad.equation.tree import walk
 from pc2cad.errors import NotASolidError
 from pc2cad.folding import Signs
+from pc2cad.geometry.bernstein import degree_in
 from pc2cad.mapping import open_grid
 from pc2cad.quadrature import Panels, Samples, resolve, single
 from pc2cad.topology.cells import Cell, directions_of
@@ -24,6 +27,8 @@ Array = NDArray[np.float64]
 
 #: points of one integral
 MOST_POINTS = 3e6
+#: relative error of a rule that is exact, and the highest degree that one is made for
+EXACT, MOST_DEGREE = 1e-15, 16
 #: points evaluated at once
 SLAB_POINTS = 300_000
 #: relative difference of two rules at which a third is tried
@@ -59,8 +64,13 @@ def integrate(analysis: Analysis) -> Properties:
     centre = _centre(analysis)
     signs = Signs(analysis.map)
     densities = _Densities(analysis, centre, signs)
-    whole = [_panels(densities.volume, _limits(analysis), d) for d in range(3)]
-    moments, error = _integral(densities.volume, whole)
+    exact = _exact_rules(analysis)
+    if exact is not None:
+        whole = exact
+        moments, error = _total(densities.volume, [p.rule() for p in exact]), EXACT
+    else:
+        whole = [_panels(densities.volume, _limits(analysis), d) for d in range(3)]
+        moments, error = _integral(densities.volume, whole)
     signs.check()
     if not (np.isfinite(moments).all() and np.isfinite(error)):
         raise NotIntegrableError(
@@ -71,6 +81,10 @@ def integrate(analysis: Analysis) -> Properties:
     first = moments[1:] / volume + centre
     areas, errors = [], [error]
     for face in analysis.boundary.faces:
+        flat = exact and _flat_area(analysis, face.patch, exact)
+        if flat:
+            areas.append(flat)
+            continue
         density = densities.area_of(face.patch)
         panels = [_on_face(density, analysis, face.patch, whole, d) for d in range(3)]
         area, face_error = _integral(density, panels)
@@ -85,6 +99,48 @@ def integrate(analysis: Analysis) -> Properties:
         abs(volume), sum(areas), (float(first[0]), float(first[1]), float(first[2])),
         tuple(areas), max(errors),
     )  # fmt: skip
+
+
+def _exact_rules(analysis: Analysis) -> list[Panels] | None:
+    """Return the rules that integrate det J and its moments exactly where M is one polynomial.
+
+    Of degree n in a direction, M·det J is of degree 4n - 1 there: 2n nodes.
+    """
+    trees = analysis.map.coordinates
+    if any(node.op == "pieces" for node in walk(trees)):
+        return None
+    degrees = [degree_in(trees, name) for name in PARAMETERS]
+    if any(n is None or n > MOST_DEGREE for n in degrees):
+        return None
+    return [
+        Panels(np.array([0.0, 1.0]), np.array([max(1, 2 * n)])) for n in degrees if n is not None
+    ]
+
+
+def _flat_area(analysis: Analysis, patch: Cell, rules: list[Panels]) -> float:
+    """Return the area of a polynomial face that lies in a plane, exactly; 0 where it does not.
+
+    Its normals M_s × M_t are polynomials that the rule's nodes determine; where they all point one
+    way, the length of their integral is the area.
+    """
+    s, t = directions_of(patch)
+    nodes, weights = [], []
+    for d, panels in enumerate(rules):
+        x, weight = panels.rule() if patch[d] % 2 else (np.array([float(patch[d] > 0)]), np.ones(1))
+        nodes.append(x)
+        weights.append(weight)
+    along_s, along_t = analysis.map.tangents((s, t), *open_grid(*nodes))
+    normals = np.cross(along_s, along_t).reshape(-1, 3)
+    weight = (weights[0][:, None, None] * weights[1][:, None] * weights[2]).ravel()
+    whole = weight @ normals
+    area = float(np.sqrt(whole @ whole))
+    if area == 0:
+        return 0.0
+    along = normals @ (whole / area)
+    largest = float(np.abs(normals).max())
+    across = np.abs(normals - along[:, None] * (whole / area)).max()
+    flat = across <= 1e-13 * largest and along.min() >= -1e-13 * largest
+    return area if flat else 0.0
 
 
 def _centre(analysis: Analysis) -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
 from pc2cad.directions import CellFunction, DirectionClasses, Piece
+from pc2cad.equation.tree import walk
 from pc2cad.geometry.carriers import fit_plane
 from pc2cad.topology.cells import outward_sign
 from pc2cad.winding import ray_frame
@@ -28,8 +29,10 @@ CHORD = 2e-3
 #: how far a face may turn along one cell (radians), where this many cells of a face do for it
 TURN, MOST_FOR_TURN = 0.5, 65536
 FEWEST, MOST = 4, 2048
-#: a step for second differences, and how many places they are taken at along a direction
-_STEP, _PLACES = 1e-3, 24
+#: a step for second differences, and how many places they are taken at along a direction: of any
+#: map, and of a polynomial of low degree, which has no waves
+_STEP, _PLACES, _FEW_PLACES = 1e-3, 24, 7
+_LOW_DEGREE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +119,9 @@ def _counts(analysis: Analysis, functions: list[CellFunction]) -> dict[Piece, in
     pieces = [(d, p) for d in range(3) for p in range(1, 2 * len(analysis.bounds[d]) - 1, 2)]
     wanted = dict.fromkeys(pieces, float(FEWEST))
     twists = []
+    count = _FEW_PLACES if _is_plain(analysis) else _PLACES
     for function in functions:
-        along_s, along_t, twist = _wanted(function, CHORD * analysis.size)
+        along_s, along_t, twist = _wanted(function, CHORD * analysis.size, count)
         s, t = (classes.owner(piece) for piece in function.pieces)
         wanted[s], wanted[t] = max(wanted[s], along_s), max(wanted[t], along_t)
         twists.append((s, t, twist))
@@ -128,17 +132,28 @@ def _counts(analysis: Analysis, functions: list[CellFunction]) -> dict[Piece, in
     return {p: int(np.ceil(min(wanted[classes.owner(p)], MOST))) for p in pieces}
 
 
-def _wanted(function: CellFunction, bound: float) -> tuple[float, float, float]:
+def _is_plain(analysis: Analysis) -> bool:
+    """Say whether M is made of sums, products, quotients and low powers only."""
+    return all(
+        node.op in ("number", "constant", "symbol", "add", "mul", "neg", "div")
+        or (
+            node.op == "pow" and node.args[1].op == "number" and node.args[1].payload <= _LOW_DEGREE
+        )
+        for node in walk(analysis.map.coordinates)
+    )
+
+
+def _wanted(function: CellFunction, bound: float, count: int) -> tuple[float, float, float]:
     """Return how many cells a face wants along s, along t, and as the product of both.
 
     Only the offset across the face counts: uneven speed moves points within it.
     """
-    k = np.arange(_PLACES)
+    k = np.arange(count)
     # as far from even as places can be, and close to both ends
-    places = (k + 0.05 + 0.9 * np.modf((k + 1) * 0.6180339887498949)[0]) / _PLACES
+    places = (k + 0.05 + 0.9 * np.modf((k + 1) * 0.6180339887498949)[0]) / count
     places[[0, -1]] = _STEP, 1 - _STEP
     nodes = (places[:, None] + _STEP * np.array([-1.0, 0.0, 1.0])).ravel()
-    g = function(nodes, nodes).reshape(_PLACES, 3, _PLACES, 3, 3)
+    g = function(nodes, nodes).reshape(count, 3, count, 3, 3)
     along_s = (g[:, 2, :, 1] - g[:, 0, :, 1]) / (2 * _STEP)
     along_t = (g[:, 1, :, 2] - g[:, 1, :, 0]) / (2 * _STEP)
     normal = np.cross(along_s, along_t)
@@ -169,9 +184,11 @@ def _wanted(function: CellFunction, bound: float) -> tuple[float, float, float]:
 
 def _turns(second: Array, tangents: Array) -> float:
     """Return how many cells it takes so that tangents turn by no more than TURN in one."""
-    across = np.cross(second, tangents)
     speed = np.einsum("...i,...i->...", tangents, tangents)
-    turn = np.sqrt(np.einsum("...i,...i->...", across, across))
+    along = np.einsum("...i,...i->...", second, tangents)
+    # |a × b|² = |a|²|b|² - (a·b)²
+    square = np.einsum("...i,...i->...", second, second) * speed - along * along
+    turn = np.sqrt(np.maximum(square, 0.0))
     moving = speed > 1e-18 * speed.max()
     return float((turn[moving] / speed[moving]).max(initial=0.0)) / TURN
 

@@ -18,7 +18,8 @@ ALLOWED = {
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
     "analysis": {"equation", "errors", "folding", "mapping", "topology", "numpy"},
     "properties": {
-        "analysis", "errors", "folding", "mapping", "quadrature", "topology", "numpy",
+        "analysis", "equation", "errors", "folding", "geometry", "mapping", "quadrature",
+        "topology", "numpy",
     },
     "quadrature": {"numpy"},
     "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
@@ -34,7 +35,7 @@ ALLOWED = {
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
     "winding": {"numpy", "scipy"},
-    "sheets": {"analysis", "directions", "geometry", "topology", "winding", "numpy"},
+    "sheets": {"analysis", "directions", "equation", "geometry", "topology", "winding", "numpy"},
     "blocks": {"sheets", "topology", "numpy"},
     "contact": {"analysis", "blocks", "sheets", "numpy"},
     "injectivity": {
