@@ -118,9 +118,8 @@ class _Representation:
             None if flat else self._lay(function)
             for function, flat in zip(self._faces, self._planes, strict=True)
         ]
-        self._bound = [self._is_bound(edge) for edge in range(len(self._edges))]
-        classes = DirectionClasses(analysis, profile.degrees)
-        self._courses = Courses(classes, self._strands(), profile)
+        self._classes = DirectionClasses(analysis, profile.degrees)
+        self._bound, self._courses = self._settle()
         self.vertices = np.array([
             CellFunction(analysis, vertex.corners[0])() for vertex in self._boundary.vertices
         ])  # fmt: skip
@@ -208,14 +207,40 @@ class _Representation:
             for face, use in self._boundary.edge_uses()[edge]
         )
 
-    def _strands(self) -> list[Strand]:
+    def _settle(self) -> tuple[list[bool], Courses]:
+        """Return which edges are bound to a parameter, and the courses.
+
+        A face stays on its analytic surface only if no edge of it has to be approximated.
+        """
+        while True:
+            bound = [self._is_bound(edge) for edge in range(len(self._edges))]
+            courses = Courses(self._classes, self._strands(bound), self._profile)
+            rough = {
+                face
+                for edge, uses in self._boundary.edge_uses().items()
+                if bound[edge] and not self._holds(edge, courses)
+                for face, _ in uses
+                if self._laid[face] is not None
+            }
+            if not rough:
+                return bound, courses
+            self._laid = [None if i in rough else laid for i, laid in enumerate(self._laid)]
+
+    def _holds(self, edge: int, courses: Courses) -> bool:
+        """Say whether a bound edge is exact, or straight whatever its parameter."""
+        function = self._edges[edge]
+        straight = function.form is not None and is_straight(function.form)
+        return straight or courses.exact(Strand(function, 0)) is not None
+
+    def _strands(self, bound: list[bool]) -> list[Strand]:
+        uses = self._boundary.edge_uses()
         edges = [
-            Strand(function, 0, bound)
-            for function, bound in zip(self._edges, self._bound, strict=True)
-            if bound or self._simple_edge(function) is None
+            Strand(function, 0, bound[i], any(self._laid[face] for face, _ in uses[i]))
+            for i, function in enumerate(self._edges)
+            if bound[i] or self._simple_edge(function) is None
         ]
         return edges + [
-            Strand(function, axis, swept=self._laid[face] is not None)
+            Strand(function, axis, laid=self._laid[face] is not None)
             for face, function in enumerate(self._faces)
             for axis in (0, 1)
             if self._is_parametric(face, axis)

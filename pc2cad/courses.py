@@ -1,10 +1,10 @@
 """The course of every direction: in what parameter and in which space faces and edges run along it.
 
 Faces that are neither planes nor on an analytic surface have to agree along their common edges at
-equal parameters. So all of them take one course per class of directions: where that makes a face
-exact, the class runs through arcs (see `geometry.rational`), and what has to be approximated along
-it is approximated in the arcs' parameter. Where every face would have to be approximated along its
-other direction all the same, arcs would only make it rougher: the equation's own parameter stays.
+equal parameters. So all of them take one course per class of directions. Where it makes a face
+exact, or keeps an edge on an analytic surface, that course runs through arcs (`geometry.rational`),
+and what has to be approximated along it is approximated in the arcs' parameter. Elsewhere arcs
+would only make faces rougher, and the equation's own parameter stays.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Strand:
     axis: int
     #: False for an edge whose neighbours do not ask for a certain parameter
     bound: bool = True
-    #: True for a face that an analytic surface carries along its other axis
-    swept: bool = False
+    #: True for a face on an analytic surface (along the axis of its spline), and for an edge of one
+    laid: bool = False
 
     @property
     def piece(self) -> Piece:
@@ -107,11 +107,14 @@ class Courses:
         return self._profile.rational and 2 * order <= self._profile.exact
 
     def _completes_a_face(self, strand: Strand) -> bool:
-        """Say whether a face is exact as soon as the strand is run through in arcs."""
-        if strand.wave is None or len(strand.function.pieces) == 1:
-            return False
+        """Say whether a face is exact as soon as the strand is run through in arcs.
+
+        An analytic surface beside an edge is such a face: the edge has to lie on it.
+        """
+        if strand.wave is None or strand.laid or len(strand.function.pieces) == 1:
+            return strand.wave is not None and strand.laid
         other = Strand(strand.function, 1 - strand.axis)
-        return strand.swept or other.wave is not None or self._polynomial(other) is not None
+        return other.wave is not None or self._polynomial(other) is not None
 
     def _polynomial(self, strand: Strand) -> SplineSpace | None:
         breaks = self._classes.breaks(strand.piece)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.geometry.carriers import PCurve, Segment, SplineCurve
+from pc2cad.geometry.carriers import PCurve, Segment, SplineCurve, SplinePath
 from pc2cad.geometry.parameter_path import path
 from pc2cad.geometry.rational import Arcs
 from pc2cad.geometry.recognition import Along, Laid
@@ -56,6 +56,10 @@ def sides_on(
         carrier = None if use.edge is None else edges[use.edge].carrier
         axis, level = _SIDES[side]
         places = _Places(laid, axis, level, arcs[axis])
+        if isinstance(carrier, SplineCurve) and _is_straight(carrier):
+            first, last = places.towards(is_upwards(side, use))(np.array([0.0, 1.0]))
+            result.append(_along_line(carrier, first, last))
+            continue
         if isinstance(carrier, SplineCurve):
             upwards = is_upwards(side, use)
             breaks = np.unique(carrier.knots) if _is_simple(carrier) else np.array([0.0, 1.0])
@@ -66,6 +70,20 @@ def sides_on(
         first, last = ends if forwards else ends[::-1]
         result.append(Segment(tuple(first), tuple(last)))
     return tuple(result)
+
+
+def _is_straight(carrier: SplineCurve) -> bool:
+    steps = carrier.poles - carrier.poles[0]
+    length = float(np.linalg.norm(steps[-1]))
+    across = np.linalg.norm(np.cross(steps, steps[-1]), axis=1)
+    return length > 0 and carrier.weights is None and bool(across.max() <= 1e-12 * length**2)
+
+
+def _along_line(carrier: SplineCurve, first: Array, last: Array) -> SplinePath:
+    """Return a straight edge's path: on straight lines of a surface, parameters are lengths."""
+    along = carrier.poles[-1] - carrier.poles[0]
+    share = (carrier.poles - carrier.poles[0]) @ along / (along @ along)
+    return SplinePath(carrier.degree, carrier.knots, first + share[:, None] * (last - first))
 
 
 def _is_simple(carrier: SplineCurve) -> bool:

@@ -374,3 +374,39 @@ def test_the_cubic_profile_knows_no_rational_faces():
     (face,) = part.report.faces
     assert (face.carrier, face.degrees) == ("B-spline surface", (3, 3))
     assert sqrt(part.report.solid.volume) == pytest.approx(sqrt(8 * pi), rel=1e-4)
+
+
+# -- analytic faces beside others ------------------------------------------------------------------
+
+BULGE = W * (1 - W) / 3
+BESIDE = {
+    # a top that needs a spline, one that is rational, and one all round
+    "spline": ((2 + W) * COS(pc.pi * U), (2 + W) * SIN(pc.pi * U), V * (3 + BULGE * pc.exp(U))),
+    "rational": ((2 + W) * COS(pc.pi * U), (2 + W) * SIN(pc.pi * U),
+                 V * (3 + BULGE * SIN(pc.pi * U))),
+    "round": ((2 + W) * COS(THETA), (2 + W) * SIN(THETA), V * (3 + BULGE * pc.exp(SIN(THETA)))),
+    # straight edges at uneven speed
+    "straight": ((2 + W) * COS(pc.pi * U / 2) + BULGE * U**2 * SIN(3 * V),
+                 (2 + W) * SIN(pc.pi * U / 2), pc.exp(V)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_cylinders_beside_other_faces(name, tmp_path):
+    # so rough that an edge of the other face's accuracy would leave the cylinder
+    part = pc.compile_part(BESIDE[name], tolerance=1e-3)
+    assert carriers(part)["cylinder"] == 2
+    assert largest_gap(part) <= 1e-12 * part.report.size
+    assert part.report.deviation <= 1e-3
+    path = tmp_path / "part.step"
+    part.write(path)
+    slack = 1e-12 if part.report.evidence == "exact" else 1e-5
+    assert check_step(path).volume == pytest.approx(part.report.equation.volume, rel=slack)
+
+
+def test_a_face_whose_edge_has_to_be_approximated_is_no_cylinder():
+    angle = pc.pi * U**2
+    point = ((2 + W) * COS(angle), (2 + W) * SIN(angle), V * (3 + BULGE * pc.exp(U)))
+    part = pc.compile_part(point, tolerance=1e-4)
+    assert "cylinder" not in carriers(part)
+    assert largest_gap(part) <= 1e-12 * part.report.size
