@@ -1,6 +1,7 @@
 """The pipeline: one point equation in, one part out.
 
-    PointEquation  ─analyse→    Analysis       which sides collapse, coincide, bound
+    PointEquation  ─limits→     Limits         of a channel: what is near to break it
+                   ─analyse→    Analysis       which sides collapse, coincide, bound
                    ─integrate→  Properties     volume, area, centroid of the equation
                    ─solidity→   Solidity       proof or samples: det J keeps its sign, no overlap
                    ─represent→  BoundaryModel  a carrier for every face and edge
@@ -21,9 +22,12 @@ from pc2cad.analysis import analyse
 from pc2cad.boundary import check_tolerance, represent
 from pc2cad.brep.build import build
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
+from pc2cad.errors import NotASolidError
 from pc2cad.geometry.profile import spline_profile
+from pc2cad.limits import Limit, check_limits, describe, find_limits
 from pc2cad.part import Part
 from pc2cad.properties import integrate
+from pc2cad.report import LimitReport
 from pc2cad.solidity import check_solidity
 from pc2cad.validation import check_thickness, validate
 
@@ -53,14 +57,23 @@ def compile_equation(
     splines = spline_profile(degree, max_degree, profile)
     times: dict[str, float] = {}
 
+    limits: tuple[Limit, ...] = ()
+
     def stage(name: str, run: Callable[[], Result]) -> Result:
         if progress is not None:
             progress(name)
         start = time.perf_counter()
-        result = run()
+        try:
+            result = run()
+        except NotASolidError as error:
+            if limits:
+                error.args = (f"{error} (limits of the channel: {describe(limits)})",)
+            raise
         times[name] = time.perf_counter() - start
         return result
 
+    limits = stage("limits", lambda: find_limits(equation))
+    check_limits(limits)
     analysis = stage("analyse", lambda: analyse(equation))
     check_tolerance(analysis, tolerance)
     properties = stage("integrate", lambda: integrate(analysis))
@@ -73,7 +86,8 @@ def compile_equation(
     )
     built = stage("build", lambda: build(model))
     report = stage("validate", lambda: validate(analysis, properties, solidity, model, built))
-    return Part(equation, model, built, replace(report, times=times))
+    known = tuple(LimitReport(x.name, x.value, x.breaks_at, x.sentence) for x in limits)
+    return Part(equation, model, built, replace(report, limits=known, times=times))
 
 
 def compile_part(

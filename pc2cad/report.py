@@ -37,6 +37,17 @@ class FaceReport:
 
 
 @dataclass(frozen=True)
+class LimitReport:
+    """One limit of a channel: what was found and what would break it (lengths in model units)."""
+
+    name: str
+    value: float
+    breaks_at: float
+    #: what it means, with the place
+    sentence: str
+
+
+@dataclass(frozen=True)
 class Integrals:
     """Volume, area and centroid in model units, and where they come from."""
 
@@ -68,6 +79,8 @@ class Report:
     euler: int
     #: of a channel: what frame carries its section along which guide; otherwise nothing
     frame: str
+    #: of a channel: how far it is from breaking, by search (sampled)
+    limits: tuple[LimitReport, ...]
     #: det J keeps its sign: proved or sampled
     determinant: str
     #: inner images with winding number 1, and how near parts of the boundary may come to one

@@ -176,6 +176,7 @@ def _report(
         ),
         euler=boundary.euler,
         frame=analysis.equation.frame,
+        limits=(),
         determinant=solidity.determinant.value,
         images=solidity.images,
         told_apart=solidity.apart,

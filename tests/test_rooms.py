@@ -34,6 +34,7 @@ ALLOWED = {
     },
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
+    "limits": {"equation", "errors", "numpy"},
     "winding": {"numpy", "scipy"},
     "sheets": {"analysis", "directions", "equation", "geometry", "topology", "winding", "numpy"},
     "blocks": {"sheets", "topology", "numpy"},

@@ -66,6 +66,12 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield f"\nTopology\n  {_topology(report)}"
     yield f"\nIntegrals ({report.units})"
     yield _integrals(report)
+    if report.limits:
+        yield f"\nLimits of the channel ({report.units}; found by search)"
+        yield table(
+            [("", "found", "breaks at", "where")]
+            + [(x.name, f"{x.value:.6g}", f"{x.breaks_at:.6g}", x.sentence) for x in report.limits]
+        )
     yield "\nEvidence"
     yield table(_evidence(report, expected))
     for warning in report.warnings:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from itertools import pairwise
 from math import dist, isfinite, sqrt
 from typing import Final
@@ -73,9 +74,15 @@ class Guide:
     parts: tuple[Part, ...]
     #: limits of the parts, ascending
     breaks: tuple[Fraction, ...]
-    closed: bool
+    #: whether its end is its beginning, None where that is to be found out
+    joined: bool | None
     #: what it is, for people
     words: str
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether the ends are one point with one tangent."""
+        return _is_closed(self) if self.joined is None else self.joined
 
     @property
     def N(self) -> Combination:
@@ -125,8 +132,7 @@ def curve(N: Value, interval: Sequence[Number | Expr] = (0, 1), words: str = "")
         raise GuideError(f"a guide depends on u alone, not on {', '.join(sorted(depends - {'u'}))}")
     part = Part(N)
     low, high = _limits(interval)
-    guide = Guide((part,), (low, high), False, words or "a curve")
-    return replace(guide, closed=_is_closed(guide))
+    return Guide((part,), (low, high), None, words or "a curve")
 
 
 def _is_closed(guide: Guide) -> bool:
@@ -282,8 +288,7 @@ def composite(guides: Sequence[Guide]) -> Guide:
     breaks[-1] = Fraction(1)
     if len(parts) > MOST_PARTS:
         raise GuideError(f"a guide has at most {MOST_PARTS} parts, here are {len(parts)}")
-    guide = Guide(tuple(parts), tuple(breaks), False, f"{len(guides)} guides joined (G1)")
-    return replace(guide, closed=_is_closed(guide))
+    return Guide(tuple(parts), tuple(breaks), None, f"{len(guides)} guides joined (G1)")
 
 
 def _length(guide: Guide) -> float:

@@ -1,0 +1,318 @@
+"""The limits of a channel: how far its section, its wall and its guide are from breaking the solid.
+
+Input: a point equation that knows its guide. Output: Limits, each with the value at which the solid
+would break (spec section 4.4). With q = M - N in the normal plane, det J = |N'|·(1 - κ q·n)·(the
+section's own determinant), so that the first two are sharp; all values are found by search
+(sampled), and each violation is a witness: the place is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.equation.breaks import find_breaks
+from pc2cad.equation.calculus import derivatives
+from pc2cad.equation.evaluation import Program
+from pc2cad.equation.point_equation import PARAMETERS, PointEquation
+from pc2cad.equation.tree import Expr, substitute, symbol
+from pc2cad.errors import NotASolidError
+
+Array = NDArray[np.float64]
+#: a scalar over broadcastable places u, v, w
+Field = Callable[[Array, Array, Array], Array]
+
+#: places per smooth piece of a direction, at least and over the whole of it
+PER_PIECE, PER_DIRECTION = 9, 160
+#: rounds in which a smallest value is looked at more closely
+ZOOMS = 5
+#: largest cosine between M - N and the tangent that rounding can leave
+PERPENDICULAR = 1e-7
+#: samples of the guide in the search for strands that come near each other
+MOST_STRANDS = 1200
+
+
+class ChannelLimitError(NotASolidError):
+    """A channel is beyond one of its limits; the message says which, where, and what would hold."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit of a channel: lengths in model units."""
+
+    name: str
+    #: what was found, and where it would break the solid
+    value: float
+    breaks_at: float
+    #: whether the value is on the good side
+    holds: bool
+    #: what it means, with the place
+    sentence: str
+
+
+def find_limits(equation: PointEquation) -> tuple[Limit, ...]:
+    """Return the limits of a channel; none where M does not lie in the normal planes of its guide.
+
+    An equation without a guide has none.
+    """
+    if equation.guide is None:
+        return ()
+    channel = _Channel(equation, equation.guide)
+    with np.errstate(all="ignore"):
+        if not channel.is_perpendicular():
+            return ()
+        found = [channel.clearance(), channel.section(), channel.bend(), channel.strands()]
+    return tuple(limit for limit in found if limit is not None)
+
+
+def describe(limits: tuple[Limit, ...]) -> str:
+    """Return the limits as one clause for a message."""
+    return "; ".join(f"{limit.name}: {limit.sentence}" for limit in limits)
+
+
+def check_limits(limits: tuple[Limit, ...]) -> None:
+    """Raise ChannelLimitError where one does not hold."""
+    broken = [limit.sentence for limit in limits if not limit.holds]
+    if broken:
+        raise ChannelLimitError(f"the channel is beyond its limit: {'; '.join(broken)}")
+
+
+class _Channel:
+    def __init__(self, equation: PointEquation, guide: tuple[Expr, Expr, Expr]) -> None:
+        local = {
+            name: low + (high - low) * symbol(name)
+            for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
+        }
+        self._equation = equation
+        M = substitute(equation.coordinates, local)
+        N = substitute(guide, local)
+        first = derivatives(N, "u")
+        q = tuple(m - n for m, n in zip(M, N, strict=True))
+        self._section = Program((*first, *q, *derivatives(q, "v"), *derivatives(q, "w")))
+        self._bend = Program((*first, *derivatives(first, "u"), *q))
+        self._guide = Program((*N, *first))
+        breaks = find_breaks((*M, *N))
+        self._axes = [_axis([b.position for b in row]) for row in breaks]
+        self._axes[2] = np.array([0.0, 0.5, 1.0])
+
+    # -- values over the box ------------------------------------------------------------------
+
+    def _run(self, program: Program, u: Array, v: Array, w: Array) -> list[Array]:
+        columns = program({"u": u, "v": v, "w": w})
+        shape = np.broadcast_shapes(u.shape, v.shape, w.shape)
+        rows = [np.broadcast_to(c, shape) for c in columns]
+        return [np.stack(rows[i : i + 3], axis=-1) for i in range(0, len(rows), 3)]
+
+    def _smallest(self, field: Field) -> tuple[float, tuple[float, float, float]]:
+        """Return the smallest value of a field over the box, and where: a sweep, then zooms."""
+        axes = list(self._axes)
+        for _ in range(ZOOMS):
+            u, v, w = np.ix_(*axes)
+            values = field(u, v, w)
+            values = np.where(np.isfinite(values), values, np.inf)
+            index = [int(i) for i in np.unravel_index(int(np.argmin(values)), values.shape)]
+            place = tuple(float(axis[i]) for axis, i in zip(axes, index, strict=True))
+            smallest = float(values[tuple(index)])
+            axes = [
+                np.linspace(axis[max(i - 1, 0)], axis[min(i + 1, len(axis) - 1)], 17)
+                for axis, i in zip(axes, index, strict=True)
+            ]
+            for d in range(3):
+                # the places of what was found stay among those looked at
+                axes[d] = np.unique(np.append(axes[d], place[d]))
+        return smallest, (place[0], place[1], place[2])
+
+    def _shown(self, place: tuple[float, ...]) -> str:
+        parts = []
+        for name, (low, high), x in zip("uv", self._equation.limits, place, strict=False):
+            parts.append(f"{name} = {low + (high - low) * x:.5g}")
+        return ", ".join(parts)
+
+    def is_perpendicular(self) -> bool:
+        """Say whether M - N lies in the normal planes."""
+        u, v, w = np.ix_(self._axes[0], self._axes[1][::4], self._axes[2])
+        tangent, q, *_ = self._run(self._section, u, v, w)
+        size = _norm(tangent) * _norm(q).max()
+        cosine = np.abs(_dot(tangent, q)) / size
+        return bool(np.isfinite(cosine).all() and cosine.max() <= PERPENDICULAR)
+
+    # -- the limits ---------------------------------------------------------------------------
+
+    def clearance(self) -> Limit | None:
+        """Return how far the inner side of the wall is from the guide."""
+        ends = np.array([0.0, 1.0])
+        u, v, w = np.ix_(self._axes[0], self._axes[1], ends)
+        _, q, *_ = self._run(self._section, u, v, w)
+        reach = _norm(q)
+        inner = 0 if reach[..., 0].sum() <= reach[..., 1].sum() else 1
+        if reach[..., inner].max() <= 1e-9 * reach.max():
+            return None  # the section is filled: its inner side is the guide
+
+        def distance(u: Array, v: Array, w: Array) -> Array:
+            first, last = (
+                self._run(self._section, u, v, np.full_like(w, x))[1] for x in (inner, 1 - inner)
+            )
+            return np.asarray(_dot(first, last) / _norm(last))
+
+        value, place = self._smallest(distance)
+        return Limit(
+            "wall clearance", value, 0.0, True,
+            f"the inside of the wall is {value:.6g} from the guide at {self._shown(place)}",
+        )  # fmt: skip
+
+    def section(self) -> Limit:
+        """Return the least sine between the wall's direction and the section."""
+
+        def sine(u: Array, v: Array, w: Array) -> Array:
+            tangent, _, along, across = self._run(self._section, u, v, w)
+            area = _dot(np.cross(across, along), tangent)
+            return np.asarray(area / (_norm(tangent) * _norm(along) * _norm(across)))
+
+        u, v, w = np.ix_(*self._axes)
+        sign = 1.0 if np.nansum(sine(u, v, w)) >= 0 else -1.0
+        value, place = self._smallest(lambda u, v, w: sign * sine(u, v, w))
+        holds = value > -1e-9
+        sentence = (
+            f"the section is seen from the wall's direction under a sine of {value:.4g} at least, "
+            f"at {self._shown(place)}"
+            if holds
+            else f"the wall crosses itself or the guide, or the section is not star-shaped about "
+            f"it, at {self._shown(place)} (sine {value:.4g}); a thinner wall may hold"
+        )
+        return Limit("star-shaped", value, 0.0, holds, sentence)
+
+    def bend(self) -> Limit:
+        """Return how far the section reaches towards the centre of curvature."""
+
+        def room(u: Array, v: Array, w: Array) -> Array:
+            first, second, q = self._run(self._bend, u, v, w)
+            return np.asarray(1 - _dot(q, second) / _dot(first, first))
+
+        value, place = self._smallest(room)
+        first, second, q = (x[0] for x in self._run(self._bend, *(np.array([x]) for x in place)))
+        square = float(first @ first)
+        curvature = second - first * float(first @ second) / square
+        kappa = float(np.linalg.norm(curvature)) / square
+        if kappa <= 1e-12 / max(float(np.linalg.norm(q)), 1e-300):
+            return Limit("bend", 0.0, 1.0, True, "the guide is straight")
+        reach = float(q @ curvature) / (square * kappa)
+        return Limit(
+            "bend", reach, 1 / kappa, value > 0,
+            f"the section reaches {reach:.6g} towards the centre of curvature, which is "
+            f"{1 / kappa:.6g} away, at {self._shown(place)}",
+        )  # fmt: skip
+
+    def strands(self) -> Limit | None:
+        """Return how near parts of the guide come to each other that are no neighbours."""
+        pairs, step = self._near_pairs()
+        worst: Limit | None = None
+        for a, b in pairs:
+            limit = self._strand(a, b, step)
+            if limit and (
+                worst is None or limit.value - limit.breaks_at < worst.value - worst.breaks_at
+            ):
+                worst = limit
+        return worst
+
+    def _near_pairs(self) -> tuple[list[tuple[float, float]], float]:
+        """Return places (u, u) whose distance is a local minimum, and the step between samples."""
+        u = self._axes[0]
+        fine = np.unique(np.concatenate([u, (u[1:] + u[:-1]) / 2]))
+        _, first = self._curve(fine)
+        direction = first / _norm(first)[:, None]
+        turning = np.arccos(np.clip((direction[1:] * direction[:-1]).sum(axis=1), -1, 1)).sum()
+        count = int(np.clip(24 * turning, 200, MOST_STRANDS))
+        u = (np.arange(count) + 0.5) / count
+        points, _ = self._curve(u)
+        gaps = _norm(points[:, None] - points[None, :])
+        lower = np.ones_like(gaps, dtype=bool)
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                if i or j:
+                    # equal but for rounding all along a helix
+                    lower &= gaps <= np.roll(gaps, (i, j), axis=(0, 1)) * (1 + 1e-9)
+        rows, columns = np.nonzero(np.triu(lower, 3))
+        inner = (rows > 0) & (columns < count - 1)
+        if self._closed:
+            inner = columns - rows < count - 3
+        rows, columns = rows[inner], columns[inner]
+        order = np.argsort(gaps[rows, columns])[:24]
+        return [(float(u[rows[k]]), float(u[columns[k]])) for k in order], 1 / count
+
+    @cached_property
+    def _closed(self) -> bool:
+        points, _ = self._curve(np.linspace(0, 1, 9), wrap=False)
+        return bool(_norm(points[-1] - points[0]) <= 1e-9 * _norm(np.ptp(points, axis=0)))
+
+    def _curve(self, u: Array, wrap: bool = True) -> tuple[Array, Array]:
+        if wrap:
+            u = u % 1 if self._closed else np.clip(u, 0, 1)
+        points, first = self._run(self._guide, u, np.zeros(1), np.zeros(1))
+        return points, first
+
+    def _strand(self, a: float, b: float, step: float) -> Limit | None:
+        """Return the distance at a pair made critical, and the reach of both sections across."""
+        best = np.inf
+        size = _norm(np.ptp(self._curve(np.linspace(0, 1, 65))[0], axis=0))
+        for _ in range(50):
+            us, ts = (x + step * np.linspace(-1, 1, 9) for x in (a, b))
+            gaps = _norm(self._curve(us)[0][:, None] - self._curve(ts)[0][None, :])
+            i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+            a, b, best = float(us[i]), float(ts[j]), float(gaps[i, j])
+            step *= 0.6
+        (first, last), tangents = self._curve(np.array([a, b]))
+        if best <= 1e-9 * size:
+            return Limit(
+                "strands", best, 0.0, False,
+                f"the guide crosses itself at {self._shown((a,))} and {self._shown((b,))}",
+            )  # fmt: skip
+        chord = (last - first) / best
+        cosines = np.abs(tangents @ chord) / _norm(tangents)
+        if cosines.max() > 1e-4 or abs(a - b) < 1e-6:
+            return None
+        a, b = (x % 1 if self._closed else x for x in (a, b))
+        reach = self._reach(a, chord) + self._reach(b, -chord)
+        places = f"{self._shown((a,))} and {self._shown((b,))}"
+        return Limit(
+            "strands", best, reach, best > reach,
+            f"the guide comes within {best:.6g} of itself at {places}, where the sections reach "
+            f"{reach:.6g} towards each other",
+        )  # fmt: skip
+
+    def _reach(self, u: float, direction: Array) -> float:
+        """Return how far the section goes from the guide in a direction of its plane."""
+        v = self._axes[1]
+        for _ in range(ZOOMS):
+            places = np.ix_(np.array([u]), v, np.array([0.0, 1.0]))
+            _, q, *_ = self._run(self._section, *places)
+            q = np.take_along_axis(q, _norm(q).argmax(axis=2)[..., None, None], axis=2)[0, :, 0]
+            cosine = (q @ direction) / _norm(q)
+            k = int(np.argmax(cosine))
+            found = float(np.linalg.norm(q[k]))
+            v = np.linspace(v[max(k - 1, 0)], v[min(k + 1, len(v) - 1)], 33)
+        return found if cosine[k] > 0.999 else 0.0
+
+
+def _axis(breaks: list[float]) -> Array:
+    """Return places over [0, 1], dense in every smooth piece and just beside its ends."""
+    limits = [0.0, *(b for b in breaks if 0 < b < 1), 1.0]
+    count = max(PER_PIECE, PER_DIRECTION // (len(limits) - 1))
+    share = np.linspace(0, 1, count)
+    rows = []
+    for low, high in pairwise(limits):
+        ends = np.where(share == 1.0, 1 - 1e-12, share) if high < 1 else share
+        rows.append(low + (high - low) * ends)
+    return np.unique(np.concatenate(rows))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def _norm(a: Array) -> Array:
+    return np.asarray(np.sqrt(_dot(a, a)))
