@@ -82,3 +82,21 @@ def test_mfem_finds_the_heat_flow_with_few_unknowns() -> None:
     answer = analyses.heat_in_mfem()
     assert answer.unknowns < 100
     assert answer.error < 1e-5
+
+
+@needs_ccx
+@pytest.mark.slow
+def test_splines_and_hexahedra_need_fewer_unknowns_than_tetrahedra_on_a_channel() -> None:
+    pytest.importorskip("mfem")
+    path = next(path for path in TEMPLATES if path.stem == "elbow_pipe")
+    equation = read_template(path).bind({})
+    _, reference = analyses.isogeometric_conductance(equation, 1, 3)
+    unknowns, flow = analyses.isogeometric_conductance(equation, 0, 2)
+    assert unknowns < 200
+    assert flow == pytest.approx(reference, rel=1e-4)
+    hexahedra = analyses.mesh(equation, (12, 12, 2))
+    assert len(hexahedra.points) < 2000
+    assert analyses.conductance(hexahedra) == pytest.approx(reference, rel=2e-4)
+    tetrahedra, _ = mesh_equation(equation, MeshOptions(size=0.5, order=2, shape="tetrahedra"))
+    assert len(tetrahedra.points) > 2000
+    assert abs(analyses.conductance(tetrahedra) / reference - 1) > 5e-4
