@@ -30,7 +30,7 @@ from pc2cad.geometry.rational import edge_deviation, face_deviation, fit_edge, f
 from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
 from pc2cad.laying import axis_of, sides_on, whole_square
 from pc2cad.model import BoundaryModel, ModelEdge, ModelFace
-from pc2cad.planar import coplanar_groups, plane_face
+from pc2cad.planar import coplanar_groups, join_straight_edges, plane_face
 from pc2cad.topology.cells import directions_of, outward_sign
 from pc2cad.topology.complex import EdgeUse
 
@@ -133,7 +133,7 @@ class _Representation:
             faces = [self._face(group, edges) for group in groups]
             worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
-                return edges, faces
+                return join_straight_edges(self._boundary, edges, faces)
             target *= 0.8 * min(1.0, SAMPLED_SHARE * self._tolerance / worst)
         raise ToleranceNotReachedError(
             f"the faces deviate by {worst:.3g} from the equation where {self._tolerance:.3g} was "

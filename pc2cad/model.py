@@ -55,6 +55,8 @@ class ModelFace:
     def border(self) -> set[int]:
         """Edges on which the face ends: those it uses once."""
         edges = [use.edge for use in self.uses if use.edge is not None]
+        if self.wires:
+            edges = [edge for wire in self.wires for edge, _ in wire]
         return {edge for edge in edges if edges.count(edge) == 1}
 
 

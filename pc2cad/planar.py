@@ -7,13 +7,14 @@ face: the edges between them are dropped, as seams are.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pc2cad.geometry.carriers import Arc, Evidence, Line, Plane
 from pc2cad.model import ModelEdge, ModelFace, Wire
 from pc2cad.topology.cells import Cell, normal_direction
-from pc2cad.topology.complex import BoundaryComplex
+from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 #: planes that differ by less (as an angle) are one: what a least-squares fit of samples leaves
 SAME_PLANE = 1e-10
@@ -79,6 +80,67 @@ def plane_face(
         walk = [(edge, not forward) for edge, forward in walk]
     wires = _chains(walk, boundary, edges)
     return ModelFace(name, group, carrier, uses, wires, (), False, against, evidence, 0.0, 0)
+
+
+def join_straight_edges(
+    boundary: BoundaryComplex, edges: list[ModelEdge], faces: list[ModelFace]
+) -> tuple[list[ModelEdge], list[ModelFace]]:
+    """Return edges and faces with straight edges joined that go on between the same two planes.
+
+    A vertex at which two collinear edges end, and nothing else, is none of the solid's: the axis of
+    a ball's wedge is one edge, though two sides of the box collapse to its halves. The second edge
+    of a pair is left unused.
+    """
+    edges, faces = list(edges), list(faces)
+    owners: dict[int, set[int]] = {}
+    busy: set[int] = set()
+    for index, face in enumerate(faces):
+        for edge in {edge for wire in face.wires for edge, _ in wire}:
+            owners.setdefault(edge, set()).add(index)
+        if not face.wires:
+            busy |= {use.vertex for use in face.uses}
+            busy |= {v for use in face.uses if use.edge is not None for v in _limits(edges, use)}
+    for vertex in range(len(boundary.vertices)):
+        ends = [e for e in owners if vertex in (edges[e].start, edges[e].end)]
+        if vertex in busy or len(ends) != 2 or owners[ends[0]] != owners[ends[1]]:
+            continue
+        kept, dropped = sorted(ends)
+        joined = _joined(edges[kept], edges[dropped], vertex)
+        if joined is None:
+            continue
+        edges[kept] = joined
+        for index in owners.pop(dropped):
+            face = faces[index]
+            wires = tuple(tuple(step for step in w if step[0] != dropped) for w in face.wires)
+            faces[index] = replace(face, wires=wires)
+    return edges, faces
+
+
+def _limits(edges: list[ModelEdge], use: EdgeUse) -> tuple[int, ...]:
+    return () if use.edge is None else (edges[use.edge].start, edges[use.edge].end)
+
+
+def _joined(first: ModelEdge, second: ModelEdge, vertex: int) -> ModelEdge | None:
+    """Return the straight edge through a vertex, in the direction of the first, or None."""
+    a, b = first.carrier, second.carrier
+    loop = first.start == first.end or second.start == second.end
+    if not (isinstance(a, Line) and isinstance(b, Line)) or loop:
+        return None
+    far = second.end if second.start == vertex else second.start
+    end = b.end if second.start == vertex else b.start
+    low, high = (a.start, end) if first.end == vertex else (end, a.end)
+    start, stop = (first.start, far) if first.end == vertex else (far, first.end)
+    along, middle = high - low, (a.end if first.end == vertex else a.start) - low
+    if start == stop or not 0 < middle @ along < along @ along:
+        return None
+    if np.linalg.norm(np.cross(middle, along)) > SAME_PLANE * float(along @ along):
+        return None
+    deviation = max(first.deviation, second.deviation)
+    evidence = first.evidence if first.evidence == second.evidence else "sampled"
+    return replace(
+        first, carrier=Line(low, high), start=start, end=stop, evidence=evidence,
+        deviation=deviation,
+    )  # fmt: skip
 
 
 def _against(plane: Plane, walk: list[tuple[int, bool]], edges: list[ModelEdge]) -> bool:

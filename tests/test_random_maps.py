@@ -322,6 +322,10 @@ def test_permuted_and_reversed_parameters(brick, order, turned):
 @few(6)
 @given(bricks(), matrices, offsets)
 def test_affine_images(brick, matrix, offset):
+    check_affine(brick, matrix, offset)
+
+
+def check_affine(brick: Brick, matrix, offset) -> None:
     image = brick.moved(matrix, offset)
     volume = abs(brick.volume()) * abs(round(np.linalg.det(matrix)))
     assert abs(image.volume()) == volume
@@ -371,6 +375,13 @@ def test_smooth_change_of_one_parameter(change, brick, direction):
 @given(bricks(), st.sampled_from(sorted(CHANGES)), st.integers(0, 2))
 def test_smooth_change_of_one_parameter_often(brick, change, direction):
     check_reparametrised(brick, change, direction)
+
+
+@pytest.mark.slow
+@few(150)
+@given(bricks(), matrices, offsets)
+def test_affine_images_often(brick, matrix, offset):
+    check_affine(brick, matrix, offset)
 
 
 @pytest.mark.slow

@@ -103,11 +103,10 @@ SUITE = {
         "half_ball", 16 * pi / 3, 12 * pi, (0, 0, 3 / 4), "v=0.5 w=1",
         SEAM_U | {"v=0": "curve, along w", "w=0": POINT}, 1, 1,
     ),
-    # the table counts 3 edges and 2 vertices: the axis as one segment; see the test below
     "A6": Solid(
         "ball_wedge", 16 * pi / 9, 20 * pi / 3,
         (CUT_BALL * end(1 / 6)[0], CUT_BALL * end(1 / 6)[1], 0),
-        "u=0 u=1/6 w=1", AXIS | {"w=0": POINT},
+        "u=0 u=1/6 w=1", AXIS | {"w=0": POINT}, 3, 2,
     ),
     "A7": Solid("hollow_ball", 28 * pi / 3, 20 * pi, (0, 0, 0), "w=0 w=1", SEAM_U | AXIS, 0, 0,
                 (0, 0)),
@@ -234,10 +233,12 @@ def test_topology(solid):
         assert (report.edges, report.vertices) == (solid.edges, solid.vertices)
 
 
-def test_edges_of_the_ball_wedge():
-    report = part_of("ball_wedge").report
-    # two arcs and the axis, between the poles; the axis may be parted at the centre, w = 0
-    assert (report.edges, report.vertices) in ((3, 2), (4, 3))
+@pytest.mark.parametrize("turn", ["1/6", "0.3", "0.5"])
+def test_edges_of_the_ball_wedge(turn):
+    # two arcs and the axis, between the poles: two sides collapse to halves of one edge
+    part = compile_equation(read("ball_wedge").bind({"turn": turn}))
+    assert (part.report.edges, part.report.vertices) == (3, 2)
+    assert (len(part.report.faces), part.report.euler) == (3, 2)
 
 
 @every_solid
