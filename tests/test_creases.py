@@ -106,3 +106,12 @@ def test_open_pieces_go_on_and_may_be_any_functions() -> None:
     assert evaluate(slope, {"u": 0.75, "v": 9}) == pytest.approx(9 * np.sin(0.75))
     (only,) = resolve_pieces(substitute((arc,), {"u": HALF + HALF * u}))
     assert not any(node.op == "pieces" for node in walk((only,)))
+
+
+@pytest.mark.parametrize("extra", [(), ((0, 1),), ((0.3, 1), (0, 1))])
+def test_a_corner_on_a_straight_side_is_no_vertex(extra):
+    corners = ((1, 1), *extra, (-1, 1), (-1, -1), (1, -1))
+    x, y = pc.polygon(corners, v)
+    report = pc.compile_part((x * w, y * w, 3 * u)).report
+    assert (len(report.faces), report.edges, report.vertices) == (6, 12, 8)
+    assert report.solid.volume == pytest.approx(12, rel=1e-12)

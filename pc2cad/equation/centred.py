@@ -87,6 +87,8 @@ class _Rows:
     def __init__(self, used: Mapping[str, Interval], boxes: Mapping[str, Interval]) -> None:
         self.count = max((len(box.lower) for box in boxes.values()), default=1)
         self._boxes = used
+        self._reaches: dict[tuple[frozenset[str], str], Interval] = {}
+        self._links: dict[tuple[frozenset[str], frozenset[str]], _Index] = {}
         #: per set of symbols: the group of each box, and a box of each group
         self._groups: dict[frozenset[str], tuple[_Index, _Index]] = {
             frozenset(): (np.zeros(self.count, dtype=np.intp), np.zeros(1, dtype=np.intp))
@@ -113,13 +115,19 @@ class _Rows:
 
     def reach(self, names: frozenset[str], name: str) -> Interval:
         """Return x - c for one symbol, on the groups of some."""
-        box = _take(self._boxes[name], self._group(names)[1])
-        return box - interval(box.middle)
+        key = names, name
+        if key not in self._reaches:
+            box = _take(self._boxes[name], self._group(names)[1])
+            self._reaches[key] = box - interval(box.middle)
+        return self._reaches[key]
 
     def spread(self, value: Centred, have: frozenset[str], want: frozenset[str]) -> Centred:
-        if have == want:
+        if have == want or not have:
             return value
-        return value.take(self._group(have)[0][self._group(want)[1]])
+        key = have, want
+        if key not in self._links:
+            self._links[key] = self._group(have)[0][self._group(want)[1]]
+        return value.take(self._links[key])
 
     def whole(self, value: Centred, have: frozenset[str]) -> Centred:
         return value.take(self._group(have)[0])
@@ -153,6 +161,8 @@ def _meet(a: Interval, b: Interval) -> Interval:
     lower, upper = np.fmax(a.lower, b.lower), np.fmin(a.upper, b.upper)
     # two enclosures of no value at all (outside the domain) need not meet
     apart = lower > upper
+    if not apart.any():
+        return Interval(lower, upper)
     return Interval(np.where(apart, a.lower, lower), np.where(apart, a.upper, upper))
 
 

@@ -56,17 +56,22 @@ class Interval:
         return self + -other
 
     def __mul__(self, other: Interval) -> Interval:
-        ends = [
-            a * b for a in (self.lower, self.upper) for b in (other.lower, other.upper)
-        ]  # fmt: skip
-        lower = np.minimum(np.minimum(ends[0], ends[1]), np.minimum(ends[2], ends[3]))
-        upper = np.maximum(np.maximum(ends[0], ends[1]), np.maximum(ends[2], ends[3]))
+        if self.lower is self.upper or other.lower is other.upper:
+            # one of them is a number each: two products do
+            ends = [self.lower * other.lower, self.upper * other.upper]
+            lower, upper = np.minimum(*ends), np.maximum(*ends)
+        else:
+            ends = [a * b for a in (self.lower, self.upper) for b in (other.lower, other.upper)]
+            lower = np.minimum(np.minimum(ends[0], ends[1]), np.minimum(ends[2], ends[3]))
+            upper = np.maximum(np.maximum(ends[0], ends[1]), np.maximum(ends[2], ends[3]))
         if np.isnan(lower).any():
             # zero times an unbounded interval is zero
             ends = [np.where(np.isnan(end), 0.0, end) for end in ends]
             lower, upper = np.min(ends, axis=0), np.max(ends, axis=0)
         product = _rounded(lower, upper, 1)
         positive = (self.lower >= 0) & (other.lower >= 0)
+        if not positive.any():
+            return product
         return Interval(np.where(positive, np.maximum(product.lower, 0.0), product.lower),
                         product.upper)  # fmt: skip
 
@@ -189,6 +194,8 @@ def enclosed_number(value: Fraction) -> Interval:
     """Return the tightest interval round an exact number."""
     near = float(value)
     there = Fraction(near)
+    if there == value:
+        return interval(near)
     lower = near if there <= value else np.nextafter(near, -INFINITE)
     upper = near if there >= value else np.nextafter(near, INFINITE)
     return Interval(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float))
