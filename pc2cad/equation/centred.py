@@ -147,10 +147,25 @@ def _centred(node: Expr, args: tuple[Centred, ...], rows: _Rows) -> Centred:
     if not node.symbols:
         return Centred(value, centre, {})
     slopes = {name: _slope(node, args, name, centre) for name in node.symbols}
+    torn = _torn(node, value)
+    if torn.any():
+        slopes = {name: _unknown_where(torn, slope) for name, slope in slopes.items()}
     near = centre
     for name, slope in slopes.items():
         near = near + slope * rows.reach(node.symbols, name)
     return Centred(_meet(value, near), centre, slopes)
+
+
+def _torn(node: Expr, value: Interval) -> NDArray[np.bool_]:
+    """Say where an operation may have a pole or a jump in the box: no slope bounds its change."""
+    if node.op == "atan2":
+        # what does not meet the cut is seen under less than half a turn
+        return np.asarray(value.upper - value.lower > 4)
+    return np.asarray(~(np.isfinite(value.lower) & np.isfinite(value.upper)))
+
+
+def _unknown_where(torn: NDArray[np.bool_], slope: Interval) -> Interval:
+    return Interval(np.where(torn, -np.inf, slope.lower), np.where(torn, np.inf, slope.upper))
 
 
 def _row(x: Interval) -> Interval:
