@@ -1,0 +1,100 @@
+"""Sections and walls of channels against closed forms of their areas."""
+
+from __future__ import annotations
+
+from math import gamma, pi, sqrt
+
+import pytest
+from scipy.special import ellipe
+
+import pc2cad as pc
+from pc2cad.analysis import analyse
+from pc2cad.equation.channel import ChannelError
+from pc2cad.equation.curves import SectionError
+from pc2cad.errors import InputError
+from pc2cad.properties import integrate
+
+u, v, w = pc.parameters()
+LINE = pc.polyline([(0, 0, 0), (0, 0, 1)])
+RECTANGLE = [(2, 1), (-2, 1), (-2, -1), (2, -1)]
+ROUNDED = 8 - (4 - pi) * 0.25
+PERIMETER = 4 * 2 * ellipe(1 - 0.36)
+
+
+def area(section, wall=None, **options) -> float:
+    return integrate(analyse(pc.channel(LINE, section, wall, **options))).volume
+
+
+FILLED = {
+    "ellipse": (pc.ellipse(2, 1.2, v), 2.4 * pi),
+    "superellipse": (pc.superellipse(2, 1, 4, v), 8 * gamma(1.25) ** 2 / gamma(1.5)),
+    "wave": (pc.sine_wave(2, 0.3, 7, v), 12.7077422837708),
+    "wave on an ellipse": (pc.sine_wave(2, 0.2, 5, v, 1), 2 * pi * (1 + 0.01 / 2)),
+    "polygon": (pc.polygon(RECTANGLE, v), 8),
+    "rounded": (pc.polygon(RECTANGLE, v, 0.5), ROUNDED),
+    "one round corner": (pc.polygon(RECTANGLE, v, [0, 0, 1, 0]), 8 - (1 - pi / 4)),
+    "hexagon": (pc.regular_polygon(6, 2, v), 6 * sqrt(3)),
+    "contour": (pc.contour([(1, 0), (0, 1), (-1, 0), (0, -1)], v, spacing="chord"), None),
+}
+
+
+@pytest.mark.parametrize("name", FILLED)
+def test_filled_section(name):
+    section, exact = FILLED[name]
+    if exact is None:
+        # equal chords: the spacing makes no difference
+        exact = area(pc.contour([(1, 0), (0, 1), (-1, 0), (0, -1)], v))
+    assert area(section) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("section", "options", "exact"),
+    [
+        (pc.ellipse(2, 2, v), {}, 0.8 * 2 * pi),
+        (pc.ellipse(2, 2, v), {"side": "inside"}, pi * (4 - 2.56)),
+        (pc.ellipse(2, 2, v), {"side": "outside"}, pi * (5.76 - 4)),
+        (pc.ellipse(2, 1.2, v), {"measured": "normal"}, 0.4 * PERIMETER),
+        (pc.ellipse(2, 1.2, v), {"measured": "normal", "side": "outside"},
+         0.4 * PERIMETER + 0.16 * pi),
+        (pc.polygon(RECTANGLE, v), {"measured": "normal"}, 4.4 * 2.4 - 3.6 * 1.6),
+        (pc.polygon(RECTANGLE, v), {"measured": "normal", "side": "inside"}, 8 - 3.2 * 1.2),
+        (pc.polygon(RECTANGLE[::-1], v), {"measured": "normal", "side": "inside"}, 8 - 3.2 * 1.2),
+        (pc.polygon(RECTANGLE, v, 0.5), {"measured": "normal", "side": "outside"},
+         0.4 * (8 + pi) + 0.16 * pi),
+        (pc.polygon(RECTANGLE, v), {"measured": "radial", "domain": {"v": (0, 0.5)}}, None),
+    ],
+)  # fmt: skip
+def test_walls(section, options, exact):
+    if exact is None:
+        whole = area(section, 0.4, measured="radial")
+        assert area(section, 0.4, **options) == pytest.approx(whole / 2, rel=1e-12)
+        return
+    assert area(section, 0.4, **options) == pytest.approx(exact, rel=1e-11)
+
+
+def test_taper_and_varying_walls():
+    x, y = pc.ellipse(2, 1, v)
+    assert area((x * (1 - u / 2), y * (1 - u / 2))) == pytest.approx(2 * pi * 7 / 12, rel=1e-12)
+    thick = 0.3 * (1 + u) * (1 + pc.cos(2 * pi * v) / 2)
+    assert area(pc.ellipse(2, 2, v), thick) == pytest.approx(2 * pi * 2 * 0.45, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: pc.polygon(RECTANGLE, v, 1.5), SectionError, "the arcs at its ends need 3"),
+        (lambda: pc.polygon(RECTANGLE, v, [1, 1]), SectionError, "4 corners, and 2 radii"),
+        (lambda: pc.superellipse(1, 1, 1, v), SectionError, "2 or more, and 1 was given"),
+        (lambda: pc.contour(RECTANGLE, v, spacing="x"), SectionError, "the spacing is one of"),
+        (lambda: pc.channel(LINE, (1, 2)), ChannelError, "is a function of v"),
+        (lambda: pc.channel(LINE, (v, v), w), ChannelError, "depends on u and v alone"),
+        (lambda: pc.channel(LINE, (v, v), 1, side="up"), ChannelError, "the side of the wall"),
+        (lambda: pc.channel(LINE, (v, v), 1, measured="x"), ChannelError, "radial or normal"),
+        (lambda: pc.channel(LINE, pc.polygon(RECTANGLE, v, [0, 1, 0, 0]), 0.1, measured="normal"),
+         ChannelError, "the section has a corner at v = "),
+    ],
+)  # fmt: skip
+def test_what_is_no_section_or_wall_is_refused(make, error, message):
+    assert issubclass(error, InputError)
+    with pytest.raises(error, match=message):
+        make()
