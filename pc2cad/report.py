@@ -34,6 +34,8 @@ class FaceReport:
     degrees: tuple[int, ...]
     poles: tuple[int, ...]
     area: float
+    #: what a drawing would show of the carrier: radii in model units, angles in degrees
+    figures: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

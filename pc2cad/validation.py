@@ -8,6 +8,8 @@ integrals taken from the equation.
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from pc2cad.analysis import Analysis
@@ -16,7 +18,7 @@ from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.equation.point_equation import PARAMETERS, Expectations
 from pc2cad.errors import KernelError, NotASolidError
-from pc2cad.geometry.carriers import SplineSurface, surface_kind
+from pc2cad.geometry.carriers import SplineSurface, figures, surface_kind
 from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.properties import Properties
 from pc2cad.report import FaceReport, Integrals, Report, SideReport
@@ -119,6 +121,15 @@ def _check_integrals(solid: SolidIntegrals, true: Properties, model: BoundaryMod
         )
 
 
+#: what a template calls the carriers whose names are not one plain word
+_CARRIER_KEYS = {
+    "Bézier surface": "bezier",
+    "B-spline surface": "spline",
+    "rational Bézier surface": "rational",
+    "rational B-spline surface": "rational",
+}
+
+
 def check_expectations(expected: Expectations, report: Report) -> None:
     """Raise ExpectationNotMetError for the first figure of a template that is not met."""
     counts = {
@@ -129,6 +140,13 @@ def check_expectations(expected: Expectations, report: Report) -> None:
         stated = getattr(expected, name)
         if stated is not None and stated != found:
             raise ExpectationNotMetError(f"[expect] {name} = {stated}, but there are {found}")
+    found_carriers = Counter(_CARRIER_KEYS.get(f.carrier, f.carrier) for f in report.faces)
+    if expected.carriers is not None and dict(expected.carriers) != found_carriers:
+        stated, there = (
+            ", ".join(f"{kind} = {count}" for kind, count in counts.items())
+            for counts in (expected.carriers, found_carriers)
+        )
+        raise ExpectationNotMetError(f"[expect] carriers: {stated}; but there are {there}")
     slack = 1e-9 + 10 * (report.equation.relative_error or 0.0)
     for name in ("volume", "area"):
         stated, value = getattr(expected, name), getattr(report.equation, name)
@@ -207,4 +225,5 @@ def _face(face: ModelFace, area: float) -> FaceReport:
     return FaceReport(
         face.name, surface_kind(face.carrier), face.evidence, face.deviation, face.samples,
         spline.degrees if spline else (), spline.poles.shape[:2] if spline else (), area,
+        figures(face.carrier),
     )  # fmt: skip

@@ -19,9 +19,11 @@ from OCP.TopoDS import TopoDS
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.calculus import derivatives
+from pc2cad.errors import InputError
 from pc2cad.geometry.carriers import Cone, Cylinder, Sphere, Torus, curve_kind, figures
 from pc2cad.library import template_paths
 from pc2cad.part import Part
+from pc2cad.validation import ExpectationNotMetError
 
 U, V, W = pc.parameters()
 THETA, PHI = 2 * pc.pi * U, 2 * pc.pi * V
@@ -410,3 +412,26 @@ def test_a_face_whose_edge_has_to_be_approximated_is_no_cylinder():
     part = pc.compile_part(point, tolerance=1e-4)
     assert "cylinder" not in carriers(part)
     assert largest_gap(part) <= 1e-12 * part.report.size
+
+
+# -- templates -------------------------------------------------------------------------------------
+
+
+def test_a_template_states_its_carriers(tmp_path):
+    path = tmp_path / "wrong.toml"
+    text = template_paths()["half_ball"].read_text()
+    assert "carriers = { sphere = 1, plane = 1 }" in text
+    path.write_text(text.replace("{ sphere = 1, plane = 1 }", "{ sphere = 2 }"))
+    with pytest.raises(ExpectationNotMetError, match=r"sphere = 2; but there are sphere = 1"):
+        compile_equation(pc.read_template(path).bind())
+    path.write_text(text.replace("{ sphere = 1, plane = 1 }", "{ spheer = 1 }"))
+    with pytest.raises(InputError, match="sphere"):
+        pc.read_template(path)
+    path.write_text(text.replace("{ sphere = 1, plane = 1 }", "2"))
+    with pytest.raises(InputError, match="is a table"):
+        pc.read_template(path)
+
+
+def test_the_report_holds_radii():
+    faces = template("elbow_pipe").report.to_dict()["faces"]
+    assert faces[1]["figures"] == {"major radius": 3.0, "minor radius": 0.5}

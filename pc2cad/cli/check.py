@@ -22,7 +22,7 @@ from pc2cad.cli.output import Progress, one_line, say, table
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import Expectations
-    from pc2cad.report import Report
+    from pc2cad.report import FaceReport, Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +85,7 @@ def _faces(report: Report) -> str:
     ]
     rows += [
         (
-            face.name, face.carrier, face.evidence,
+            face.name, _carrier(face), face.evidence,
             f"{face.deviation:.2g}" if face.samples else "-", str(face.samples or "-"),
             " x ".join(map(str, face.degrees)) or "-", " x ".join(map(str, face.poles)) or "-",
             f"{face.area:.10g}",
@@ -93,6 +93,10 @@ def _faces(report: Report) -> str:
         for face in report.faces
     ]  # fmt: skip
     return table(rows)
+
+
+def _carrier(face: FaceReport) -> str:
+    return ", ".join([face.carrier, *(f"{name} {x:.6g}" for name, x in face.figures.items())])
 
 
 def _topology(report: Report) -> str:

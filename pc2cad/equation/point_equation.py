@@ -37,6 +37,8 @@ class Expectations:
     area: float | None = None
     centroid: tuple[float, float, float] | None = None
     faces: int | None = None
+    #: number of faces by the kind of their carrier
+    carriers: Mapping[str, int] | None = None
     edges: int | None = None
     vertices: int | None = None
     shells: int | None = None

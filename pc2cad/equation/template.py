@@ -163,6 +163,9 @@ class Template:
             numbers = tuple(evaluate(tree, {}) for tree in trees)
             if name == "centroid":
                 figures[name] = numbers
+            elif name.startswith("carriers "):
+                kind = name.removeprefix("carriers ")
+                figures.setdefault("carriers", {})[kind] = round(numbers[0])
             else:
                 whole = name not in ("volume", "area")
                 figures[name] = round(numbers[0]) if whole else numbers[0]

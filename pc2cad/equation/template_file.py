@@ -29,7 +29,11 @@ _TABLES: Final = (
     "parameters", "points", "domain", "curves", "guide", "frame", "let", "solid", "expect",
 )  # fmt: skip
 _EXPECTED: Final = (
-    "volume", "area", "centroid", "faces", "edges", "vertices", "shells", "euler",
+    "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
+)  # fmt: skip
+_CARRIERS: Final = (
+    "plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bezier", "spline",
+    "rational",
 )  # fmt: skip
 
 
@@ -237,9 +241,14 @@ class _Reader(Tables):
         return self.fail("[solid]", "needs either M or all of x, y and z")  # type: ignore[no-any-return]
 
     def _expected(self) -> dict[str, tuple[Expr, ...]]:
-        table = self.table("expect")
+        table = dict(self.table("expect"))
         self.check_keys(table, _EXPECTED, "[expect] ")
         result = {}
+        carriers = table.pop("carriers", {})
+        if not isinstance(carriers, dict):
+            self.fail("[expect] carriers", "is a table such as { sphere = 1, plane = 1 }")
+        self.check_keys(carriers, _CARRIERS, "[expect] carriers ")
+        table |= {f"carriers {kind}": count for kind, count in carriers.items()}
         for name, raw in table.items() if not self._moved else ():
             # what is stated of the points as written need not hold of moved ones
             key = f"[expect] {name}"
