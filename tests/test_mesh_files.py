@@ -224,7 +224,12 @@ def test_meshing_loads_no_kernel(tmp_path: Path) -> None:
 
 @pytest.mark.interop
 @pytest.mark.parametrize(
-    ("name", "size"), [("hollow_cylinder", 1.5), ("hollow_ball", 1.0), ("pyramid_cut", 1.0)]
+    ("name", "size"),
+    [
+        pytest.param("hollow_cylinder", 1.5, marks=pytest.mark.slow),
+        ("hollow_ball", 1.0),
+        ("pyramid_cut", 1.0),
+    ],
 )
 def test_tetrahedra_have_the_same_names_and_nearly_the_same_measures(
     name: str, size: float

@@ -110,7 +110,10 @@ def test_creases_part_patches_which_are_joined_in_order() -> None:
 
 # -- files in other libraries ----------------------------------------------------------------------
 
-FILES = ("hollow_ball", "channel_sine", "triquadratic_cube", "turned_ring", "pyramid_cut")
+FILES = [
+    "hollow_ball", "triquadratic_cube", "turned_ring", "pyramid_cut",
+    pytest.param("channel_sine", marks=pytest.mark.slow),
+]  # fmt: skip
 
 
 @pytest.mark.interop
