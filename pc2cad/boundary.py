@@ -31,6 +31,7 @@ from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
 from pc2cad.laying import axis_of, sides_on, whole_square
 from pc2cad.model import BoundaryModel, ModelEdge, ModelFace
 from pc2cad.planar import coplanar_groups, join_straight_edges, plane_face
+from pc2cad.proof import prove_edge, prove_face
 from pc2cad.topology.cells import directions_of, outward_sign
 from pc2cad.topology.complex import EdgeUse
 
@@ -133,12 +134,33 @@ class _Representation:
             faces = [self._face(group, edges) for group in groups]
             worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
-                return join_straight_edges(self._boundary, edges, faces)
+                edges, faces = self._proved(edges, faces)
+                worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
+                if worst <= self._tolerance:
+                    return join_straight_edges(self._boundary, edges, faces)
             target *= 0.8 * min(1.0, SAMPLED_SHARE * self._tolerance / worst)
         raise ToleranceNotReachedError(
             f"the faces deviate by {worst:.3g} from the equation where {self._tolerance:.3g} was "
             "asked; allow a larger --tolerance"
         )
+
+    def _proved(
+        self, edges: list[ModelEdge], faces: list[ModelFace]
+    ) -> tuple[list[ModelEdge], list[ModelFace]]:
+        """Return edges and faces with proved deviations where those can be had."""
+        proved_edges = [
+            prove_edge(edge, self._edges[i], self._runs_in_arcs(self._edges[i]))
+            for i, edge in enumerate(edges)
+        ]
+        proved_faces = []
+        for face in faces:
+            functions = [self._faces[i] for i in face.cells]
+            arcs = any(self._runs_in_arcs(function) for function in functions)
+            proved_faces.append(prove_face(face, functions, arcs, self._rounding))
+        return proved_edges, proved_faces
+
+    def _runs_in_arcs(self, function: CellFunction) -> bool:
+        return any(self._courses.arcs(piece) is not None for piece in function.pieces)
 
     # -- what a face lies on -------------------------------------------------------------------
 

@@ -21,7 +21,11 @@ class ModelEdge:
     start: int
     end: int
     evidence: Evidence
+    #: largest distance from the equation: proved, or seen where the evidence is no better
     deviation: float
+    #: the largest distance seen, and the parameters (of the edge) where no bound could be had
+    sampled: float = 0.0
+    open: tuple[tuple[float, float], ...] = ()
 
 
 #: a closed walk of (edge, forward) with the face on the left, seen against the plane's normal
@@ -48,8 +52,12 @@ class ModelFace:
     turned: bool
     reversed: bool
     evidence: Evidence
+    #: largest distance from the equation: proved, or seen where the evidence is no better
     deviation: float
     samples: int
+    #: the largest distance seen, and the parameters (of the patch) where no bound could be had
+    sampled: float = 0.0
+    open: tuple[tuple[float, float], ...] = ()
 
     @property
     def border(self) -> set[int]:

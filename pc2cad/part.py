@@ -133,6 +133,7 @@ class Part:
                 self.report.equation.centroid,
             ),
             tolerance=self.report.tolerance,
+            evidence=self.report.statements(),
         )
 
     def _colour(self, face: ModelFace) -> tuple[float, float, float]:

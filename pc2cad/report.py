@@ -26,11 +26,16 @@ class FaceReport:
 
     name: str
     carrier: str
-    #: exact or sampled
+    #: exact, bounded or sampled
     evidence: str
-    #: largest distance to the equation at equal parameters, over `samples` places
+    #: largest distance to the equation at equal parameters: a proved bound where the evidence says
+    #: so, else the largest seen
     deviation: float
+    #: the largest distance seen, over `samples` places
+    sampled: float
     samples: int
+    #: where no bound could be had, in the patch's own parameters; empty for the other evidence
+    open: str
     degrees: tuple[int, ...]
     poles: tuple[int, ...]
     area: float
@@ -47,6 +52,27 @@ class LimitReport:
     breaks_at: float
     #: what it means, with the place
     sentence: str
+
+
+@dataclass(frozen=True)
+class EdgeReport:
+    """One edge between different faces: as `FaceReport`."""
+
+    name: str
+    carrier: str
+    evidence: str
+    deviation: float
+    sampled: float
+    open: str
+    degree: int
+    poles: int
+
+
+_WORDS = {
+    "exact": "exact",
+    "bounded": "proved to deviate from the equation by at most {length}",
+    "sampled": "sampled to deviate from the equation by at most {length}",
+}
 
 
 @dataclass(frozen=True)
@@ -73,6 +99,8 @@ class Report:
     tolerance: float
     sides: tuple[SideReport, ...]
     faces: tuple[FaceReport, ...]
+    #: the edges between different faces
+    curves: tuple[EdgeReport, ...]
     #: edges between different faces, and their ends
     edges: int
     vertices: int
@@ -104,14 +132,35 @@ class Report:
         return len(self.genus)
 
     @property
+    def parts(self) -> tuple[FaceReport | EdgeReport, ...]:
+        """The faces and the edges."""
+        return (*self.faces, *self.curves)
+
+    @property
     def deviation(self) -> float:
-        """Largest deviation of any face from the equation."""
-        return max(face.deviation for face in self.faces)
+        """Largest deviation of any face or edge from the equation: bounds and samples alike."""
+        return max(part.deviation for part in self.parts)
 
     @property
     def evidence(self) -> str:
-        """``exact`` when every face is, else ``sampled``."""
-        return "exact" if all(f.evidence == "exact" for f in self.faces) else "sampled"
+        """The weakest evidence of any face or edge: ``exact``, ``bounded`` or ``sampled``."""
+        found = {part.evidence for part in self.parts}
+        return next(e for e in ("sampled", "bounded", "exact") if e in found)
+
+    def statements(self) -> tuple[str, ...]:
+        """Return in sentences which faces and edges are exact, and what is known of the others."""
+        sentences = []
+        for evidence, words in _WORDS.items():
+            found = [part for part in self.parts if part.evidence == evidence]
+            if found:
+                names = [
+                    f"({part.name})" if isinstance(part, EdgeReport) else part.name
+                    for part in found
+                ]
+                largest = max(part.deviation for part in found)
+                what = words.format(length=f"{largest:.3g} {self.units}")
+                sentences.append(f"{what}: {', '.join(names)}")
+        return tuple(sentences)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain data for JSON."""

@@ -18,12 +18,18 @@ from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.equation.point_equation import PARAMETERS, Expectations
 from pc2cad.errors import KernelError, NotASolidError
-from pc2cad.geometry.carriers import SplineSurface, figures, surface_kind
+from pc2cad.geometry.carriers import (
+    SplineCurve,
+    SplineSurface,
+    curve_kind,
+    figures,
+    surface_kind,
+)
 from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.properties import Properties
-from pc2cad.report import FaceReport, Integrals, Report, SideReport
+from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, SideReport
 from pc2cad.solidity import Solidity
-from pc2cad.topology.cells import IDENTITY
+from pc2cad.topology.cells import IDENTITY, Cell, directions_of
 from pc2cad.topology.complex import BoundaryComplex, SideFate
 
 
@@ -181,9 +187,10 @@ def _report(
         tolerance=model.tolerance,
         sides=tuple(_side(side, boundary) for side in boundary.sides),
         faces=tuple(
-            _face(face, sum(properties.face_areas[cell] for cell in face.cells))
+            _face(model, face, sum(properties.face_areas[cell] for cell in face.cells))
             for face in model.faces
         ),
+        curves=tuple(_edge(model, index) for index in sorted(model.creases())),
         edges=len(model.creases()),
         vertices=len(model.crease_vertices()),
         genus=tuple(
@@ -220,10 +227,28 @@ def _side(side: SideFate, boundary: BoundaryComplex) -> SideReport:
     return SideReport(boundary.name(side.patch), side.fate, side.verdict.value, detail)
 
 
-def _face(face: ModelFace, area: float) -> FaceReport:
+def _face(model: BoundaryModel, face: ModelFace, area: float) -> FaceReport:
     spline = face.carrier if isinstance(face.carrier, SplineSurface) else None
     return FaceReport(
-        face.name, surface_kind(face.carrier), face.evidence, face.deviation, face.samples,
+        face.name, surface_kind(face.carrier), face.evidence, face.deviation, face.sampled,
+        face.samples, _ranges(face.open, model.complex.faces[face.cells[0]].patch),
         spline.degrees if spline else (), spline.poles.shape[:2] if spline else (), area,
         figures(face.carrier),
     )  # fmt: skip
+
+
+def _edge(model: BoundaryModel, index: int) -> EdgeReport:
+    edge, cell = model.edges[index], model.complex.edges[index].cell
+    spline = edge.carrier if isinstance(edge.carrier, SplineCurve) else None
+    return EdgeReport(
+        model.complex.name(cell), curve_kind(edge.carrier), edge.evidence, edge.deviation,
+        edge.sampled, _ranges(edge.open, cell), spline.degree if spline else 0,
+        len(spline.poles) if spline else 0,
+    )  # fmt: skip
+
+
+def _ranges(ranges: tuple[tuple[float, float], ...], cell: Cell) -> str:
+    """Return ranges of a cell's own parameters in words."""
+    names = [PARAMETERS[d] for d in directions_of(cell)]
+    shown = [f"{n} {a:.4g} to {b:.4g}" for n, (a, b) in zip(names, ranges, strict=False)]
+    return ", ".join(shown)

@@ -101,7 +101,8 @@ def summary(report: Report) -> str:
     """Return volume, area, faces and evidence on one line."""
     units = report.units
     exact = report.evidence == "exact"
-    evidence = "exact" if exact else f"deviation {report.deviation:.2g} {units} (sampled)"
+    known = f"deviation {report.deviation:.2g} {units} ({report.evidence})"
+    evidence = "exact" if exact else known
     return (
         f"volume {report.equation.volume:.10g} {units}^3, area {report.equation.area:.10g} "
         f"{units}^2, {len(report.faces)} faces, {evidence}"

@@ -22,7 +22,7 @@ from pc2cad.cli.output import Progress, one_line, say, table
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import Expectations
-    from pc2cad.report import FaceReport, Report
+    from pc2cad.report import EdgeReport, FaceReport, Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,6 +63,8 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield table([(s.name, s.fate, s.verdict, s.detail) for s in report.sides])
     yield f"\nFaces (deviation in {report.units}, area in {report.units}^2)"
     yield _faces(report)
+    yield f"\nEdges (deviation in {report.units})"
+    yield _edges(report)
     yield f"\nTopology\n  {_topology(report)}"
     yield f"\nIntegrals ({report.units})"
     yield _integrals(report)
@@ -81,12 +83,11 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
 
 def _faces(report: Report) -> str:
     rows: list[tuple[str, ...]] = [
-        ("face", "carrier", "evidence", "deviation", "samples", "degrees", "poles", "area")
+        ("face", "carrier", "evidence", "deviation", "seen", "samples", "degrees", "poles", "area")
     ]
     rows += [
         (
-            face.name, _carrier(face), face.evidence,
-            f"{face.deviation:.2g}" if face.samples else "-", str(face.samples or "-"),
+            face.name, _carrier(face), face.evidence, *_deviations(face), str(face.samples or "-"),
             " x ".join(map(str, face.degrees)) or "-", " x ".join(map(str, face.poles)) or "-",
             f"{face.area:.10g}",
         )
@@ -97,6 +98,27 @@ def _faces(report: Report) -> str:
 
 def _carrier(face: FaceReport) -> str:
     return ", ".join([face.carrier, *(f"{name} {x:.6g}" for name, x in face.figures.items())])
+
+
+def _edges(report: Report) -> str:
+    rows: list[tuple[str, ...]] = [
+        ("edge", "carrier", "evidence", "deviation", "seen", "degree", "poles")
+    ]
+    rows += [
+        (
+            edge.name, edge.carrier, edge.evidence, *_deviations(edge), str(edge.degree or "-"),
+            str(edge.poles or "-"),
+        )
+        for edge in report.curves
+    ]  # fmt: skip
+    return table(rows)
+
+
+def _deviations(part: FaceReport | EdgeReport) -> tuple[str, str]:
+    """Return the deviation, a bound where it is proved, and the largest one seen."""
+    if part.evidence == "exact":
+        return "-", "-"
+    return f"{part.deviation:.2g}", f"{part.sampled:.2g}"
 
 
 def _topology(report: Report) -> str:
@@ -131,7 +153,7 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
     rows = [
         ("size", f"{report.size:.10g} {units}"),
         ("tolerance", f"{report.tolerance:.3g} {units}"),
-        ("deviation", f"{report.deviation:.2g} {units} ({report.evidence})"),
+        ("deviation", _deviation(report)),
         ("kernel tolerance", f"{report.kernel_tolerance:.2g} {units}"),
         ("solid", "valid in the kernel, closed, of the derived topology and the right integrals"),
         ("det J", f"keeps its sign ({report.determinant})"),
@@ -141,6 +163,14 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
     if error is not None and math.isfinite(error):
         rows.insert(4, ("quadrature error", f"{error:.1e} (estimate, relative)"))
     return [(name, value) for name, value in rows]
+
+
+def _deviation(report: Report) -> str:
+    if report.evidence == "exact":
+        return "none: every face and edge is exact"
+    text = f"{report.deviation:.2g} {report.units} ({report.evidence})"
+    places = [f"{p.name} at {p.open}" for p in report.parts if p.open]
+    return f"{text}; no bound for {'; '.join(places)}" if places else text
 
 
 def _overlap(report: Report) -> str:

@@ -28,10 +28,11 @@ class Break:
     smoothness: int
 
 
-def find_breaks(roots: tuple[Expr, ...]) -> tuple[tuple[Break, ...], ...]:
+def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[Break, ...], ...]:
     """Return the breaks per direction (u, v, w), ascending, ends included where one lies there.
 
-    The trees are in local coordinates. Raises BreaksNotAlignedError for a piecewise function whose
+    The trees are in local coordinates. `analytic` includes the breaks of what is one function but
+    for rounding. Raises BreaksNotAlignedError for a piecewise function whose
     argument is not an affine function of a single parameter.
     """
     found: tuple[dict[float, int], ...] = ({}, {}, {})
@@ -46,7 +47,7 @@ def find_breaks(roots: tuple[Expr, ...]) -> tuple[tuple[Break, ...], ...]:
             )
         (name,) = argument.symbols
         breaks, _, smoothness, closed = node.payload
-        if smoothness == ANALYTIC:
+        if smoothness == ANALYTIC and not analytic:
             continue
         for position in _positions(argument, name, [float(b) for b in breaks], closed):
             table = found[PARAMETERS.index(name)]

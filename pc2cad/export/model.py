@@ -68,6 +68,8 @@ class Exportable:
     properties: GeometricProperties
     #: distance within which the solid represents its equation, in `units`; 0 where it is exact
     tolerance: float
+    #: what is known of faces and edges: exact, proved or sampled, in sentences
+    evidence: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.units not in UNITS_IN_MM:

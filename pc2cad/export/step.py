@@ -99,7 +99,9 @@ def _product_name(exportable: Exportable) -> str:
 
 def _description(exportable: Exportable) -> list[str]:
     text = part21.lines(exportable.description)
-    if exportable.tolerance > 0.0:
+    for sentence in exportable.evidence:
+        text += part21.lines(sentence)
+    if exportable.tolerance > 0.0 and not exportable.evidence:
         text.append(
             f"deviation from the equation at most {exportable.tolerance:.3g} {exportable.units}"
         )

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: exact: same point set, coefficients rounded once; sampled: deviation measured, not proved
-Evidence = Literal["exact", "sampled"]
+#: exact: same point set, coefficients rounded once; bounded: a proved upper bound of the deviation;
+#: sampled: deviation measured, not proved
+Evidence = Literal["exact", "bounded", "sampled"]
 
 
 @dataclass(frozen=True, eq=False)

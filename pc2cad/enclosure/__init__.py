@@ -1,0 +1,1 @@
+"""Proved bounds: enclosures of expression trees, and of their distance from splines."""

@@ -1,0 +1,253 @@
+"""A proved upper bound of the distance between a function and a spline at equal parameters.
+
+On every cell (a knot interval or a part of one) the difference is interpolated at Chebyshev-Lobatto
+nodes; the spline's own polynomial is reproduced by that. The bound is the largest Bernstein
+coefficient of the interpolant, plus what the function can be off its interpolant (`remainder`),
+plus rounding of the sampled values times the Lebesgue constant. Cells whose coefficients are much
+larger than the largest sampled distance are halved, which makes the coefficients sharp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.sparse import csr_array
+
+from pc2cad.enclosure.cells import Cells, conversion_loss, halving, to_bernstein
+from pc2cad.enclosure.remainder import Direction, Remainders, remainders
+from pc2cad.equation.breaks import SAME_POSITION, find_breaks
+from pc2cad.equation.evaluation import Program
+from pc2cad.equation.point_equation import PARAMETERS
+from pc2cad.equation.sums import cancel_terms
+from pc2cad.equation.tree import Expr
+from pc2cad.geometry.bernstein import degree_in
+from pc2cad.geometry.carriers import SplineCurve, SplineSurface
+
+Array = NDArray[np.float64]
+
+UNIT = 2.0**-53
+#: a bound within this factor of the largest sample is sharp enough
+SHARP = 1.3
+#: share of the largest sample that the remainder may have before cells are made smaller
+REMAINDER_SHARE = 0.25
+#: halvings of cells for the remainder's sake, and for the coefficients'
+DEEPEST = 12
+SHARPEST = 6
+#: nodes whose values are held at once
+SLAB = 400_000
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What is known of the distance between a function and its carrier (lengths)."""
+
+    #: no place is further away than this; inf where no bound could be had
+    largest: float
+    #: the largest distance seen, at `samples` places
+    sampled: float
+    samples: int
+    #: where no bound could be had: the range of each parameter, else empty
+    open: tuple[tuple[float, float], ...] = ()
+
+
+def bound_surface(
+    trees: Sequence[Expr], names: Sequence[str], carrier: SplineSurface, rounding: float = 0.0
+) -> Bound:
+    """Bound |M - S| over [0, 1]² at equal parameters; M's trees are in the two named symbols.
+
+    Bounds need not be sharper than `rounding` (a length).
+    """
+    spline = _Spline(carrier.degrees, carrier.knots, carrier.poles)
+    return _bound(tuple(trees), tuple(names), spline, rounding)
+
+
+def bound_curve(trees: Sequence[Expr], name: str, carrier: SplineCurve) -> Bound:
+    """Bound |M - C| over [0, 1] at equal parameters."""
+    spline = _Spline((carrier.degree,), (carrier.knots,), carrier.poles[:, None])
+    return _bound(tuple(trees), (name,), spline)
+
+
+@dataclass(frozen=True, eq=False)
+class _Spline:
+    """A spline in one or two parameters; poles (n, m, 3), m = 1 where there is no second."""
+
+    degrees: tuple[int, ...]
+    knots: tuple[Array, ...]
+    poles: Array
+
+    def values(self, s: Array, t: Array) -> Array:
+        """Return the values on a grid, (3, len(s), len(t))."""
+        along = _basis(s, self.knots[0], self.degrees[0])
+        n, m, k = self.poles.shape
+        rows = along @ self.poles.transpose(0, 2, 1).reshape(n, k * m)
+        rows = rows.reshape(len(s), k, m)
+        if len(self.knots) == 1:
+            return np.asarray(rows.transpose(1, 0, 2))
+        across = _basis(t, self.knots[1], self.degrees[1])
+        flat = across @ rows.reshape(len(s) * k, m).T
+        return np.asarray(flat.reshape(len(t), len(s), k).transpose(2, 1, 0))
+
+    @property
+    def rounding(self) -> float:
+        """Bound of the error of `values`, that of the parameters included.
+
+        The basis is positive, a sum of products without cancellation: some 6 roundings per degree;
+        the poles then enter once per direction. A parameter is off by 4 units at most.
+        """
+        size = float(np.sqrt((self.poles * self.poles).sum(axis=-1)).max())
+        result = sum(8 * (p + 2) for p in self.degrees) * UNIT * size
+        for axis, (p, knots) in enumerate(zip(self.degrees, self.knots, strict=True)):
+            gaps = knots[1 + p : -1] - knots[1 : -1 - p]
+            steps = np.diff(self.poles, axis=axis)
+            lengths = np.moveaxis(np.sqrt((steps * steps).sum(axis=-1)), axis, 0)
+            inside = gaps > 0
+            result += 4 * UNIT * p * float((lengths[inside].T / gaps[inside]).max())
+        return result * (1 + 1e-9)
+
+
+def _basis(t: Array, knots: Array, degree: int) -> csr_array:
+    return csr_array(BSpline.design_matrix(t, knots, degree))
+
+
+def _bound(
+    trees: tuple[Expr, ...], names: tuple[str, ...], spline: _Spline, floor: float = 0.0
+) -> Bound:
+    trees = cancel_terms(trees)
+    directions = [_direction(trees, names, spline, axis) for axis in range(len(names))]
+    program = Program(trees)
+    expected = _first_look(program, spline, directions)
+    allowed = max(REMAINDER_SHARE * expected, 4 * spline.rounding, floor)
+    size = float(np.ptp(spline.poles.reshape(-1, 3), axis=0).max())
+    reach = [
+        _reach(d, expected / size if size else 1.0, p)
+        for d, p in zip(directions, spline.degrees, strict=True)
+    ]
+    directions, rest = remainders(trees, directions, reach, size or 1.0, allowed, DEEPEST)
+    return _Survey(program, spline, directions).conclude(rest, floor)
+
+
+def _direction(
+    trees: tuple[Expr, ...], names: tuple[str, ...], spline: _Spline, axis: int
+) -> Direction:
+    name, knots, degree = names[axis], spline.knots[axis], spline.degrees[axis]
+    known = degree_in(trees, name)
+    # two degrees more than the spline's hold all of an error that converges
+    nodes = degree + 2 if known is None else max(degree, known)
+    points = np.unique(knots)
+    breaks = []
+    for position in (b.position for b in find_breaks(trees, analytic=True)[PARAMETERS.index(name)]):
+        nearest = points[np.argmin(np.abs(points - position))]
+        breaks.append(float(nearest) if abs(nearest - position) < SAME_POSITION else position)
+    points = np.unique(np.concatenate((points, breaks)))
+    return Direction(name, Cells(points, nodes), known is not None, tuple(breaks))
+
+
+def _first_look(program: Program, spline: _Spline, directions: Sequence[Direction]) -> float:
+    """Return the largest of a few deviations in each cell: about what will be found."""
+    places = []
+    for d in directions:
+        a, b = d.cells.points[:-1, None], d.cells.points[1:, None]
+        places.append((a + (b - a) * np.array([0.27, 0.52])).ravel())
+    gap = _difference(program, spline, directions, places[0], (*places, np.zeros(1))[1])
+    return float(np.sqrt((gap * gap).sum(axis=0).max()))
+
+
+def _difference(
+    program: Program, spline: _Spline, directions: Sequence[Direction], s: Array, t: Array
+) -> Array:
+    """Return S - M on a grid, (3, len(s), len(t))."""
+    gap = spline.values(s, t)
+    grid = {d.name: x for d, x in zip(directions, (s[:, None], t[None, :]), strict=False)}
+    for axis, values in enumerate(program(grid)):
+        gap[axis] -= values
+    return gap
+
+
+def _reach(direction: Direction, deviation: float, degree: int) -> float:
+    """Return over how many cells the function can be expected to be analytic.
+
+    A spline of degree p that deviates by e, relative to a function's size, has intervals of about
+    e^(1/(p+1)) of the length over which the function changes.
+    """
+    if direction.exact or not 0 < deviation < 1:
+        return 1.0
+    return float((1 / deviation) ** (1 / (degree + 1)))
+
+
+class _Survey:
+    """Samples of the difference on all cells, and the coefficients of its interpolants."""
+
+    def __init__(self, program: Program, spline: _Spline, directions: Sequence[Direction]) -> None:
+        self._program, self._spline, self._directions = program, spline, directions
+        point = Cells(np.array([0.0, 1.0]), 0)
+        self._s = directions[0].cells
+        self._t = directions[1].cells if len(directions) > 1 else point
+        self._sizes = np.zeros((self._s.count, self._t.count))
+        self._coarse: list[tuple[Array, Array]] = []
+        self.sampled, self.samples = 0.0, 0
+        across = self._t.count * max(self._t.degree, 1)
+        step = max(1, SLAB // (across * max(self._s.degree, 1)))
+        for first in range(0, self._s.count, step):
+            self._take(first, min(first + step, self._s.count))
+
+    def _take(self, first: int, last: int) -> None:
+        gap = _difference(
+            self._program, self._spline, self._directions,
+            self._s.nodes(first, last), self._t.nodes(0, self._t.count),
+        )  # fmt: skip
+        self.sampled = max(self.sampled, float(np.sqrt((gap * gap).sum(axis=0).max())))
+        self.samples += gap[0].size
+        gather_s, gather_t = self._s.gather(first, last), self._t.gather(0, self._t.count)
+        rows = gap[:, :, gather_t] @ to_bernstein(self._t.degree).T
+        rows = rows[:, gather_s].reshape(3, last - first, self._s.degree + 1, -1)
+        coefficients = to_bernstein(self._s.degree) @ rows
+        coefficients = coefficients.reshape(*coefficients.shape[:3], self._t.count, -1)
+        sizes = np.sqrt((coefficients * coefficients).sum(axis=0).max(axis=(1, 3)))
+        self._sizes[first:last] = sizes
+        i, j = np.nonzero(sizes > SHARP * self.sampled)
+        self._coarse.append((
+            np.column_stack((i + first, j)), coefficients[:, i, :, j]
+        ))  # fmt: skip
+
+    def conclude(self, rest: Remainders, floor: float) -> Bound:
+        """Return the bound, the coefficients made sharp where they are not."""
+        data = (rest.rounding + self._spline.rounding) * self._s.lebesgue * self._t.lebesgue
+        known = data[np.isfinite(data)]
+        self._sharpen(max(SHARP * self.sampled, float(known.max(initial=floor))))
+        loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
+        bound = (self._sizes + loss + rest.interpolation + data) * (1 + 1e-9)
+        largest = float(bound.max())
+        if np.isfinite(largest):
+            return Bound(max(largest, self.sampled), self.sampled, self.samples)
+        return Bound(np.inf, self.sampled, self.samples, self._ranges(~np.isfinite(bound)))
+
+    def _ranges(self, bad: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
+        ranges = []
+        for axis, direction in enumerate(self._directions):
+            which = np.flatnonzero(bad.any(axis=1 - axis))
+            points = direction.cells.points
+            ranges.append((float(points[which[0]]), float(points[which[-1] + 1])))
+        return tuple(ranges)
+
+    def _sharpen(self, goal: float) -> None:
+        """Halve the cells whose coefficients are above the goal: the halves' are nearer to it."""
+        halves_s, halves_t = halving(self._s.degree), halving(self._t.degree)
+        cells = np.concatenate([c for c, _ in self._coarse])
+        work = np.concatenate([b for _, b in self._coarse])
+        for depth in range(SHARPEST + 1):
+            sizes = np.sqrt((work * work).sum(axis=1).max(axis=(1, 2)))
+            keep = sizes > goal
+            if depth == 0:
+                self._sizes[tuple(cells[keep].T)] = goal
+            elif depth == SHARPEST or not keep.any():
+                np.maximum.at(self._sizes, tuple(cells.T), sizes)
+                return
+            cells, work = cells[keep], work[keep]
+            work = np.einsum("xij,ncjk->nxcik", halves_s, work)
+            work = np.einsum("ykl,nxcil->nxycik", halves_t, work)
+            work = work.reshape(-1, *work.shape[3:])
+            cells = np.repeat(cells, 4, axis=0)

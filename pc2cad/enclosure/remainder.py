@@ -1,0 +1,233 @@
+"""How far a function can be from its interpolants on cells, from Taylor models on discs.
+
+On a cell of half length h, whose points are the middles of discs of radius r in which F is analytic
+and within B of a polynomial of degree m at most, the interpolant at m + 1 Chebyshev-Lobatto nodes
+is off by at most 2^(1-m) h^(m+1) B/r^(m+1): the node polynomial is at most 2^(1-m) h^(m+1), and
+Cauchy bounds the divided difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.enclosure.cells import Cells
+from pc2cad.enclosure.evaluate import enclose
+from pc2cad.enclosure.models import UNIT, Place
+from pc2cad.equation.tree import Expr
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+#: (first, last) of cells that are taken together, one row per group
+_Groups = NDArray[np.int_]
+
+#: order of the Taylor models, where the degrees of the cells allow it
+ORDER = 6
+#: lengths of boxes as shares of that over which the function is expected to be analytic; the disc
+#: round a box is four times as wide
+SHARE_ALONG = 0.1
+SHARE_ACROSS = 0.2
+#: what a function, relative to its size, deviates from its Taylor model where discs are as wide as
+#: can be
+TYPICAL = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One parameter of the function, its cells, and whether it is polynomial in it.
+
+    `exact` says that the function's degree in the parameter is at most that of the cells.
+    """
+
+    name: str
+    cells: Cells
+    exact: bool
+    #: points of the cells at which the function changes its form: no box reaches over them
+    breaks: tuple[float, ...] = ()
+
+    def halved(self, which: Mask) -> Direction:
+        """Return the direction with some cells halved."""
+        return Direction(self.name, self.cells.split(which), self.exact, self.breaks)
+
+    def groups(self, wanted: Mask, size: int) -> _Groups:
+        """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
+        starts = np.diff(wanted.astype(int), prepend=0) == 1
+        starts |= wanted & np.isin(self.cells.points[:-1], self.breaks)
+        label = np.where(wanted, np.cumsum(starts), 0)
+        result = []
+        for run in range(1, int(label.max(initial=0)) + 1):
+            (cells,) = np.nonzero(label == run)
+            first, last = cells[0], cells[-1] + 1
+            edges = np.linspace(first, last, -(-(last - first) // size) + 1).astype(int)
+            result.append(np.column_stack((edges[:-1], edges[1:])))
+        return np.concatenate(result) if result else np.zeros((0, 2), dtype=int)
+
+
+@dataclass(frozen=True, eq=False)
+class Remainders:
+    """Per cell (n, m): the interpolation error that each direction causes, and the rounding."""
+
+    along: tuple[Array, Array]
+    #: bound of the error of values sampled in the cell
+    rounding: Array
+
+    @property
+    def interpolation(self) -> Array:
+        """The whole interpolation error per cell."""
+        return (self.along[0] + self.along[1]) * (1 + 1e-12)
+
+    @classmethod
+    def unknown(cls, counts: Sequence[int]) -> Remainders:
+        """Return what is known in the beginning: nothing."""
+        shape = (*counts, 1)[:2]
+        s, t, rounding = (np.full(shape, np.inf) for _ in range(3))
+        return cls((s, t), rounding)
+
+    def to_split(self, axis: int, allowed: float, blame: bool) -> list[Mask]:
+        """Return the cells of each direction that have to become smaller for one direction's sake.
+
+        With `blame`, a line across, most of which is bad, is taken to be hard in the other
+        direction.
+        """
+        bad = ~(self.along[axis] <= allowed)
+        lines = bad.mean(axis=axis, keepdims=True) > 0.5
+        if not blame or lines.all():
+            lines = np.zeros_like(lines)
+        masks = [np.asarray((bad & ~lines).any(axis=1 - axis)), lines.ravel()]
+        return masks if axis == 0 else masks[::-1]
+
+    def after(self, axis: int, split: Mask) -> Remainders:
+        """Return what is still known when some cells of one direction have been halved."""
+        wanted = split[:, None] if axis == 0 else split
+        along = [np.where(wanted, np.inf, x) if d == axis else x for d, x in enumerate(self.along)]
+        s, t, rounding = (np.repeat(x, 1 + split, axis=axis) for x in (*along, self.rounding))
+        return Remainders((s, t), rounding)
+
+
+def remainders(
+    roots: Sequence[Expr],
+    directions: Sequence[Direction],
+    reach: Sequence[float],
+    size: float,
+    allowed: float,
+    deepest: int,
+) -> tuple[list[Direction], Remainders]:
+    """Return cells, and the remainders of the vector of trees on them.
+
+    Each direction in turn is taken as complex, the other as real, on boxes of several cells:
+    `reach` says over how many cells the function can be expected to be analytic, `size` how large
+    it is. Cells for which that gives more than `allowed` are halved, `deepest` times at most. What
+    then remains may be inf.
+    """
+    directions = list(directions)
+    rest = Remainders.unknown([d.cells.count for d in directions])
+    axes = [axis for axis, d in enumerate(directions) if not d.exact]
+    for axis in range(2):
+        if axis not in axes:
+            rest.along[axis][...] = 0.0
+    if not axes:
+        everywhere = np.ones(rest.rounding.shape, dtype=bool)
+        _evaluate(roots, directions, 0, _boxes(everywhere, directions, (1, 1)), rest)
+    part = allowed / max(1, len(axes))
+    for depth in range(deepest + 1):
+        hard = False
+        for axis in axes:
+            bad = ~(rest.along[axis] <= part)
+            if not bad.any():
+                continue
+            smallest = [1, 1]
+            smallest[axis] = _fewest(directions[axis].cells.degree, part / size)
+            share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
+            counts = [
+                max(least, int(part_of * r / 4**depth))
+                for least, part_of, r in zip(smallest, share, (*reach, 1.0), strict=False)
+            ]
+            _evaluate(roots, directions, axis, _boxes(bad, directions, counts), rest)
+            split = rest.to_split(axis, part, depth % 2 == 0)
+            hard = hard or any(mask.any() for mask in split)
+            if depth == deepest:
+                break
+            for d, mask in enumerate(split):
+                # smaller boxes come first
+                mask[:] &= d < len(directions) and counts[d] == smallest[d]
+            for d, mask in enumerate(split):
+                if mask.any():
+                    directions[d] = directions[d].halved(mask)
+                    rest = rest.after(d, mask)
+        if not hard:
+            break
+    return directions, rest
+
+
+def _fewest(degree: int, allowed: float) -> int:
+    """Return how many cells a disc is put round at least: a single one leaves it little room."""
+    return 1 if 4 * TYPICAL * 6.0 ** -(degree + 1) <= allowed else 2
+
+
+def _boxes(
+    wanted: Mask, directions: Sequence[Direction], size: Sequence[int]
+) -> tuple[_Groups, _Groups]:
+    """Return groups of the wanted rows and columns."""
+    rows = directions[0].groups(np.asarray(wanted.any(axis=1)), size[0])
+    if len(directions) == 1:
+        return rows, np.array([[0, 1]])
+    return rows, directions[1].groups(np.asarray(wanted.any(axis=0)), size[1])
+
+
+def _evaluate(
+    roots: Sequence[Expr],
+    directions: Sequence[Direction],
+    axis: int,
+    groups: tuple[_Groups, _Groups],
+    found: Remainders,
+) -> None:
+    """Evaluate the product of two lists of groups, complex along one axis; note what got better."""
+    places = [_place(d, g, i == axis) for i, (d, g) in enumerate(zip(directions, groups,
+              strict=False))]  # fmt: skip
+    order = min([ORDER, *(d.cells.degree for d in directions if not d.exact)])
+    models = enclose(roots, [d.name for d in directions], places, order)
+    shape = (len(groups[0]), len(groups[1]))
+    distance, rounding = (
+        np.broadcast_to(np.sqrt(sum(x * x for x in values)) * (1 + 1e-9), shape)
+        for values in ([m.radius for m in models], [m.error for m in models])
+    )
+    share = _shares(directions[axis], groups[axis], places[axis])
+    if axis == 1:
+        # an error along the second direction passes through the interpolation along the first
+        share = directions[0].cells.lebesgue * share
+    # boxes that hold each cell
+    row, column = (np.repeat(np.arange(len(g)), g[:, 1] - g[:, 0]) for g in groups)
+    box = np.ix_(row, column)
+    cells = np.ix_(*(np.concatenate([np.arange(a, b) for a, b in g]) for g in groups))
+    with np.errstate(invalid="ignore"):
+        gap = distance[box] * (share[:, None] if axis == 0 else share)
+    gap = np.where(np.isfinite(distance[box]), gap, np.inf)
+    found.along[axis][cells] = np.minimum(found.along[axis][cells], gap)
+    found.rounding[cells] = np.minimum(found.rounding[cells], rounding[box])
+
+
+def _place(direction: Direction, groups: _Groups, wide: bool) -> Place:
+    points = direction.cells.points
+    low, high = points[groups[:, 0]], points[groups[:, 1]]
+    centre = (low + high) / 2
+    half = (high - low) / 2 * (1 + 1e-12) + 2 * UNIT
+    if direction.exact or not wide:
+        return Place(centre, half, half)
+    lengths = direction.cells.half
+    longest = np.array([lengths[a:b].max() for a, b in groups])
+    return Place(centre, half, half + 3 * np.maximum(half, longest))
+
+
+def _shares(direction: Direction, groups: _Groups, place: Place) -> Array:
+    """Return, cell by cell, what interpolation leaves of a deviation of 1 on the disc."""
+    cells = np.concatenate([np.arange(a, b) for a, b in groups])
+    if direction.exact:
+        return np.zeros(len(cells))
+    box = np.repeat(np.arange(len(groups)), groups[:, 1] - groups[:, 0])
+    points, half, m = direction.cells.points, direction.cells.half[cells], direction.cells.degree
+    middle = (points[cells] + points[cells + 1]) / 2
+    room = place.radius[box] - np.abs(middle - place.centre[box]) - half - 8 * UNIT
+    return np.asarray(4 * (half / (2 * room) * (1 + 1e-12)) ** (m + 1))

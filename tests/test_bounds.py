@@ -1,0 +1,225 @@
+"""Proved deviations: never below any sample, near the largest, and not fooled between samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from pc2cad.analysis import Analysis, analyse
+from pc2cad.boundary import represent
+from pc2cad.directions import CellFunction
+from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
+from pc2cad.equation.evaluation import Program
+from pc2cad.equation.template_file import read_template
+from pc2cad.equation.tree import PI, Expr, call, number, pieces, symbol
+from pc2cad.geometry.bernstein import bezier_knots
+from pc2cad.geometry.carriers import SplineCurve, SplineSurface
+from pc2cad.geometry.spline_space import SplineSpace
+from pc2cad.geometry.tensor import fit_surface
+from pc2cad.library import find_template
+
+Array = NDArray[np.float64]
+U, V = symbol("u"), symbol("v")
+
+
+def _values(spline: SplineSurface, s: Array, t: Array) -> Array:
+    along = BSpline(spline.knots[0], spline.poles, spline.degrees[0])(s)
+    return np.asarray(BSpline(spline.knots[1], along.transpose(1, 0, 2), spline.degrees[1])(t))
+
+
+def _fit(trees: tuple[Expr, Expr, Expr], s: SplineSpace, t: SplineSpace) -> SplineSurface:
+    sample = _sampler(trees)
+    poles = fit_surface(sample, s, t)
+    return SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
+
+
+def _sampler(trees: tuple[Expr, ...]) -> Callable[[Array, Array], Array]:
+    program = Program(trees)
+
+    def sample(s: Array, t: Array) -> Array:
+        columns = program({"u": s[:, None], "v": t[None, :]})
+        return np.stack([np.broadcast_to(c, (len(s), len(t))) for c in columns], axis=-1)
+
+    return sample
+
+
+def _largest_sample(trees: tuple[Expr, ...], spline: SplineSurface, count: int) -> float:
+    """Return the largest distance over a random grid of about `count` places."""
+    n = int(np.sqrt(count))
+    rng = np.random.default_rng(count)
+    s, t = (np.sort(rng.uniform(0, 1, n)) for _ in range(2))
+    gap = _values(spline, s, t).transpose(1, 0, 2) - _sampler(trees)(s, t)
+    return float(np.sqrt((gap * gap).sum(axis=-1)).max())
+
+
+CHANNELS = ("channel_ellipse", "channel_contour", "channel_sine", "helical_channel")
+
+
+def _spline_faces(analysis: Analysis, tolerance: float) -> list[tuple[CellFunction, SplineSurface]]:
+    model = represent(analysis, tolerance=tolerance)
+    return [
+        (CellFunction(analysis, analysis.boundary.faces[face.cells[0]].patch), face.carrier)
+        for face in model.faces
+        if isinstance(face.carrier, SplineSurface)
+    ]
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+@pytest.mark.parametrize("count", [4_000, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_bounds_of_channels_hold_samples_and_are_within_twice(name: str, count: int) -> None:
+    analysis = analyse(read_template(find_template(name)).bind({}))
+    faces = _spline_faces(analysis, 1e-6)
+    assert faces
+    for function, carrier in faces:
+        trees, names = function.trees
+        bound = bound_surface(trees, names, carrier)
+        n = int(np.sqrt(count))
+        rng = np.random.default_rng(count)
+        s, t = (np.sort(rng.uniform(0, 1, n)) for _ in range(2))
+        gap = _values(carrier, s, t).transpose(1, 0, 2) - function(s, t)
+        seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
+        assert max(seen, bound.sampled) <= bound.largest <= min(2 * bound.sampled, 1e-6)
+        assert not bound.open
+
+
+HARD: dict[str, tuple[Expr, Expr, Expr]] = {
+    "waves": (U, V, call("sin", 40 * PI * U) * number(Fraction(1, 1000))),
+    "both": (U, V, call("sin", 18 * U + 7 * V) * call("exp", -3 * V)),
+    "quotient": (U / (V + Fraction(1, 9)), V, 1 / (Fraction(3, 2) + call("cos", 9 * U * V))),
+    "roots": (call("sqrt", 1 + 25 * (U - V) ** 2), U, V**2),
+    "inverse": (call("atan2", U + Fraction(1, 3), V + Fraction(1, 3)), call("log", 2 * U + 1),
+                call("asin", U * V * Fraction(9, 10))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HARD)
+@pytest.mark.parametrize("degree", [1, 2, 3, 5, 7])
+@pytest.mark.parametrize("pieces_each_way", [1, 5])
+def test_bounds_hold_samples_for_any_degree_and_knots(
+    name: str, degree: int, pieces_each_way: int
+) -> None:
+    trees = HARD[name]
+    s = SplineSpace(degree, np.linspace(0, 1, pieces_each_way + 1) ** 1.3)
+    t = SplineSpace(max(1, degree - 1), np.linspace(0, 1, pieces_each_way + 2))
+    carrier = _fit(trees, s, t)
+    bound = bound_surface(trees, ("u", "v"), carrier)
+    seen = _largest_sample(trees, carrier, 20_000)
+    assert np.isfinite(bound.largest)
+    assert seen <= bound.largest <= 2 * max(seen, bound.sampled)
+
+
+def test_a_wave_that_every_sample_misses_is_caught() -> None:
+    # zero at the sites and at four places in every cell, the same ones in each
+    space = SplineSpace(3, (0.0, 0.25, 0.5, 0.75, 1.0))
+    shares = [Fraction(0), *(Fraction(k, 8) for k in (1, 3, 5, 7))]
+    wave = number(1)
+    for share in shares:
+        wave = wave * call("sin", PI * (4 * U - share))
+    trees = (U, V, wave)
+    places = np.array([(i + float(share)) / 4 for i in range(4) for share in shares])
+    assert np.abs(_sampler(trees)(places, places)[..., 2]).max() < 1e-14
+    truth = np.abs(_sampler(trees)(np.linspace(0, 1, 2001), np.zeros(1))[..., 2]).max()
+    assert truth > 0.03
+    bound = bound_surface(trees, ("u", "v"), _fit((U, V, number(0)), space, space))
+    assert truth <= bound.largest <= 1.5 * truth
+
+
+@pytest.mark.parametrize("width", [30, 300, 3000])
+def test_a_narrow_bump_is_caught_or_left_open_with_its_place(width: int) -> None:
+    trees = (U, V, number(1) / (1 + (width * (U - Fraction(1234, 10000))) ** 2))
+    flat = _fit((U, V, number(0)), SplineSpace(1, (0.0, 1.0)), SplineSpace(1, (0.0, 1.0)))
+    bound = bound_surface(trees, ("u", "v"), flat)
+    assert bound.largest >= 1.0
+    if np.isinf(bound.largest):
+        (low, high), _ = bound.open
+        assert low <= 0.1234 <= high < low + 0.1
+    else:
+        assert bound.largest <= 1.5
+
+
+def test_a_singular_side_is_named() -> None:
+    trees = (U, V, call("sqrt", U))
+    carrier = _fit(trees, SplineSpace(3, np.linspace(0, 1, 9)), SplineSpace(1, (0.0, 1.0)))
+    bound = bound_surface(trees, ("u", "v"), carrier)
+    assert np.isinf(bound.largest)
+    (start, end), across = bound.open
+    assert start == 0
+    assert end <= 1 / 512
+    assert across == (0, 1)
+    assert bound.sampled > 0.01
+
+
+def test_what_a_spline_holds_exactly_is_bounded_by_rounding() -> None:
+    trees = (U**5 - 3 * V, U * V**3, U**2 * (1 - V) ** 2)
+    for scale in (Fraction(1, 1000), Fraction(1), Fraction(100_000)):
+        scaled = tuple(number(scale) * tree for tree in trees)
+        carrier = _fit(scaled, SplineSpace(5, (0.0, 0.3, 1.0)), SplineSpace(3, (0.0, 0.6, 1.0)))
+        bound = bound_surface(scaled, ("u", "v"), carrier)
+        assert bound.largest <= 2e-13 * float(scale) * 4
+
+
+def test_a_perturbed_pole_is_seen() -> None:
+    trees = HARD["roots"]
+    s = SplineSpace(5, np.linspace(0, 1, 12))
+    carrier = _fit(trees, s, s)
+    before = bound_surface(trees, ("u", "v"), carrier)
+    carrier.poles[6, 4, 1] += 1e-2
+    after = bound_surface(trees, ("u", "v"), carrier)
+    assert after.largest > 2 * before.largest
+    assert 2e-3 < after.largest < 1e-2
+
+
+def test_knots_at_breaks_keep_piecewise_functions_bounded() -> None:
+    tent = pieces(2 * U, (Fraction(0), Fraction(2, 3), Fraction(2)),
+                  ((number(0), number(3), number(-1)), (number(Fraction(14, 9)), number(-1),
+                                                       number(0))), 0)  # fmt: skip
+    trees = (U, call("cos", tent * V), tent)
+    at = SplineSpace(3, (0.0, 1 / 3, 1.0), (3,))
+    across = SplineSpace(5, (0.0, 0.5, 1.0))
+    good = bound_surface(trees, ("u", "v"), _fit(trees, at, across))
+    assert good.largest <= 2 * good.sampled < 0.02
+    beside = SplineSpace(3, (0.0, 0.3, 1.0), (3,))
+    off = bound_surface(trees, ("u", "v"), _fit(trees, beside, across))
+    assert good.largest < off.sampled <= off.largest <= 2 * off.sampled
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.floats(-1, 1), min_size=4, max_size=4), st.integers(2, 7), st.integers(1, 6),
+    st.integers(0, 10**6),
+)  # fmt: skip
+def test_curves_are_bounded_like_surfaces(
+    weights: list[float], degree: int, intervals: int, seed: int
+) -> None:
+    a, b, c, d = (Fraction(repr(round(w, 3))) for w in weights)
+    trees = (
+        a * call("sin", 5 * U) + b * U**2,
+        call("exp", c * U) + d * call("cos", 3 * U + 1),
+        call("sqrt", 2 + a * U),
+    )
+    space = SplineSpace(degree, np.linspace(0, 1, intervals + 1))
+    program = Program(trees)
+
+    def sample(t: Array) -> Array:
+        return np.stack([np.broadcast_to(x, t.shape) for x in program({"u": t})], axis=-1)
+
+    carrier = SplineCurve(degree, space.knots, space.fit(sample(space.sites)))
+    bound = bound_curve(trees, "u", carrier)
+    t = np.random.default_rng(seed).uniform(0, 1, 3000)
+    gap = np.sqrt(((BSpline(space.knots, carrier.poles, degree)(t) - sample(t)) ** 2).sum(axis=-1))
+    assert gap.max() <= bound.largest <= 2 * bound.sampled + 1e-12
+
+
+def test_a_bound_is_no_shorter_than_what_was_sampled() -> None:
+    bezier = SplineSurface((1, 1), (bezier_knots(1), bezier_knots(1)), np.zeros((2, 2, 3)))
+    bound = bound_surface((number(3), number(4), number(0)), ("u", "v"), bezier)
+    assert isinstance(bound, Bound)
+    assert bound.sampled == pytest.approx(5)
+    assert 5 <= bound.largest <= 5.0001
