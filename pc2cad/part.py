@@ -11,7 +11,7 @@ from pc2cad.equation.point_equation import PointEquation
 from pc2cad.export.model import Exportable, ExportOptions, GeometricProperties, NamedFace
 from pc2cad.export.registry import write
 from pc2cad.model import BoundaryModel, ModelFace
-from pc2cad.report import Report
+from pc2cad.report import Integrals, Report
 from pc2cad.topology.cells import Cell, normal_direction
 
 if TYPE_CHECKING:
@@ -115,6 +115,22 @@ class Part:
         from pc2cad.interior import locate
 
         return locate(analyse(self.equation), points)
+
+    def triangle_integrals(self, deflection: float | None = None) -> Integrals:
+        """Return volume, area and centroid of the triangles that an STL file would hold.
+
+        They are meshed for this alone. `deflection` is the largest distance of a chord from its
+        surface, in model units; None chooses it as the STL writer does.
+        """
+        from pc2cad.mesh.integrals import triangle_integrals
+        from pc2cad.mesh.triangles import tessellate
+
+        mesh = tessellate(
+            self.built.solid, deflection=deflection, reference_volume=self.report.equation.volume
+        )
+        found = triangle_integrals(mesh.vertices, mesh.triangles)
+        source = f"{len(mesh.triangles)} triangles, deflection {mesh.deflection:.3g}"
+        return Integrals(source, found.volume, found.area, found.centroid)
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""

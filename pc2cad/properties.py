@@ -17,6 +17,7 @@ from pc2cad.analysis import Analysis
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import walk
 from pc2cad.errors import NotASolidError
+from pc2cad.exact_integrals import ExactIntegrals, exact_integrals
 from pc2cad.folding import Signs
 from pc2cad.geometry.bernstein import degree_in
 from pc2cad.mapping import open_grid
@@ -43,6 +44,12 @@ _Rules = list[tuple[Array, Array]]
 _Density = Callable[[Array, Array, Array], Samples]
 
 
+#: sources of integrals, as a report shows them
+QUADRATURE = "equation (Gauss quadrature)"
+CLOSED_FORM = "equation (closed form over the rationals)"
+CLOSED_FORM_BUT_AREA = "equation (closed form; area of curved faces by Gauss quadrature)"
+
+
 class NotIntegrableError(NotASolidError):
     """The volume or the area of the equation is not finite."""
 
@@ -56,7 +63,10 @@ class Properties:
     centroid: tuple[float, float, float]
     #: area of each face, in the order of the boundary complex
     face_areas: tuple[float, ...]
+    #: of what is integrated numerically; 0 where everything is in closed form
     relative_error: float
+    #: how they were found
+    source: str = QUADRATURE
 
 
 def integrate(analysis: Analysis) -> Properties:
@@ -95,10 +105,26 @@ def integrate(analysis: Analysis) -> Properties:
             f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
             "one rule to the next): look for a division by zero inside the box"
         )
-    return Properties(
+    numeric = Properties(
         abs(volume), sum(areas), (float(first[0]), float(first[1]), float(first[2])),
         tuple(areas), max(errors),
     )  # fmt: skip
+    exact = exact_integrals(analysis)
+    return numeric if exact is None else _in_closed_form(exact, numeric, errors[1:])
+
+
+def _in_closed_form(
+    exact: ExactIntegrals, numeric: Properties, face_errors: list[float]
+) -> Properties:
+    """Return the properties with all that is known exactly in place of what was integrated."""
+    x, y, z = (float(c) for c in exact.centroid)
+    pairs = list(zip(exact.face_areas, numeric.face_areas, strict=True))
+    areas = tuple(a if a is not None else b for a, b in pairs)
+    curved = [e for (a, _), e in zip(pairs, face_errors, strict=True) if a is None]
+    source = CLOSED_FORM if not curved else CLOSED_FORM_BUT_AREA
+    return Properties(
+        float(exact.volume), sum(areas), (x, y, z), areas, max(curved, default=0.0), source
+    )
 
 
 def _exact_rules(analysis: Analysis) -> list[Panels] | None:

@@ -119,6 +119,8 @@ class Report:
     told_apart: float
     equation: Integrals
     solid: Integrals
+    #: those of the solid's triangles, where they were asked for (`Part.triangle_integrals`)
+    triangles: Integrals | None = field(default=None, kw_only=True)
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
     #: what is unusual about the map but does not hinder, in sentences

@@ -206,7 +206,7 @@ def _report(
         images=solidity.images,
         told_apart=solidity.apart,
         equation=Integrals(
-            "equation (Gauss quadrature)", properties.volume, properties.area,
+            properties.source, properties.volume, properties.area,
             properties.centroid, properties.relative_error,
         ),
         solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,

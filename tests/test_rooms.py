@@ -18,9 +18,10 @@ ALLOWED = {
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
     "analysis": {"equation", "errors", "folding", "mapping", "topology", "numpy"},
     "properties": {
-        "analysis", "equation", "errors", "folding", "geometry", "mapping", "quadrature",
-        "topology", "numpy",
+        "analysis", "equation", "errors", "exact_integrals", "folding", "geometry", "mapping",
+        "quadrature", "topology", "numpy",
     },
+    "exact_integrals": {"analysis", "equation", "topology"},
     "quadrature": {"numpy"},
     "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
     "enclosure": {"enclosure", "equation", "geometry", "numpy", "scipy"},

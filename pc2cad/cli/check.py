@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pc2cad.cli.inputs import (
@@ -30,6 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_template(parser)
     add_tolerance(parser)
     add_splines(parser)
+    parser.add_argument(
+        "--triangles", action="store_true",
+        help="hold the triangles that an STL file would hold against the equation, too",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
@@ -45,10 +50,14 @@ def run(arguments: argparse.Namespace) -> int:
 
         with named(arguments.template):
             part = compile_equation(equation, tolerance, progress=progress, **splines)
+            report = part.report
+            if arguments.triangles:
+                progress("mesh")
+                report = replace(report, triangles=part.triangle_integrals())
     if arguments.json:
-        say(json.dumps(part.report.to_dict(), indent=2, allow_nan=False))
+        say(json.dumps(report.to_dict(), indent=2, allow_nan=False))
     else:
-        for paragraph in _paragraphs(part.report, equation.expectations):
+        for paragraph in _paragraphs(report, equation.expectations):
             say(paragraph)
     return 0
 
@@ -134,16 +143,22 @@ def _count(number: int, noun: str) -> str:
 
 
 def _integrals(report: Report) -> str:
-    equation, solid = report.equation, report.solid
-    rows: list[tuple[str, ...]] = [("", "equation", "B-rep", "relative difference")]
-    pairs = [("volume", equation.volume, solid.volume), ("area", equation.area, solid.area)]
-    rows += [(n, f"{a:.12g}", f"{b:.12g}", f"{abs(a - b) / abs(a):.1e}") for n, a, b in pairs]
-    for axis, a, b in zip("xyz", equation.centroid, solid.centroid, strict=True):
-        # a centroid may lie in the origin: its difference is held against the part's size
-        rows.append(
-            (f"centroid {axis}", f"{a:.12g}", f"{b:.12g}", f"{abs(a - b) / report.size:.1e}")
-        )
-    return table(rows)
+    equation = report.equation
+    others = [("B-rep", report.solid)]
+    if report.triangles is not None:
+        others.append(("triangles", report.triangles))
+    rows: list[list[str]] = [["", "equation"]]
+    # a centroid may lie in the origin: its difference is held against the part's size
+    figures = [("volume", abs(equation.volume)), ("area", abs(equation.area))]
+    figures += [(f"centroid {axis}", report.size) for axis in "xyz"]
+    truth = (equation.volume, equation.area, *equation.centroid)
+    rows += [[name, f"{a:.12g}"] for (name, _), a in zip(figures, truth, strict=True)]
+    for heading, found in others:
+        rows[0] += [heading, "relative difference"]
+        values = (found.volume, found.area, *found.centroid)
+        for row, (_, size), a, b in zip(rows[1:], figures, truth, values, strict=True):
+            row += [f"{b:.12g}", f"{abs(a - b) / size:.1e}"]
+    return table([tuple(row) for row in rows])
 
 
 def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
@@ -153,6 +168,7 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
     rows = [
         ("size", f"{report.size:.10g} {units}"),
         ("tolerance", f"{report.tolerance:.3g} {units}"),
+        ("integrals", report.equation.source),
         ("deviation", _deviation(report)),
         ("kernel tolerance", f"{report.kernel_tolerance:.2g} {units}"),
         ("solid", "valid in the kernel, closed, of the derived topology and the right integrals"),
@@ -160,8 +176,8 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
         ("overlap", _overlap(report)),
         ("[expect]", f"met: {', '.join(stated)}" if stated else "nothing stated"),
     ]
-    if error is not None and math.isfinite(error):
-        rows.insert(4, ("quadrature error", f"{error:.1e} (estimate, relative)"))
+    if error and math.isfinite(error):
+        rows.insert(5, ("quadrature error", f"{error:.1e} (estimate, relative)"))
     return [(name, value) for name, value in rows]
 
 

@@ -41,8 +41,10 @@ def enclose(
 ) -> tuple[Model, ...]:
     """Return models of the trees over the product of the places of one or two parameters.
 
+    `order` is the degree of their polynomials, at least 1: that of a parameter itself.
     Where a function is not analytic, or could not be shown to be, the radius is infinite.
     """
+    order = max(order, 1)
     where = dict(zip(names, places, strict=True))
     store: dict[Expr, Model] = {}
     with np.errstate(all="ignore"):
