@@ -149,18 +149,21 @@ class _Representation:
     ) -> tuple[list[ModelEdge], list[ModelFace]]:
         """Return edges and faces with proved deviations where those can be had."""
         proved_edges = [
-            prove_edge(edge, self._edges[i], self._runs_in_arcs(self._edges[i]))
-            for i, edge in enumerate(edges)
+            prove_edge(edge, f, self._courses.course(Strand(f, 0, bound)))
+            if edge.evidence == "sampled"
+            else edge
+            for edge, f, bound in zip(edges, self._edges, self._bound, strict=True)
         ]
-        proved_faces = []
-        for face in faces:
-            functions = [self._faces[i] for i in face.cells]
-            arcs = any(self._runs_in_arcs(function) for function in functions)
-            proved_faces.append(prove_face(face, functions, arcs, self._rounding))
-        return proved_edges, proved_faces
+        return proved_edges, [
+            self._proved_face(face) if face.evidence == "sampled" else face for face in faces
+        ]
 
-    def _runs_in_arcs(self, function: CellFunction) -> bool:
-        return any(self._courses.arcs(piece) is not None for piece in function.pieces)
+    def _proved_face(self, face: ModelFace) -> ModelFace:
+        functions = [self._faces[i] for i in face.cells]
+        courses = []
+        if isinstance(face.carrier, SplineSurface):
+            courses = [self._courses.course(Strand(functions[0], axis)) for axis in (0, 1)]
+        return prove_face(face, functions, courses, self._rounding)
 
     # -- what a face lies on -------------------------------------------------------------------
 

@@ -14,6 +14,7 @@ from scipy.interpolate import BSpline
 
 from pc2cad.analysis import Analysis, analyse
 from pc2cad.boundary import represent
+from pc2cad.compiler import compile_part
 from pc2cad.directions import CellFunction
 from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
 from pc2cad.equation.evaluation import Program
@@ -21,6 +22,7 @@ from pc2cad.equation.template_file import read_template
 from pc2cad.equation.tree import PI, Expr, call, number, pieces, symbol
 from pc2cad.geometry.bernstein import bezier_knots
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
+from pc2cad.geometry.rational import Arcs
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.geometry.tensor import fit_surface
 from pc2cad.library import find_template
@@ -223,3 +225,36 @@ def test_a_bound_is_no_shorter_than_what_was_sampled() -> None:
     assert isinstance(bound, Bound)
     assert bound.sampled == pytest.approx(5)
     assert 5 <= bound.largest <= 5.0001
+
+
+def test_mixed_faces_are_bounded_in_the_parameter_of_their_arcs() -> None:
+    # w=0 is exact with arcs along u, so w=1 runs through them, too, and is approximated along v
+    wall = number(1) / 3 * symbol("w")
+    turn = 2 * PI * U
+    trees = (
+        (2 + V**3 + wall * call("exp", V / 3)) * call("cos", turn),
+        (1 + V**2 + wall * call("exp", V / 2)) * call("sin", turn),
+        3 * V**2 + V + wall * call("sin", V) / 3,
+    )
+    part = compile_part(trees)
+    face = next(f for f in part.model.faces if f.name == "w=1")
+    carrier = face.carrier
+    assert isinstance(carrier, SplineSurface)
+    assert carrier.weights is not None
+    assert face.evidence == "bounded"
+    rng = np.random.default_rng(5)
+    s, t = np.sort(rng.uniform(0, 1, 150)), np.sort(rng.uniform(0, 1, 150))
+    numerator = SplineSurface(
+        carrier.degrees, carrier.knots, carrier.poles * carrier.weights[..., None]
+    )
+    weights = SplineSurface(
+        carrier.degrees, carrier.knots, np.repeat(carrier.weights[..., None], 3, axis=2)
+    )
+    surface = (_values(numerator, s, t) / _values(weights, s, t)).transpose(1, 0, 2)
+    program = Program(trees)
+    arcs = Arcs(2 * np.pi, 4)
+    columns = program({"u": arcs.places(s)[:, None], "v": t[None, :], "w": 1.0})
+    gap = surface - np.stack([np.broadcast_to(c, (150, 150)) for c in columns], axis=-1)
+    seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
+    assert 0 < seen <= face.deviation <= 2 * seen
+    assert {e.evidence for e in part.model.edges} <= {"exact", "bounded"}

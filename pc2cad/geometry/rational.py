@@ -37,7 +37,8 @@ class Arcs:
     count: int
 
     @property
-    def _tangent(self) -> float:
+    def tangent(self) -> float:
+        """Tangent of a quarter of one arc's angle: how far its own parameter runs either way."""
         return float(np.tan(self.extent / self.count / 4))
 
     def _split(self, x: Array) -> tuple[Array, Array]:
@@ -49,12 +50,12 @@ class Arcs:
         """Return the equation's own local parameter at x."""
         arc, y = self._split(x)
         half = self.extent / self.count / 4
-        return np.asarray((arc + 0.5 + np.arctan(self._tangent * y) / (2 * half)) / self.count)
+        return np.asarray((arc + 0.5 + np.arctan(self.tangent * y) / (2 * half)) / self.count)
 
     def weight(self, x: Array) -> Array:
         """Return the denominator of order 1 at x: 1 at the ends of each arc."""
         _, y = self._split(x)
-        square = self._tangent**2
+        square = self.tangent**2
         return np.asarray((1 + square * y * y) / (1 + square))
 
     @cached_property
