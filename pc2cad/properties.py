@@ -94,6 +94,7 @@ def integrate(analysis: Analysis) -> Properties:
         flat = exact and _flat_area(analysis, face.patch, exact)
         if flat:
             areas.append(flat)
+            errors.append(EXACT)
             continue
         density = densities.area_of(face.patch)
         panels = [_on_face(density, analysis, face.patch, whole, d) for d in range(3)]
@@ -109,8 +110,8 @@ def integrate(analysis: Analysis) -> Properties:
         abs(volume), sum(areas), (float(first[0]), float(first[1]), float(first[2])),
         tuple(areas), max(errors),
     )  # fmt: skip
-    exact = exact_integrals(analysis)
-    return numeric if exact is None else _in_closed_form(exact, numeric, errors[1:])
+    closed = exact_integrals(analysis)
+    return numeric if closed is None else _in_closed_form(closed, numeric, errors[1:])
 
 
 def _in_closed_form(
