@@ -62,13 +62,16 @@ def bound_surface(
     Bounds need not be sharper than `rounding` (a length).
     """
     spline = _Spline(carrier.degrees, carrier.knots, carrier.poles)
-    return _bound(tuple(trees), tuple(names), spline, rounding)
+    # what overflows is infinite or nan: nothing is known there
+    with np.errstate(all="ignore"):
+        return _bound(tuple(trees), tuple(names), spline, rounding)
 
 
 def bound_curve(trees: Sequence[Expr], name: str, carrier: SplineCurve) -> Bound:
     """Bound |M - C| over [0, 1] at equal parameters."""
     spline = _Spline((carrier.degree,), (carrier.knots,), carrier.poles[:, None])
-    return _bound(tuple(trees), (name,), spline)
+    with np.errstate(all="ignore"):
+        return _bound(tuple(trees), (name,), spline)
 
 
 @dataclass(frozen=True, eq=False)
