@@ -20,24 +20,34 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import cadquery as cq
-from OCP.Bnd import Bnd_Box
-from OCP.BOPTools import BOPTools_AlgoTools3D
-from OCP.BRep import BRep_Tool
-from OCP.BRepBndLib import BRepBndLib
-from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
-from OCP.BRepExtrema import BRepExtrema_DistShapeShape
-from OCP.gp import gp_Pnt, gp_Pnt2d
-from OCP.IntTools import IntTools_Context
 
-from pc2cad.compiler import compile_equation
-from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
-from pc2cad.equation.template import Template
-from pc2cad.equation.template_file import read_template
-from pc2cad.errors import InputError
-from pc2cad.library import find_template, template_paths
-from pc2cad.part import Part
-from pc2cad.python import parameters as parameters
-from pc2cad.python import points as points
+from pc2cad import reloading
+
+reloading.restore(cq)  # before anything loads what may be loaded once only
+
+from OCP.Bnd import Bnd_Box  # noqa: E402
+from OCP.BOPTools import BOPTools_AlgoTools3D  # noqa: E402
+from OCP.BRep import BRep_Tool  # noqa: E402
+from OCP.BRepBndLib import BRepBndLib  # noqa: E402
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex  # noqa: E402
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape  # noqa: E402
+from OCP.gp import gp_Pnt, gp_Pnt2d  # noqa: E402
+from OCP.IntTools import IntTools_Context  # noqa: E402
+
+from pc2cad.compiler import compile_equation  # noqa: E402
+from pc2cad.equation.point_equation import (  # noqa: E402
+    Domain,
+    Equation,
+    PointEquation,
+    point_equation,
+)
+from pc2cad.equation.template import Template  # noqa: E402
+from pc2cad.equation.template_file import read_template  # noqa: E402
+from pc2cad.errors import InputError  # noqa: E402
+from pc2cad.library import find_template, template_paths  # noqa: E402
+from pc2cad.part import Part  # noqa: E402
+from pc2cad.python import parameters as parameters  # noqa: E402
+from pc2cad.python import points as points  # noqa: E402
 
 #: a template's name or file, a template, an equation in any form that `compile_part` takes, a part
 Source = str | os.PathLike[str] | Template | PointEquation | Equation | Part
@@ -204,7 +214,9 @@ def _compile(
         source = point_equation(source, domain)
     elif domain is not None:
         raise InputError("the domain belongs to the template or the point equation already")
-    return compile_equation(source, tolerance, degree)
+    part = compile_equation(source, tolerance, degree)
+    reloading.keep(cq)
+    return part
 
 
 def _solid(part: Part, location: cq.Location) -> cq.Solid:
@@ -266,3 +278,4 @@ class _Probe:
 
 
 register()
+reloading.keep(cq)

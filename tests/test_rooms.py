@@ -38,6 +38,7 @@ ALLOWED = {
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
     "limits": {"equation", "errors", "numpy"},
+    "reloading": set(),
     "winding": {"numpy", "scipy"},
     "sheets": {"analysis", "directions", "equation", "geometry", "topology", "winding", "numpy"},
     "blocks": {"sheets", "topology", "numpy"},
