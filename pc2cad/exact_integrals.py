@@ -16,11 +16,13 @@ from math import lcm, prod, sqrt
 from pc2cad.analysis import Analysis
 from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
-from pc2cad.equation.tree import Expr
+from pc2cad.equation.tree import Expr, walk
 from pc2cad.topology.cells import Cell, directions_of, normal_direction
 
 #: powers of u, v and w to integer coefficients
 _Polynomial = dict[tuple[int, int, int], int]
+#: what a polynomial is made of; normal forms say whether it is one
+_POLYNOMIAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
 #: products of coefficients beyond which quadrature is quicker
 MOST_PRODUCTS = 300_000
 
@@ -36,7 +38,10 @@ class ExactIntegrals:
 
 def exact_integrals(analysis: Analysis) -> ExactIntegrals | None:
     """Return the integrals of a map that is polynomial with rational coefficients, or None."""
-    tables = [_table(tree) for tree in analysis.map.coordinates]
+    coordinates = analysis.map.coordinates
+    if not {node.op for node in walk(coordinates)} <= _POLYNOMIAL:
+        return None  # functions that would cancel are not worth a long expansion
+    tables = [_table(tree) for tree in coordinates]
     known = [table for table in tables if table is not None]
     if len(known) < 3 or prod(max(1, len(table)) for table in known) > MOST_PRODUCTS:
         return None

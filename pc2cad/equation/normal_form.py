@@ -9,6 +9,7 @@ sin² = 1 - cos² is applied here.
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 from typing import Final
 
 from pc2cad.equation.tree import ONE, PI, ZERO, Expr, call, div, mul, number, power, walk
@@ -115,10 +116,15 @@ def _without_square(
     powers, factor = term
     if powers.get(sine, 0) < 2:
         return [term]
-    cosine = call("cos", sine.args[0])
+    cosine = _cosine(sine.args[0])
     lower = {**powers, sine: powers[sine] - 2}
     higher = {**lower, cosine: lower.get(cosine, 0) + 2}
     return _without_square((lower, factor), sine) + _without_square((higher, -factor), sine)
+
+
+@lru_cache(maxsize=4096)
+def _cosine(angle: Expr) -> Expr:
+    return call("cos", angle)  # finds the angle's own normal form each time
 
 
 def _ordered(powers: dict[Expr, int]) -> Monomial:
