@@ -116,10 +116,22 @@ class _Mesh:
         """Largest distance seen between the mesh and the faces."""
         return max(sheet.error for sheet in self.sheets)
 
-    def first_contradiction(
-        self, points: Array, expected: int, level: int = 0
-    ) -> tuple[int, int] | None:
+    def first_contradiction(self, points: Array, expected: int) -> tuple[int, int] | None:
         """Return the first point whose winding number is not as expected, and that number.
+
+        A ray that runs along an edge of the mesh crosses neither of its triangles, so that rays of
+        a second direction have to agree.
+        """
+        first = self._contradiction(points, expected, seed=0)
+        if first is None:
+            return None
+        again = self._contradiction(points[first[0] :], expected, seed=1)
+        return None if again is None else (first[0] + again[0], again[1])
+
+    def _contradiction(
+        self, points: Array, expected: int, seed: int, level: int = 0
+    ) -> tuple[int, int] | None:
+        """Return the first contradiction of rays of one direction.
 
         The cells that its ray may meet are refined, level by level, before that is believed; the
         finer the level, the fewer points at a time.
@@ -127,23 +139,23 @@ class _Mesh:
         count, batch = REFINEMENTS[level]
         for start in range(0, len(points), batch):
             part = points[start : start + batch]
-            numbers = winding_numbers(part, self._local(part, count))
+            numbers = winding_numbers(part, self._local(part, count, seed), seed)
             left = np.flatnonzero(numbers != expected)
             if len(left) == 0:
                 continue
             if level + 1 == len(REFINEMENTS):
                 return start + int(left[0]), int(numbers[left[0]])
-            deeper = self.first_contradiction(part[left], expected, level + 1)
+            deeper = self._contradiction(part[left], expected, seed, level + 1)
             if deeper is not None:
                 return start + int(left[deeper[0]]), deeper[1]
         return None
 
-    def _local(self, points: Array, count: int) -> Array:
+    def _local(self, points: Array, count: int, seed: int) -> Array:
         """Return triangles of the refined cells that lie near the points' rays."""
-        places = (points @ ray_frame())[:, :2]
+        places = (points @ ray_frame(seed))[:, :2]
         result = []
         for sheet in self.sheets:
-            low, high = sheet.boxes
+            low, high = sheet.boxes(seed)
             # a face may leave the box of its corners: by the mesh's error, or within itself
             pad = 2 * self.error + 0.25 * (high - low)
             low, high = low - pad, high + pad

@@ -55,10 +55,16 @@ class Sheet:
         """Number of cells along s and t."""
         return self.nodes.shape[0] - 1, self.nodes.shape[1] - 1
 
+    def boxes(self, seed: int) -> tuple[Array, Array]:
+        """Return limits of each cell across the rays of a direction, (cells, 2) each."""
+        return self._boxes if seed == 0 else self._boxes_across(seed)
+
     @cached_property
-    def boxes(self) -> tuple[Array, Array]:
-        """Lower and upper limits of each cell across the rays, (cells, 2) each."""
-        corners = (self.cells().reshape(-1, 4, 3) @ ray_frame())[..., :2]
+    def _boxes(self) -> tuple[Array, Array]:
+        return self._boxes_across(0)
+
+    def _boxes_across(self, seed: int) -> tuple[Array, Array]:
+        corners = (self.cells().reshape(-1, 4, 3) @ ray_frame(seed))[..., :2]
         return corners.min(axis=1), corners.max(axis=1)
 
     def cells(self) -> Array:

@@ -9,6 +9,7 @@ import pytest
 
 import pc2cad as pc
 from pc2cad.errors import KernelError, ToleranceNotReachedError
+from pc2cad.winding import ray_frame
 
 U, V, W = pc.parameters()
 THETA = 2 * pc.pi * U
@@ -120,3 +121,18 @@ def test_hopelessly_far_from_the_origin_is_refused_within_seconds(name):
     with pytest.raises((KernelError, ToleranceNotReachedError), match="nearer to the origin"):
         compiled(name, 6.0, (1e8, -2e8, 5e7))
     assert time.process_time() - start < 5
+
+
+def test_a_ring_along_the_rays_of_the_winding_numbers_is_a_solid() -> None:
+    """Rays along a ring's axis run along the edges of its mesh and cross no triangle."""
+    turn = ray_frame()
+    u, v, w = pc.parameters()
+    theta, phi, r = 2 * pc.pi * u, 2 * pc.pi * v, 1 + w
+    ring = (
+        (5 + r * pc.cos(phi)) * pc.cos(theta), (5 + r * pc.cos(phi)) * pc.sin(theta),
+        r * pc.sin(phi),
+    )  # fmt: skip
+    turned = tuple(sum(float(turn[i, j]) * ring[j] for j in range(3)) for i in range(3))
+    part = pc.compile_part(turned)
+    assert part.report.shells == 2
+    assert part.report.solid.volume == pytest.approx(2 * pi**2 * 5 * (4 - 1), rel=1e-12)
