@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 #: distances from a limit at which speeds are compared
 _NEAR, _NEARER = 1e-6, 1e-9
+#: a speed below this share of the largest one nearby is rounding
+_NOISE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,10 @@ def _root(mapping: Mapping3, direction: int, limit: int) -> int:
         tangent = np.moveaxis(mapping.tangents((direction,), *open_grid(*grid))[0], direction, 0)
         near, nearer = np.sqrt((tangent**2).sum(axis=-1))
         slopes = np.log(near / nearer) / np.log(_NEAR / _NEARER)
-    found = 1 + float(np.min(slopes, where=np.isfinite(slopes), initial=0.0))
+        # where all but rounding stands still, its noise has slopes as well
+        finite = np.where(np.isfinite(nearer), nearer, 0.0)
+        moving = np.isfinite(slopes) & (finite > _NOISE * finite.max())
+    found = 1 + float(np.min(slopes, where=moving, initial=0.0))
     if not 0.03 < found < 0.92:
         return 1
     exponent = Fraction(found).limit_denominator(8)

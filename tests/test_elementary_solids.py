@@ -25,7 +25,7 @@ FAMILY = {
     ("simplex_cone", "k=0 hole=1/2"): (pi / 4, 3, 2, (0,)),
     ("simplex_cone", "k=1/2 turn=1/3 hole=1/2"): (pi * 7 / 48, 6, 12, (0,)),
     ("simplex_ball", ""): (4 * pi / 3, 1, 0, (0,)),
-    ("simplex_ball", "turn=1/4"): (pi / 3, 3, 4, (0,)),
+    ("simplex_ball", "turn=1/4"): (pi / 3, 3, 3, (0,)),
     ("simplex_ball", "hole=0.99"): (4 * pi / 3 * (1 - 0.99**3), 2, 0, (0, 0)),
     ("simplex_ball", "turn=1/4 hole=1/2"): (pi / 3 * 7 / 8, 4, 6, (0,)),
     ("simplex_paraboloid", ""): (pi / 2, 2, 1, (0,)),
