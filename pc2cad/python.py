@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pc2cad.equation import curves
+from pc2cad.equation.guides import Guide, helix, spline
 from pc2cad.equation.point_equation import PARAMETERS, Domain, PointEquation
 from pc2cad.equation.points import (
     Combination,
@@ -23,12 +24,12 @@ from pc2cad.equation.points import (
     unit,
     vector,
 )
+from pc2cad.equation.polylines import polyline
 from pc2cad.equation.tree import PI, E, Expr, Number, as_expr, call, symbol
 from pc2cad.errors import InputError
 
 if TYPE_CHECKING:
     from pc2cad.equation.frames import Frame
-    from pc2cad.equation.guides import Guide
 
 __all__ = [
     "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "channel", "composite",
@@ -233,39 +234,6 @@ def guide(N: Value, interval: Sequence[Expr | Number] = (0, 1)) -> Guide:
     from pc2cad.equation.guides import curve
 
     return curve(N, interval)
-
-
-def helix(
-    radius: Expr | Number,
-    pitch: Expr | Number,
-    turns: Expr | Number,
-    end_radius: Expr | Number | None = None,
-) -> Guide:
-    """Return a helix about the z axis as a guide, conic with an end radius."""
-    from pc2cad.equation.guides import helix
-
-    return helix(radius, pitch, turns, end_radius)
-
-
-def spline(
-    points: Sequence[Sequence[float]], closed: bool = False, spacing: str = "chord"
-) -> Guide:
-    """Return the C² spline through points in space as a guide; see `guides.spline`."""
-    from pc2cad.equation.guides import spline
-
-    return spline(points, closed, spacing)
-
-
-def polyline(
-    points: Sequence[Sequence[float]],
-    radius: float | Sequence[float] = 0.0,
-    closed: bool = False,
-    corners: str = "round",
-) -> Guide:
-    """Return a polyline with fillets (or mitres) as a guide; see `polylines.polyline`."""
-    from pc2cad.equation.polylines import polyline
-
-    return polyline(points, radius, closed, corners)
 
 
 def composite(*parts: Guide) -> Guide:

@@ -188,8 +188,8 @@ def test_the_verb_writes_files_and_a_report(
     ("arguments", "message"),
     [
         (["-o", "x.stl"], "use one of .vtu"),
-        (["-o", "x.vtu", "--cells", "4x4"], "write three numbers"),
-        (["-o", "x.vtu", "--cells", "4x0x4"], "write three numbers"),
+        (["-o", "x.vtu", "--cells", "4x4"], "is not 3 numbers with 'x' between"),
+        (["-o", "x.vtu", "--cells", "4x0x4"], "at least one cell"),
         (["-o", "x.vtu", "--size", "-1"], "positive length"),
         (["-o", "x.vtu", "--grade", "q=2"], "a direction and a ratio"),
         (["-o", "x.vtu", "-o", "./x.vtu"], "same file"),

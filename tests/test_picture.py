@@ -212,7 +212,7 @@ def test_scales_have_round_numbers_and_order():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-o", "a.jpg"], ".png or .svg"),
+        (["-o", "a.jpg"], "use one of .png, .svg"),
         (["-o", "a.png", "--view", "0,0,0"], "no length"),
         (["-o", "a.png", "--view", "skew"], "none of iso"),
         (["-o", "a.png", "--points", "2,3"], "3 numbers"),

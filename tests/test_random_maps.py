@@ -607,6 +607,6 @@ def test_sectors_of_balls_and_cylinders(share, place, a, b, c):
         return a * v * pc.cos(theta), b * v * pc.sin(theta), c * w
 
     part = pc.compile_part(placed(ball, place))
-    assert_solid(part, float(4 * pi / 3 * a * b * c * share), None, 3, exact=False)
+    assert_solid(part, float(4 * pi / 3 * a * b * c * share), None, 3, exact=True)
     part = pc.compile_part(placed(cylinder, place))
-    assert_solid(part, float(pi * a * b * c * share), None, 5, exact=False)
+    assert_solid(part, float(pi * a * b * c * share), None, 5, exact=True)

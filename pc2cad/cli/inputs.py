@@ -5,16 +5,19 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 from pc2cad.errors import InputError, PointCadError
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
     from pc2cad.equation.template import Template
+
+
+Kind = TypeVar("Kind", int, float)
 
 
 class SplineOptions(TypedDict):
@@ -129,6 +132,25 @@ def read_settings(settings: Sequence[str]) -> dict[str, str]:
             raise InputError(f"-s {name[:80]}: the parameter is set twice")
         values[name] = value
     return values
+
+
+def read_triple(option: str, text: str, mark: str) -> tuple[int, int, int]:
+    """Return the three whole numbers, one for u, v and w, that an option gives."""
+    u, v, w = read_numbers(option, text, int, mark, 3)
+    return u, v, w
+
+
+def read_numbers(
+    option: str, text: str, kind: Callable[[str], Kind], mark: str, count: int
+) -> list[Kind]:
+    """Return `count` numbers with a mark between them."""
+    try:
+        numbers = [kind(part) for part in text.split(mark)]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        raise InputError(f"{option}: '{text[:40]}' is not {count} numbers with '{mark}' between")
+    return numbers
 
 
 def read_length(option: str, text: str | None) -> float | None:

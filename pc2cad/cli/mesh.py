@@ -9,7 +9,15 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from pc2cad.cli.inputs import add_template, bind, check_different, load, named, read_length
+from pc2cad.cli.inputs import (
+    add_template,
+    bind,
+    check_different,
+    load,
+    named,
+    read_length,
+    read_triple,
+)
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError
 
@@ -96,11 +104,10 @@ def _options(arguments: argparse.Namespace) -> MeshOptions:
 def _cells(text: str | None) -> tuple[int, int, int] | None:
     if text is None:
         return None
-    found = re.fullmatch(r"(\d{1,9})[x×,](\d{1,9})[x×,](\d{1,9})", text.strip())
-    if found is None or any(int(n) == 0 for n in found.groups()):
-        raise InputError(f"--cells '{text[:40]}': write three numbers, for example 40x24x3")
-    u, v, w = (int(n) for n in found.groups())
-    return u, v, w
+    cells = read_triple("--cells", text, "x")
+    if min(cells) < 1:
+        raise InputError(f"--cells {text[:40]}: there is at least one cell along u, v and w")
+    return cells
 
 
 def _grading(texts: list[str]) -> tuple[Grading, Grading, Grading]:

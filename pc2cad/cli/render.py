@@ -5,7 +5,16 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from pc2cad.cli.inputs import add_template, add_tolerance, bind, load, named, read_length
+from pc2cad.cli.inputs import (
+    add_template,
+    add_tolerance,
+    bind,
+    load,
+    named,
+    read_length,
+    read_numbers,
+    read_triple,
+)
 from pc2cad.cli.output import Progress, say, shown
 from pc2cad.errors import InputError
 
@@ -64,7 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     template, _ = load(arguments)
     equation = bind(template, arguments)
-    style, view, size = _style(arguments), _view(arguments.view), _size(arguments.size)
+    style, view = _style(arguments), _view(arguments.view)
+    width, height = read_numbers("--size", arguments.size, int, "x", 2)
     for output in arguments.outputs:
         check_ending(output)
         check_target(output)
@@ -77,12 +87,12 @@ def run(arguments: argparse.Namespace) -> int:
             part = compile_equation(equation, tolerance, progress=progress)
             progress("draw")
             scene = drawing(part, style)
-        camera = camera_for(scene, view, size)
+        camera = camera_for(scene, view, (width, height))
         for output in arguments.outputs:
             write_picture(scene, camera, output)
     if not arguments.quiet:
         for output in arguments.outputs:
-            say(f"{shown(output)}: {size[0]} x {size[1]} pixels{_range(scene.bar)}")
+            say(f"{shown(output)}: {width} x {height} pixels{_range(scene.bar)}")
     return 0
 
 
@@ -101,7 +111,7 @@ def _style(arguments: argparse.Namespace) -> Style:
         edges=not arguments.no_edges,
         explode=arguments.explode,
         isolines=arguments.isolines,
-        points=None if arguments.points is None else read_counts(arguments.points),
+        points=None if arguments.points is None else read_triple("--points", arguments.points, ","),
         map=arguments.numbers,
         across=arguments.across,
     )
@@ -114,26 +124,5 @@ def _view(text: str) -> tuple[float, float, float]:
         return VIEWS[text]
     if "," not in text:
         raise InputError(f"--view: '{text[:40]}' is none of {', '.join(VIEWS)}, nor X,Y,Z")
-    x, y, z = _numbers("--view", text, float, ",", 3)
+    x, y, z = read_numbers("--view", text, float, ",", 3)
     return x, y, z
-
-
-def read_counts(text: str) -> tuple[int, int, int]:
-    """Return the numbers of points per direction that ``--points`` gives."""
-    u, v, w = _numbers("--points", text, int, ",", 3)
-    return int(u), int(v), int(w)
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, height = _numbers("--size", text, int, "x", 2)
-    return int(width), int(height)
-
-
-def _numbers(option: str, text: str, kind: type, mark: str, count: int) -> list[float]:
-    try:
-        numbers = [kind(part) for part in text.split(mark)]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count:
-        raise InputError(f"{option}: '{text[:40]}' is not {count} numbers with '{mark}' between")
-    return numbers

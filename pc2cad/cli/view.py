@@ -7,9 +7,16 @@ from collections.abc import Mapping
 from itertools import product
 from typing import TYPE_CHECKING
 
-from pc2cad.cli.inputs import add_template, add_tolerance, load, named, read_length, read_settings
+from pc2cad.cli.inputs import (
+    add_template,
+    add_tolerance,
+    load,
+    named,
+    read_length,
+    read_settings,
+    read_triple,
+)
 from pc2cad.cli.output import Progress, say, shown
-from pc2cad.cli.render import read_counts
 from pc2cad.errors import InputError, PointCadError
 
 if TYPE_CHECKING:
@@ -47,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the page, or serve it until it is interrupted."""
     template, _ = load(arguments)
-    points = None if arguments.points is None else read_counts(arguments.points)
+    points = None if arguments.points is None else read_triple("--points", arguments.points, ",")
     maker = _Maker(template, arguments, points)
     return _serve(maker, arguments) if arguments.serve else _write(maker, arguments)
 
@@ -78,11 +85,10 @@ class _Maker:
 
 
 def _write(maker: _Maker, arguments: argparse.Namespace) -> int:
-    from pc2cad.export.files import check_target, write_atomically
+    from pc2cad.export.files import by_ending, check_target, write_atomically
     from pc2cad.viewer.page import page
 
-    if not arguments.output.lower().endswith((".html", ".htm")):
-        raise InputError(f"a page's name ends in .html: {arguments.output[-80:]}")
+    by_ending(arguments.output, {".html": None, ".htm": None}, "page")
     check_target(arguments.output)
     sliders = [_stored(text, maker) for text in arguments.sliders]
     count = 1

@@ -10,11 +10,14 @@ import errno
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
-from pc2cad.errors import FileNotWrittenError
+from pc2cad.errors import FileNotWrittenError, InputError
+
+Entry = TypeVar("Entry")
 
 #: Start of the names of temporary files, so that left-overs of a killed process can be found.
 TEMPORARY_PREFIX = ".pc2cad-"
@@ -34,6 +37,20 @@ _ADVICE = {
     errno.ENFILE: "too many files are open; close some and write again",
     errno.EISDIR: "a folder has that name; choose another name",
 }
+
+
+def by_ending(path: str | os.PathLike[str], table: Mapping[str, Entry], kind: str) -> Entry:
+    """Return what a table of endings (``.step`` …) holds for a file's name, in any case.
+
+    `kind` says for the message what is to be written, as in "mesh file". Raises InputError.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in table:
+        has = f"the ending {ending!r}" if ending else "no ending"
+        raise InputError(
+            f"The {kind} {os.fspath(path)[-80:]!r} has {has}; use one of {', '.join(table)}."
+        )
+    return table[ending]
 
 
 def check_target(path: str | os.PathLike[str]) -> None:

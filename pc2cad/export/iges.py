@@ -25,6 +25,7 @@ from pc2cad import __version__
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
 from pc2cad.export.kernel import (
+    UNIT_NAMES,
     Census,
     census,
     check_read_back,
@@ -34,8 +35,6 @@ from pc2cad.export.kernel import (
     quiet_kernel,
 )
 from pc2cad.export.model import Exportable, ExportOptions
-
-_UNIT_NAMES = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH"}
 
 #: Parameters of the kernel's translators; they belong to the process, hence are put back.
 _PARAMETERS: dict[str, int | str] = {
@@ -64,7 +63,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     check_solid(exportable.solid)
     # Init also defines the parameters that are set below
     IGESControl_Controller.Init_s()
-    unit = _UNIT_NAMES[exportable.units]
+    unit = UNIT_NAMES[exportable.units]
     stamp = datetime.fromisoformat(options.time_stamp()).strftime("%Y%m%d.%H%M%S")
     try:
         # the unit of the file, and of the coordinates here, in writing and in reading

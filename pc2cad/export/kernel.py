@@ -34,6 +34,8 @@ from OCP.XCAFDoc import (
 from pc2cad.errors import KernelError
 from pc2cad.export.model import UNITS_IN_MM, Exportable
 
+#: Units as the translators name them.
+UNIT_NAMES = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH"}
 #: Relative difference of volume that reading back may show.
 VOLUME_AGREEMENT = 1e-9
 #: How much a tolerance may grow by reading back: readers recompute them with a margin.

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.errors import InputError, require
-from pc2cad.export.files import check_target, replacing
+from pc2cad.errors import require
+from pc2cad.export.files import by_ending, check_target, replacing
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
 
@@ -83,15 +83,10 @@ def mesh_format(path: str | os.PathLike[str]) -> MeshFormat:
 
     Raises PackageMissingError where a package that the format needs is not installed.
     """
-    ending = Path(path).suffix.lower()
-    for entry in MESH_FORMATS:
-        if entry.extension == ending:
-            for package in entry.packages:
-                require(package, f"{ending} files")
-            return entry
-    known = ", ".join(entry.extension for entry in MESH_FORMATS)
-    has = f"the ending {ending!r}" if ending else "no ending"
-    raise InputError(f"The mesh file {os.fspath(path)[-80:]!r} has {has}; use one of {known}.")
+    entry = by_ending(path, {entry.extension: entry for entry in MESH_FORMATS}, "mesh file")
+    for package in entry.packages:
+        require(package, f"{entry.extension} files")
+    return entry
 
 
 def check_mesh_writable(path: str | os.PathLike[str]) -> None:

@@ -6,12 +6,10 @@ import io
 import os
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
-from pc2cad.errors import InputError
-from pc2cad.export.files import check_target, write_atomically
+from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.interior import PointSet
 
 
@@ -73,7 +71,7 @@ POINT_FORMATS: dict[str, Callable[[PointSet], bytes]] = {
 
 def check_points_writable(path: str | os.PathLike[str]) -> None:
     """Find out before a computation whether points can be written to `path`."""
-    _encoder(path)
+    by_ending(path, POINT_FORMATS, "point file")
     check_target(path)
 
 
@@ -82,18 +80,7 @@ def write_points(points: PointSet, path: str | os.PathLike[str]) -> None:
 
     Raises InputError for an unknown ending, FileNotWrittenError.
     """
-    write_atomically(path, _encoder(path)(points))
-
-
-def _encoder(path: str | os.PathLike[str]) -> Callable[[PointSet], bytes]:
-    ending = Path(path).suffix.lower()
-    if ending not in POINT_FORMATS:
-        has = f"the ending {ending!r}" if ending else "no ending"
-        raise InputError(
-            f"The point file {os.fspath(path)[-80:]!r} has {has}; use one of "
-            f"{', '.join(POINT_FORMATS)}."
-        )
-    return POINT_FORMATS[ending]
+    write_atomically(path, by_ending(path, POINT_FORMATS, "point file")(points))
 
 
 def _plain(points: PointSet) -> str:

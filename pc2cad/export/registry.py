@@ -6,10 +6,8 @@ import importlib
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
-from pc2cad.errors import InputError
-from pc2cad.export.files import check_target, write_atomically
+from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.export.model import Exportable, ExportOptions
 
 Encoder = Callable[[Exportable, ExportOptions], bytes]
@@ -118,13 +116,8 @@ def format_for(path: str | os.PathLike[str]) -> Format:
         InputError: no format has that ending.
 
     """
-    ending = Path(path).suffix.lower()
-    for candidate in FORMATS:
-        if ending in candidate.extensions:
-            return candidate
-    known = ", ".join(extension for entry in FORMATS for extension in entry.extensions)
-    has = f"the ending {ending!r}" if ending else "no ending"
-    raise InputError(f"The file name {os.fspath(path)[-80:]!r} has {has}; use one of {known}.")
+    table = {extension: entry for entry in FORMATS for extension in entry.extensions}
+    return by_ending(path, table, "file name")
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

@@ -6,10 +6,8 @@ import importlib
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
-from pc2cad.errors import InputError
-from pc2cad.export.files import check_target, write_atomically
+from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.geometry.trivariate import SplineVolume
 from pc2cad.isogeometry import VolumeModel
 
@@ -62,13 +60,7 @@ SPLINE_FORMATS: tuple[SplineFormat, ...] = (
 
 def spline_format(path: str | os.PathLike[str]) -> SplineFormat:
     """Return the format of a file name's ending; raise InputError where there is none."""
-    ending = Path(path).suffix.lower()
-    for entry in SPLINE_FORMATS:
-        if entry.extension == ending:
-            return entry
-    known = ", ".join(entry.extension for entry in SPLINE_FORMATS)
-    has = f"the ending {ending!r}" if ending else "no ending"
-    raise InputError(f"The spline file {os.fspath(path)[-80:]!r} has {has}; use one of {known}.")
+    return by_ending(path, {entry.extension: entry for entry in SPLINE_FORMATS}, "spline file")
 
 
 def check_splines_writable(path: str | os.PathLike[str]) -> None:

@@ -23,6 +23,7 @@ from pc2cad import __version__
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
 from pc2cad.export.kernel import (
+    UNIT_NAMES,
     Census,
     census,
     check_read_back,
@@ -33,7 +34,6 @@ from pc2cad.export.kernel import (
 )
 from pc2cad.export.model import UNITS_IN_MM, Exportable, ExportOptions, StepSchema
 
-_UNIT_NAMES = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH"}
 _SCHEMA_NUMBERS: dict[StepSchema, int] = {"AP214": 4, "AP242": 5}
 
 #: Parameters of the kernel's translators; they belong to the process, hence are put back.
@@ -74,7 +74,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     parameters = {
         **_PARAMETERS,
         "write.step.schema": _SCHEMA_NUMBERS[options.step_schema],
-        "write.step.unit": _UNIT_NAMES[exportable.units],
+        "write.step.unit": UNIT_NAMES[exportable.units],
     }
     header = part21.Header(
         name=_product_name(exportable),

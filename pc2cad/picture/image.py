@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import os
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.errors import InputError
-from pc2cad.export.files import write_atomically
+from pc2cad.export.files import by_ending, write_atomically
 from pc2cad.picture import raster
 from pc2cad.picture.camera import Camera, aim
 from pc2cad.picture.overlay import (
@@ -31,7 +30,8 @@ from pc2cad.picture.scene import Array, Colour, Lines, Scene
 SIZE = (960, 640)
 #: sides of a picture in pixels
 SIZE_LIMITS = (64, 8192)
-ENDINGS = (".png", ".svg")
+#: ending -> whether names and lines are vectors
+VECTOR = {".png": False, ".svg": True}
 
 
 def camera_for(
@@ -46,10 +46,7 @@ def camera_for(
 
 def check_ending(path: str | os.PathLike[str]) -> None:
     """Raise InputError unless the name ends like a picture's."""
-    if Path(path).suffix.lower() not in ENDINGS:
-        raise InputError(
-            f"a picture's name ends in {' or '.join(ENDINGS)}: {os.fspath(path)[-80:]}"
-        )
+    by_ending(path, VECTOR, "picture")
 
 
 def encode(scene: Scene, camera: Camera, path: str | os.PathLike[str]) -> bytes:
@@ -57,8 +54,7 @@ def encode(scene: Scene, camera: Camera, path: str | os.PathLike[str]) -> bytes:
 
     Raises InputError for an unknown ending, NoRendererError where VTK cannot draw.
     """
-    check_ending(path)
-    vector = Path(path).suffix.lower() == ".svg"
+    vector = by_ending(path, VECTOR, "picture")
     need_depth = bool(scene.labels) or vector
     seen = raster.depths(scene, camera) if need_depth else None
     shapes = overlay(scene.labels, scene.bar, camera, seen)
