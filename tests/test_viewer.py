@@ -119,7 +119,7 @@ def test_a_page_of_variants_says_where_there_is_no_solid(tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-o", "a.txt"], "ends in .html"),
+        (["-o", "a.txt"], "use one of .html, .htm"),
         (["-o", "a.html", "--slider", "x=0:1:2"], "no parameter 'x'"),
         (["-o", "a.html", "--slider", "p"], "write NAME=LOW:HIGH:COUNT"),
         (["-o", "a.html", "--slider", "p=0:1"], "write LOW:HIGH:COUNT"),
