@@ -1,17 +1,24 @@
-"""Random valid variants of all templates in one process (``benchmarks/soak.py --count 2000``).
+"""Random valid variants of all templates in one process: ``benchmarks/soak.py --count 2000``.
 
-Memory must stay flat (under 5 % growth after the first tenth) and every result must be that of a
-fresh process, bit for bit in the figures; a sample of them is built again to see.
+Memory must stay flat: under 5 % growth after the first tenth, of the resident pages and of what is
+allocated (a handle of the kernel that nobody releases stays allocated). Every result must be that
+of a fresh process, bit for bit in the figures and in the STEP file; a sample of them is built
+again. Ends early, and says so, when ``--minutes`` are over.
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
+import gc
+import hashlib
 import json
 import os
 import random
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from pc2cad.compiler import compile_equation
@@ -23,6 +30,16 @@ from pc2cad.export.model import ExportOptions
 from pc2cad.export.step import encode
 from pc2cad.library import template_paths
 from pc2cad.studies.variant import figures_of
+
+
+class _Allocated(ctypes.Structure):
+    """What glibc's ``mallinfo2`` returns."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in ("arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks",
+                     "uordblks", "fordblks", "keepcost")
+    )  # fmt: skip
 
 
 def values(template: Template, dice: random.Random) -> dict[str, float]:
@@ -40,56 +57,78 @@ def values(template: Template, dice: random.Random) -> dict[str, float]:
 
 
 def build(name: str, given: dict[str, float]) -> dict[str, object]:
-    """Return the figures of one variant, written to STEP in memory."""
+    """Return the figures of one variant and the hash of its STEP file."""
     part = compile_equation(read_template(template_paths()[name]).bind(given))
-    size = len(encode(part.exportable(), ExportOptions()))
-    return {**figures_of(part.report), "bytes": size}
+    step = encode(part.exportable(), ExportOptions())
+    return {**figures_of(part.report), "step": hashlib.sha256(step).hexdigest()}
 
 
-def memory() -> float:
-    """Return the resident memory in MiB (Linux)."""
+def memory() -> tuple[float, float]:
+    """Return the resident and the allocated memory in MiB (Linux with glibc)."""
+    gc.collect()
     pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+    ask = ctypes.CDLL(None).mallinfo2
+    ask.restype = _Allocated
+    told = ask()
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20, (told.uordblks + told.hblkhd) / 2**20
+
+
+def variants(dice: random.Random) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield variants of all templates in turn, without end."""
+    templates = {name: read_template(path) for name, path in template_paths().items()}
+    while True:
+        for name, template in templates.items():
+            yield name, values(template, dice)
 
 
 def main() -> None:
     """Run the soak, or with --one a single variant whose figures are printed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=2000)
+    parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--again", type=int, default=10, help="variants built in fresh processes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--one", nargs=2, metavar=("NAME", "VALUES"))
     arguments = parser.parse_args()
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "1700000000")
     if arguments.one:
         print(json.dumps(build(arguments.one[0], json.loads(arguments.one[1]))))
         return
     dice = random.Random(arguments.seed)
-    names = list(template_paths())
-    templates = {name: read_template(path) for name, path in template_paths().items()}
-    early, refused, sample = 0.0, 0, []
-    for i in range(arguments.count):
-        name = names[i % len(names)]
-        given = values(templates[name], dice)
+    end = time.monotonic() + 60 * arguments.minutes
+    early, refused = None, 0
+    built: list[tuple[str, dict[str, float], dict[str, object]]] = []
+    for name, given in variants(dice):
+        if len(built) == arguments.count or time.monotonic() > end:
+            break
         try:
-            figures = build(name, given)
+            built.append((name, given, build(name, given)))
         except PointCadError as error:
             refused += 1
-            print(f"{name} {given}: {error}")
-            continue
-        sample.append((name, given, figures))
-        if i == arguments.count // 10:
+            print(f"{name} {given}: {error}", flush=True)
+        if len(built) == arguments.count // 10 and early is None:
             early = memory()
-            print(f"{i} built, {early:.0f} MiB")
     late = memory()
-    print(f"{arguments.count - refused} built, {refused} refused, {late:.0f} MiB "
-          f"({100 * (late / early - 1):+.1f} %)")  # fmt: skip
-    for name, given, figures in dice.sample(sample, min(arguments.again, len(sample))):
+    assert early is not None, "the time was over before a tenth was built"
+    growth = [f"{100 * (b / a - 1):+.1f} %" for a, b in zip(early, late, strict=True)]
+    print(f"built {len(built)} of {arguments.count}, {refused} draws refused")
+    print("| | after a tenth | at the end | growth |\n|---|---|---|---|")
+    for title, a, b, more in zip(("resident", "allocated"), early, late, growth, strict=True):
+        print(f"| {title} | {a:.1f} MiB | {b:.1f} MiB | {more} |")
+    same = 0
+    sample = dice.sample(built, min(arguments.again, len(built)))
+    for name, given, figures in sample:
         fresh = subprocess.run(
             [sys.executable, __file__, "--one", name, json.dumps(given)],
             capture_output=True, text=True, check=True,
         )  # fmt: skip
-        same = json.loads(fresh.stdout) == json.loads(json.dumps(figures))
-        print(f"{name}: {'the same as' if same else 'NOT the same as'} in a fresh process")
+        equal = json.loads(fresh.stdout) == json.loads(json.dumps(figures))
+        same += equal
+        if not equal:
+            print(f"{name} {given}: differs in a fresh process")
+    print(
+        f"{same} of {len(sample)} built again in fresh processes: the same figures, the same STEP"
+    )
 
 
 if __name__ == "__main__":

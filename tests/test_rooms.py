@@ -39,6 +39,7 @@ ALLOWED = {
     "report": set(),
     "limits": {"equation", "errors", "numpy"},
     "reloading": set(),
+    "processes": set(),
     "winding": {"numpy", "scipy"},
     "sheets": {"analysis", "directions", "equation", "geometry", "topology", "winding", "numpy"},
     "blocks": {"sheets", "topology", "numpy"},
@@ -59,7 +60,7 @@ ALLOWED = {
     },
     "studies": {
         "studies", "compiler", "equation", "errors", "export", "geometry", "library", "part",
-        "picture", "report", "numpy", "scipy", "__version__",
+        "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",

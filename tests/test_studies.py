@@ -208,8 +208,8 @@ def test_two_processes_do_not_share_a_study(tmp_path: Path) -> None:
 @pytest.mark.parametrize("torn", [b'{"key": "abc", "sta', b"\x00\x00\x00\x00", b"{}", b"7\n"])
 def test_a_torn_line_is_cut_off(tmp_path: Path, torn: bytes) -> None:
     with Journal(tmp_path, "study", resume=False) as journal:
-        journal.add(Outcome("one", "built", figures={"volume": 0.1}))
-        journal.add(Outcome("two", "failed", "because"))
+        journal.add([Outcome("one", "built", figures={"volume": 0.1})])
+        journal.add([Outcome("two", "failed", "because")])
     path = tmp_path / "journal.jsonl"
     whole = path.read_bytes()
     path.write_bytes(whole + torn)
@@ -217,7 +217,7 @@ def test_a_torn_line_is_cut_off(tmp_path: Path, torn: bytes) -> None:
         assert set(journal.outcomes) == {"one", "two"}
         assert journal.outcomes["one"].figures["volume"] == 0.1
         assert path.read_bytes() == whole
-        journal.add(Outcome("three", "built"))
+        journal.add([Outcome("three", "built")])
     assert path.read_bytes().startswith(whole)
     assert path.read_bytes().count(b"\n") == 4
 

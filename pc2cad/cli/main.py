@@ -16,6 +16,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
+from pc2cad.cli.guard import add_limits, guard
 from pc2cad.cli.output import complain, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
 
@@ -35,6 +36,10 @@ VERBS: Final = {
     "templates": "list the shipped templates",
     "new": "write a commented template to start from",
 }
+
+
+#: verbs whose work is done by a process that is watched; `study` watches its own workers
+GUARDED: Final = ("build", "check", "mesh", "render", "view", "points", "spline")
 
 
 class UsageError(InputError):
@@ -94,6 +99,8 @@ def make_parser() -> argparse.ArgumentParser:
             allow_abbrev=False,
         )  # fmt: skip
         module.add_arguments(verb)
+        if name in GUARDED:
+            add_limits(verb)
         verb.set_defaults(run=module.run)
     return parser
 
@@ -124,7 +131,9 @@ def _run(argv: Sequence[str] | None) -> int:
         arguments = make_parser().parse_args(argv)
     except SystemExit as leaving:  # --help and --version
         return int(leaving.code or 0)
-    return int(arguments.run(arguments))
+    # within a program that calls `main`, the process is not ours to fork
+    ended = guard(arguments) if argv is None else None
+    return int(arguments.run(arguments)) if ended is None else ended
 
 
 def _verdict(error: BaseException) -> tuple[str, int]:

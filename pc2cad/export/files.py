@@ -112,9 +112,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     _sync_folder(target.parent)
 
 
-def sweep(folder: Path) -> None:
-    """Remove temporary files that a killed process has left; nobody may be writing there."""
-    for path in folder.glob(f"{TEMPORARY_PREFIX}*.tmp"):
+def sweep(folder: Path, process: int | None = None) -> None:
+    """Remove temporary files that a killed process has left; without it nobody may write there."""
+    whose = "" if process is None else f"{process}-"
+    for path in folder.glob(f"{TEMPORARY_PREFIX}{whose}*.tmp"):
         with suppress(OSError):
             path.unlink()
 
@@ -169,7 +170,7 @@ def _create_beside(target: Path, mode: int) -> tuple[int, str]:
     # as in tempfile, but with the permissions of an ordinary new file instead of 0600
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
     for _ in range(100):
-        name = str(target.parent / f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}.tmp")
+        name = str(target.parent / f"{TEMPORARY_PREFIX}{os.getpid()}-{secrets.token_hex(8)}.tmp")
         with suppress(FileExistsError):
             return os.open(name, flags, mode), name
     raise FileExistsError(errno.EEXIST, "no free name for a temporary file", str(target.parent))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import atexit
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
 from types import TracebackType
@@ -39,7 +39,7 @@ def _guarded(task: Task, limits: Limits, job: Job) -> Outcome:
         kept = (task, limits, LocalEngine(task, 1, limits))
         _engines.engine = kept
         atexit.register(kept[2].__exit__, None, None, None)
-    (outcome,) = kept[2].run([job])
+    ((outcome,),) = kept[2].run([job])
     return outcome
 
 
@@ -61,8 +61,8 @@ class DaskEngine:
                 error
             )
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Outcome]:
-        """Yield the outcome of every job, in the order in which they end."""
+    def run(self, jobs: Iterable[Job]) -> Iterator[Sequence[Outcome]]:
+        """Yield the outcomes of all jobs, those together that ended together."""
         source = iter(jobs)
         (task,) = self._client.scatter([self._task], broadcast=True, hash=False)
         waiting: dict[Any, Job] = {}
@@ -76,11 +76,10 @@ class DaskEngine:
         ended = self._distributed.as_completed(
             [submit(job) for job in islice(source, AHEAD * threads)]
         )
-        for future in ended:
-            job = waiting.pop(future)
-            yield self._result(future, job)
-            for job in islice(source, 1):
-                ended.add(submit(job))
+        for futures in ended.batches():
+            # the next jobs go out before anybody looks at these outcomes
+            ended.update([submit(job) for job in islice(source, len(futures))])
+            yield [self._result(future, waiting.pop(future)) for future in futures]
 
     def _result(self, future: Any, job: Job) -> Outcome:
         if future.status == "lost":

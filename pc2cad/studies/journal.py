@@ -1,4 +1,4 @@
-"""The journal of a study: one line per finished variant, on the disk before the next is taken up.
+"""The journal of a study: one line per finished variant, on the disk before it is counted.
 
 The journal is the truth; the results table is made from it. A process that dies leaves at most one
 torn line at the end, which is cut off when the study is resumed.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -61,7 +61,7 @@ class Journal:
         header = next(lines, None)
         if header is None:
             self._file.truncate(0)
-            self._append({"study": fingerprint})
+            self._append([{"study": fingerprint}])
             return
         if header.get("study") != fingerprint:
             raise StudyDiffersError(
@@ -78,14 +78,15 @@ class Journal:
             outcome = Outcome.from_dict(line)
             self.outcomes[outcome.key] = outcome
 
-    def add(self, outcome: Outcome) -> None:
-        """Append an outcome and bring it to the disk."""
-        self.outcomes[outcome.key] = outcome
-        self._append(asdict(outcome))
+    def add(self, outcomes: Sequence[Outcome]) -> None:
+        """Append what ended together and bring it to the disk at once."""
+        self.outcomes.update((outcome.key, outcome) for outcome in outcomes)
+        self._append([asdict(outcome) for outcome in outcomes])
 
-    def _append(self, data: dict[str, Any]) -> None:
+    def _append(self, lines: Sequence[dict[str, Any]]) -> None:
         try:
-            self._file.write(json.dumps(data, allow_nan=False).encode() + b"\n")
+            for data in lines:
+                self._file.write(json.dumps(data, allow_nan=False).encode() + b"\n")
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:

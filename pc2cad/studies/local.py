@@ -19,15 +19,15 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from types import TracebackType
 
 from pc2cad.errors import KernelError
+from pc2cad.processes import how_it_ended, resident_memory
 from pc2cad.studies.variant import STATUS, Job, Outcome, Task
 
 #: seconds that a worker may take to load the kernel
 START_LIMIT = 120.0
-#: seconds between two looks at the workers' memory
+#: seconds between two looks at the workers' time and memory
 WATCH = 0.2
 
 
@@ -81,14 +81,6 @@ class _Worker:
                 with suppress(OSError):
                     pipe.close()
 
-    def memory(self) -> int:
-        """Return the resident memory in bytes, 0 where the system does not tell."""
-        try:
-            pages = Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]
-        except (OSError, IndexError):
-            return 0
-        return int(pages) * os.sysconf("SC_PAGE_SIZE")
-
 
 class LocalEngine:
     """Runs jobs in worker processes of this machine; a context manager that ends them all.
@@ -109,9 +101,10 @@ class LocalEngine:
         self._limits = limits or Limits()
         self._workers: list[_Worker] = []
         self._selector = selectors.DefaultSelector()
+        self._watched = 0.0
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Outcome]:
-        """Yield the outcome of every job, in the order in which they end."""
+    def run(self, jobs: Iterable[Job]) -> Iterator[Sequence[Outcome]]:
+        """Yield the outcomes of all jobs, those together that ended together."""
         waiting: deque[tuple[Job, bool]] = deque()
         source = iter(jobs)
 
@@ -126,19 +119,22 @@ class LocalEngine:
             while upcoming is not None and (worker := self._idle()) is not None:
                 worker.give(self._task, *upcoming)
                 upcoming = take()
+            ended = []
             for worker in self._answering():
                 outcome = self._read(worker)
                 if outcome is not None:
+                    ended.append(outcome)
                     # the next job goes out before anybody looks at this outcome
                     if upcoming is not None and worker in self._workers:
                         worker.give(self._task, *upcoming)
                         upcoming = take()
-                    yield outcome
             for outcome, again in self._overdue():
                 if again is not None:
                     waiting.append((again, True))
                 else:
-                    yield outcome
+                    ended.append(outcome)
+            if ended:
+                yield ended
             upcoming = upcoming or take()
 
     def _idle(self) -> _Worker | None:
@@ -176,7 +172,8 @@ class LocalEngine:
         assert worker.process.stdout is not None
         data = worker.process.stdout.read()
         if data == b"":
-            return None  # it has ended: _overdue finds it
+            self._watched = 0.0  # it has ended: _overdue finds it at once
+            return None
         worker.buffer += data or b""
         line, end, rest = worker.buffer.partition(b"\n")
         if not end:
@@ -193,8 +190,11 @@ class LocalEngine:
 
     def _overdue(self) -> list[tuple[Outcome, Job | None]]:
         """End workers that broke a limit or died; return outcomes, or jobs to try once more."""
-        results = []
+        results: list[tuple[Outcome, Job | None]] = []
         now = time.monotonic()
+        if now < self._watched:
+            return results
+        self._watched = now + WATCH
         for worker in list(self._workers):
             reason, again = self._complaint(worker, now)
             if not reason:
@@ -214,8 +214,7 @@ class LocalEngine:
                 raise WorkerNotStartedError(
                     "a worker process ended before it was ready; does 'pc2cad check pyramid' work?"
                 )
-            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-            return f"the worker process died ({how})", True
+            return f"the worker process died ({how_it_ended(code)})", True
         if not worker.ready:
             if now - worker.started > START_LIMIT:
                 raise WorkerNotStartedError(f"no worker was ready within {START_LIMIT:g} s")
@@ -224,8 +223,7 @@ class LocalEngine:
             return "", False
         if now - worker.begun > self._limits.seconds:
             return f"stopped at the time limit of {self._limits.seconds:g} s", False
-        used = worker.memory()
-        if used > self._limits.memory:
+        if resident_memory(worker.process.pid) > self._limits.memory:
             limit = self._limits.memory / 1024**3
             return f"stopped at the memory limit of {limit:g} GiB", False
         return "", False

@@ -22,8 +22,8 @@ from pc2cad.studies.variant import BUILT, Job, Outcome, Task
 class Engine(Protocol):
     """Something that runs jobs: processes of this machine, or a cluster."""
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Outcome]:
-        """Yield the outcome of every job, in any order."""
+    def run(self, jobs: Iterable[Job]) -> Iterator[Sequence[Outcome]]:
+        """Yield the outcomes of all jobs in any order, those together that ended together."""
 
 
 class NothingBuiltError(NotASolidError):
@@ -83,7 +83,7 @@ def run_study(
     """
     keys = [task.key(plan.values(i)) for i in range(len(plan))]
     first = {key: i for i, key in reversed(list(enumerate(keys)))}
-    with Journal(folder, task.fingerprint(), resume) as journal:
+    with Journal(folder, task.fingerprint, resume) as journal:
         # the journal's lock says that no other process works on this study
         sweep(folder)
         open_store(task.store).sweep()
@@ -99,14 +99,16 @@ def run_study(
         try:
             if left:
                 with engine(task) as running:
-                    for built, outcome in enumerate(running.run(left), start=1):
-                        journal.add(outcome)
+                    built = 0
+                    for outcomes in running.run(left):
+                        journal.add(outcomes)
                         table.offer(journal.outcomes)
-                        failures += outcome.status != BUILT
-                        if stop_after is not None and failures == built == stop_after < len(left):
+                        built += len(outcomes)
+                        failures += sum(outcome.status != BUILT for outcome in outcomes)
+                        if stop_after is not None and failures == built >= stop_after < len(left):
                             raise NothingBuiltError(
                                 f"the first {built} variants all failed, the last one: "
-                                f"{outcome.reason}; --stop-after 0 goes on all the same"
+                                f"{outcomes[-1].reason}; --stop-after 0 goes on all the same"
                             )
                         if progress is not None:
                             finished = total - len(left) + built

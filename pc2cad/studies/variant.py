@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pc2cad import __version__
@@ -49,10 +49,11 @@ class Task:
     def key(self, values: Mapping[str, float]) -> str:
         """Return the content hash of a variant: equal keys are one and the same part."""
         varied = sorted((name, float(value)) for name, value in values.items())
-        return _hash({"study": self.fingerprint(), "values": varied})
+        return _hash({"study": self.fingerprint, "values": varied})
 
+    @cached_property
     def fingerprint(self) -> str:
-        """Return the content hash of everything that the variants have in common."""
+        """The content hash of everything that the variants have in common."""
         return _hash(asdict(self) | {"version": __version__, "store": ""})
 
 

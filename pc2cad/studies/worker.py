@@ -11,18 +11,16 @@ import json
 import os
 import signal
 import sys
-from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
-#: number of Linux' prctl option that sends a signal when the parent ends
-_PR_SET_PDEATHSIG = 1
+from pc2cad.processes import end_with_parent
 
 
 def main() -> None:
     """Answer jobs until stdin ends: a line in, a line out."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
-    _end_with_parent()
+    end_with_parent()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
@@ -47,14 +45,6 @@ def _warm_up() -> None:
     """Load the kernel before the first job, whose time would tell of nothing else."""
     import pc2cad.compiler
     import pc2cad.export.step  # noqa: F401
-
-
-def _end_with_parent() -> None:
-    if sys.platform == "linux":
-        import ctypes
-
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 if __name__ == "__main__":

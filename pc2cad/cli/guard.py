@@ -1,0 +1,136 @@
+"""A command in a process of its own, watched by the one that was started.
+
+The kernel is C++ that may crash or never come back, and it holds the interpreter's lock meanwhile:
+no thread and no alarm of the same process can end it. So the command forks while it is small (no
+kernel, no threads); the child works, and its parent ends it at the limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import signal
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import NoReturn
+
+from pc2cad.errors import InputError, KernelError
+from pc2cad.processes import end_with_parent, how_it_ended, resident_memory
+
+#: seconds between two looks at the time and the memory
+WATCH = 0.2
+#: signals that somebody sends to end the command: the child gets them, and its fate is ours
+ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT")
+_KEPT = "what was being written is as it was before"
+
+
+class LimitReachedError(KernelError):
+    """The command took more time or memory than it was given."""
+
+
+class CrashedError(KernelError):
+    """The process that did the work was ended by the system or by a fault of the kernel."""
+
+
+def add_limits(parser: argparse.ArgumentParser) -> None:
+    """Add ``--time-limit`` and ``--memory-limit``."""
+    limits = parser.add_argument_group("limits")
+    limits.add_argument(
+        "--time-limit", type=float, default=600.0, metavar="SECONDS",
+        help="end the command after this time, 0 for never (default: %(default)g)",
+    )  # fmt: skip
+    limits.add_argument(
+        "--memory-limit", type=float, default=8.0, metavar="GIB",
+        help="end the command when it holds more memory, 0 for any (default: %(default)g; Linux)",
+    )  # fmt: skip
+    parser.set_defaults(guarded=True)
+
+
+def guard(arguments: argparse.Namespace) -> int | None:
+    """Fork; return None in the child, which does the work, and its exit code in the parent.
+
+    Raises LimitReachedError or CrashedError in the parent. Returns None at once where there is
+    nothing to guard or no fork.
+    """
+    if not getattr(arguments, "guarded", False) or not hasattr(os, "fork"):
+        return None
+    seconds, memory = arguments.time_limit, arguments.memory_limit
+    if not (seconds >= 0.0 and memory >= 0.0):
+        raise InputError("--time-limit and --memory-limit take positive numbers, or 0 for none")
+    if getattr(arguments, "serve", False):
+        seconds = 0.0  # a server ends when its user says so
+    reading, writing = os.pipe()
+    parent = os.getpid()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)  # the other end closes when this process ends, which wakes the parent
+        end_with_parent()
+        if os.getppid() != parent:
+            os._exit(1)
+        return None
+    os.close(writing)
+    try:
+        reason, code = _watch(child, reading, seconds, memory)
+    finally:
+        os.close(reading)
+    if code >= 0 and not reason:
+        return code
+    _sweep(arguments, child)
+    if reason:
+        raise LimitReachedError(f"{arguments.template}: {reason}; {_KEPT}")
+    if -code in {getattr(signal, name) for name in ENDING}:
+        _die_of(-code)
+    raise CrashedError(
+        f"{arguments.template}: the process that did the work ended by {how_it_ended(code)}, "
+        f"{_blame(-code)}; {_KEPT}"
+    )
+
+
+def _watch(child: int, reading: int, seconds: float, memory: float) -> tuple[str, int]:
+    """Wait for the child; return the limit that it broke ('' for none) and its exit code."""
+    with suppress(ValueError):  # not in the main thread: then signals are not ours to pass on
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the child gets Ctrl-C as well, and tells
+        for name in ENDING:
+            signal.signal(getattr(signal, name), lambda number, _: os.kill(child, number))
+    end = time.monotonic() + seconds if seconds else float("inf")
+    reason = ""
+    while True:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            return reason, os.waitstatus_to_exitcode(status)
+        if time.monotonic() >= end:
+            reason = f"stopped at the time limit of {seconds:g} s (--time-limit)"
+        elif memory and resident_memory(child) > memory * 1024**3:
+            reason = f"stopped at the memory limit of {memory:g} GiB (--memory-limit)"
+        if reason:
+            os.kill(child, signal.SIGKILL)
+            _, status = os.waitpid(child, 0)
+            return reason, os.waitstatus_to_exitcode(status)
+        if select.select([reading], [], [], WATCH)[0]:
+            _, status = os.waitpid(child, 0)
+            return reason, os.waitstatus_to_exitcode(status)
+
+
+def _sweep(arguments: argparse.Namespace, child: int) -> None:
+    """Remove what the child was writing when it ended."""
+    from pc2cad.export.files import sweep
+
+    given = vars(arguments)
+    for path in (given.get("output"), given.get("report"), *given.get("outputs", ())):
+        if path is not None:
+            sweep(Path(os.path.realpath(path)).parent, child)
+
+
+def _blame(number: int) -> str:
+    if number == signal.SIGKILL:
+        return "perhaps for lack of memory"
+    return "a fault of the CAD kernel: please report the template"
+
+
+def _die_of(number: int) -> NoReturn:
+    """End as the child did, so that who sent the signal sees what it expects."""
+    signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+    raise SystemExit(128 + number)

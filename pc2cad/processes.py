@@ -1,0 +1,35 @@
+"""What a process asks the system about another one, for those who watch over kernel work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+#: number of Linux' prctl option that sends a signal when the parent ends
+_PR_SET_PDEATHSIG = 1
+
+
+def resident_memory(process: int) -> int:
+    """Return the resident memory of a process in bytes, 0 where the system does not tell."""
+    try:
+        pages = Path(f"/proc/{process}/statm").read_text().split()[1]
+    except (OSError, IndexError):
+        return 0
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def how_it_ended(code: int) -> str:
+    """Return the words for an exit code as `subprocess` gives it: negative for a signal."""
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def end_with_parent() -> None:
+    """Let this process be killed when its parent ends (Linux)."""
+    if sys.platform == "linux":
+        import ctypes
+
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
