@@ -9,6 +9,7 @@ from pathlib import Path
 import cadquery as cq
 import pytest
 from consumers.samples import SplineSolid, write_step, write_with_properties
+from consumers.step_edits import edit, instance, move, pole, read_instances, without_face
 from consumers.step_file import StepDefect, check_step
 
 
@@ -28,26 +29,14 @@ def texts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     }
     paths = {name: write_step(shape, folder / f"{name}.step") for name, shape in shapes.items()}
     paths["stated"] = write_with_properties(shapes["box"], folder / "stated.step", 6000.1)
-    return {name: re.sub(r"\s*\n\s*", "", path.read_text()) for name, path in paths.items()}
-
-
-def _instance(text: str, keyword: str, number: int = 0) -> re.Match[str]:
-    """The given occurrence of an instance: reference, keyword, parameters."""
-    return list(re.finditer(rf"(#\d+) = ({keyword})\((.*?)\);", text))[number]
-
-
-def _edit(text: str, found: re.Match[str], old: str, new: str) -> str:
-    """Replace the last occurrence of old in one instance."""
-    head, middle, tail = found.group(0).rpartition(old)
-    assert middle
-    return text.replace(found.group(0), head + new + tail, 1)
+    return {name: read_instances(path) for name, path in paths.items()}
 
 
 def _flip(text: str, keyword: str, number: int = 0) -> str:
     """Turn the last logical flag of an instance round."""
-    found = _instance(text, keyword, number)
+    found = instance(text, keyword, number)
     old = found.group(3)[-3:]
-    return _edit(text, found, old, {".T.": ".F.", ".F.": ".T."}[old])
+    return edit(text, found, old, {".T.": ".F.", ".F.": ".T."}[old])
 
 
 def _flip_on(text: str, carrier: str) -> str:
@@ -58,37 +47,18 @@ def _flip_on(text: str, carrier: str) -> str:
     return _flip(text, "ADVANCED_FACE", number)
 
 
-def _move(text: str, ref: str, by: float = 0.01) -> str:
-    """Move one point along x."""
-    found = re.search(rf"({ref}) = (CARTESIAN_POINT)\('',\((.*?),(.*?),(.*?)\)\);", text)
-    assert found
-    return _edit(text, found, f"({found.group(3)},", f"({float(found.group(3)) + by:.13E},")
-
-
-def _pole(text: str, row: int, column: int) -> str:
-    """The reference of a pole of the first B-spline surface."""
-    found = _instance(text, "B_SPLINE_SURFACE_WITH_KNOTS")
-    net = re.findall(r"\((#[#\d,]*)\)", found.group(3))
-    return net[row].split(",")[column]
-
-
 def _curve_pole(text: str) -> str:
-    found = _instance(text, "B_SPLINE_CURVE_WITH_KNOTS")
+    found = instance(text, "B_SPLINE_CURVE_WITH_KNOTS")
     poles = re.search(r"\((#[#\d,]*)\)", found.group(3))
     assert poles
     return poles.group(1).split(",")[2]
 
 
-def _without_face(text: str) -> str:
-    found = _instance(text, "CLOSED_SHELL")
-    return _edit(text, found, "," + found.group(3).rstrip(")").split(",")[-1] + ")", ")")
-
-
 def _move_plane(text: str) -> str:
-    plane = _instance(text, "PLANE").group(3).split(",")[-1]
+    plane = instance(text, "PLANE").group(3).split(",")[-1]
     placement = re.search(rf"{plane} = AXIS2_PLACEMENT_3D\('',(#\d+)", text)
     assert placement
-    return _move(text, placement.group(1))
+    return move(text, placement.group(1))
 
 
 def _inside_out(text: str) -> str:
@@ -100,7 +70,7 @@ def _inside_out(text: str) -> str:
 
 def _one_shell(text: str) -> str:
     """Put the face of the void into the outer shell."""
-    outer, void = (_instance(text, "CLOSED_SHELL", number).group(3) for number in (0, 1))
+    outer, void = (instance(text, "CLOSED_SHELL", number).group(3) for number in (0, 1))
     joined = outer.replace("))", ")").rstrip(")") + "," + void.partition("(")[2]
     return text.replace(outer, joined, 1)
 
@@ -109,18 +79,18 @@ Edit = Callable[[str], str]
 CONTROLS: dict[str, tuple[str, Edit, str]] = {
     "pole on a side": (
         "spline",
-        lambda t: _move(t, _pole(t, 0, 2)),
+        lambda t: move(t, pole(t, 0, 2)),
         "leaves the surface of face",
     ),
-    "corner pole": ("spline", lambda t: _move(t, _pole(t, 0, 0)), "leaves the surface of face"),
+    "corner pole": ("spline", lambda t: move(t, pole(t, 0, 0)), "leaves the surface of face"),
     "pole of an edge": (
         "spline",
-        lambda t: _move(t, _curve_pole(t)),
+        lambda t: move(t, _curve_pole(t)),
         "leaves the surface of face",
     ),
     "vertex": (
         "spline",
-        lambda t: _move(t, _instance(t, "VERTEX_POINT").group(3).split(",")[-1]),
+        lambda t: move(t, instance(t, "VERTEX_POINT").group(3).split(",")[-1]),
         "misses its vertex",
     ),
     "flipped plane": ("box", lambda t: _flip(t, "ADVANCED_FACE"), "is flipped"),
@@ -151,18 +121,18 @@ CONTROLS: dict[str, tuple[str, Edit, str]] = {
     ),
     "flipped wire": ("box", lambda t: _flip(t, "FACE_BOUND"), "not consistently oriented"),
     "all flipped": ("box", _inside_out, "inside out"),
-    "face removed": ("box", _without_face, "is open"),
-    "spline face removed": ("spline", _without_face, "is open"),
+    "face removed": ("box", without_face, "is open"),
+    "spline face removed": ("spline", without_face, "is open"),
     "void without own shell": ("hollow", _one_shell, "unconnected pieces"),
     "plane moved": ("box", _move_plane, "leaves the plane of face"),
     "radius": (
         "cylinder",
-        lambda t: _edit(t, _instance(t, "CYLINDRICAL_SURFACE"), ",5.", ",5.01"),
+        lambda t: edit(t, instance(t, "CYLINDRICAL_SURFACE"), ",5.", ",5.01"),
         "leaves the surface of face",
     ),
     "dangling reference": (
         "box",
-        lambda t: t.replace(_instance(t, "VERTEX_POINT").group(0), "", 1),
+        lambda t: t.replace(instance(t, "VERTEX_POINT").group(0), "", 1),
         "does not contain",
     ),
     "broken text": ("box", lambda t: t[: len(t) // 2], "not Part 21"),
@@ -190,7 +160,7 @@ def test_the_texts_themselves_are_sound(texts: dict[str, str], tmp_path: Path) -
 def test_pole_inside_a_face_shows_in_the_volume_only(texts: dict[str, str], tmp_path: Path) -> None:
     """No border sees it: the volume must be compared with what is known of the solid."""
     path = tmp_path / "moved.step"
-    path.write_text(_move(texts["spline"], _pole(texts["spline"], 2, 2)))
+    path.write_text(move(texts["spline"], pole(texts["spline"], 2, 2)))
     moved = check_step(path)
     assert moved.max_stokes_residual < 1e-12
     assert abs(moved.volume - SplineSolid().volume()) > 1e-3

@@ -9,10 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from consumers.fresh_kernel import read_in_fresh_process
-from consumers.gmsh_reader import read_in_gmsh
 from consumers.step_file import StepSolid, check_step
-from OCP.BRepGProp import BRepGProp
-from OCP.GProp import GProp_GProps
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
@@ -142,23 +139,6 @@ def test_step_of_degenerate_cuts(cut, tmp_path):
     assert [fresh[name] for name in ("faces", "edges", "vertices")] == counts
     assert fresh["volume"] == pytest.approx(volume, rel=1e-12)
     assert max(fresh[f"max_{kind}_tolerance"] for kind in ("vertex", "edge")) <= 1e-7 * 1.001
-
-
-@pytest.mark.interop
-@every_template
-def test_step_in_gmsh_without_healing(template, folder):
-    volume, _, faces, edges, _ = SOLIDS[template]
-    found = read_in_gmsh(step_of(template, folder))
-    assert (found["volumes"], found["surfaces"], found["curves"]) == (1, faces, edges)
-    # gmsh takes the kernel's plain rule, 1e-3 off on splines: here the same rule on the original
-    assert found["volume"] == pytest.approx(plain_volume(part_of(template)), rel=1e-9)
-    assert found["volume"] == pytest.approx(volume, rel=1e-12 if is_exact(template) else 1e-3)
-
-
-def plain_volume(part: Part) -> float:
-    found = GProp_GProps()
-    BRepGProp.VolumeProperties_s(part.shape, found)
-    return found.Mass()
 
 
 @pytest.mark.parametrize(("units", "in_mm"), [("cm", 10.0), ("m", 1000.0), ("in", 25.4)])

@@ -38,7 +38,7 @@ def freecad() -> str | None:
     return next((c for c in ("freecadcmd", "FreeCADCmd") if shutil.which(c)), None)
 
 
-def read_in_freecad(paths: list[Path], folder: Path) -> dict[Path, dict[str, Any]]:
+def read_in_freecad(paths: list[Path], folder: Path) -> list[dict[str, Any]]:
     """Read files in one process: validity, complaint, volume (mm³) and counts of each."""
     listed, result, script = (folder / name for name in ("in.json", "out.json", "read.py"))
     listed.write_text(json.dumps([str(path) for path in paths]))
@@ -47,4 +47,4 @@ def read_in_freecad(paths: list[Path], folder: Path) -> dict[Path, dict[str, Any
         [freecad() or "", "-c", f"exec(open({str(script)!r}).read())"],
         capture_output=True, text=True, timeout=400, check=True, stdin=subprocess.DEVNULL,
     )  # fmt: skip
-    return {Path(path): found for path, found in json.loads(result.read_text()).items()}
+    return list(json.loads(result.read_text()).values())

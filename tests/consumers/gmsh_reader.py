@@ -12,18 +12,24 @@ _HEALING = ("AutoFix", "FixDegenerated", "FixSmallEdges", "FixSmallFaces", "SewF
 
 def read_in_gmsh(path: str | Path, *, timeout: float = 300.0) -> dict[str, Any]:
     """Import in a new process: volumes, surfaces, volume and area as gmsh's kernel has them."""
-    return _run(path, 0.0, timeout)
+    return read_all_in_gmsh([path], timeout=timeout)[0]
+
+
+def read_all_in_gmsh(paths: list[str | Path], *, timeout: float = 300.0) -> list[dict[str, Any]]:
+    """Import files in one new process, each into an empty model: as `read_in_gmsh`."""
+    return _run(paths, 0.0, timeout)
 
 
 def mesh(path: str | Path, size: float, *, timeout: float = 600.0) -> dict[str, Any]:
     """Import and mesh with curved second-order tetrahedra of about this size."""
-    return _run(path, size, timeout)
+    return _run([path], size, timeout)[0]
 
 
-def _run(path: str | Path, size: float, timeout: float) -> dict[str, Any]:
+def _run(paths: list[str | Path], size: float, timeout: float) -> list[dict[str, Any]]:
     from consumers.fresh_kernel import run_json
 
-    return run_json(__file__, path, size, timeout=timeout)
+    found: list[dict[str, Any]] = run_json(__file__, size, *paths, timeout=timeout)["found"]
+    return found
 
 
 def _imported(gmsh: Any, path: str) -> dict[str, Any]:
@@ -65,18 +71,21 @@ def _meshed(gmsh: Any, size: float) -> dict[str, Any]:
     return {"mesh_volume": volume, "min_jacobian": float(least), "tetrahedra": count}
 
 
-def main(path: str, size: str) -> None:
+def main(size: str, *paths: str) -> None:
     import gmsh
 
     gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    found = []
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        report = _imported(gmsh, path)
-        if float(size) > 0.0:
-            report |= _meshed(gmsh, float(size))
+        for path in paths:
+            gmsh.clear()
+            found.append(_imported(gmsh, path))
+            if float(size) > 0.0:
+                found[-1] |= _meshed(gmsh, float(size))
     finally:
         gmsh.finalize()
-    sys.stdout.write("\n" + json.dumps(report) + "\n")
+    sys.stdout.write("\n" + json.dumps({"found": found}) + "\n")
 
 
 if __name__ == "__main__":

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 
-def read_in_netgen(paths: list[Path], meshed: list[Path]) -> dict[Path, dict[str, Any]]:
+def read_in_netgen(paths: list[Path], meshed: list[Path]) -> list[dict[str, Any]]:
     """Read files: volume (mm³) and counts; of `meshed` ones also the volume of the tetrahedra."""
     from consumers.fresh_kernel import run_json
 
     names = json.dumps([str(path) for path in paths]), json.dumps([str(path) for path in meshed])
-    return {Path(k): v for k, v in run_json(__file__, *names, timeout=400.0).items()}
+    return list(run_json(__file__, *names, timeout=400.0).values())
 
 
 def main(paths: str, meshed: str) -> None:
