@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from pc2cad.analysis import Analysis
 from pc2cad.courses import Courses, Strand
 from pc2cad.directions import CellFunction, DirectionClasses
-from pc2cad.equation.cancellation import cancel
 from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.geometry.bernstein import bernstein, bezier_knots, linear_span
 from pc2cad.geometry.carriers import (
@@ -106,13 +105,11 @@ class _Representation:
         self._rounding = rounding
         self._boundary = analysis.boundary
         self._profile = profile
-        trees = cancel(analysis.map.coordinates)
         self._faces = [
-            CellFunction(analysis, face.patch, profile.exact, trees)
-            for face in self._boundary.faces
+            CellFunction(analysis, face.patch, profile.exact) for face in self._boundary.faces
         ]
         self._edges = [
-            CellFunction(analysis, edge.cell, profile.exact, trees) for edge in self._boundary.edges
+            CellFunction(analysis, edge.cell, profile.exact) for edge in self._boundary.edges
         ]
         self._planes = [self._plane(function) for function in self._faces]
         self._laid = [
@@ -169,14 +166,15 @@ class _Representation:
 
     def _plane(self, function: CellFunction) -> tuple[Plane, Evidence] | None:
         """Return the plane that carries a face, if one does, its normal pointing outwards."""
+        slack = 1e-12 * self._analysis.size + self._rounding
+        nodes = _irrational(9)
+        seen = fit_plane(function(nodes, nodes).reshape(-1, 3), slack)
+        if seen is None:
+            return None
         found = self._proved_plane(function)
         evidence: Evidence = "exact"
         if found is None:
-            slack = 1e-12 * self._analysis.size + self._rounding
-            nodes = _irrational(9)
-            found = fit_plane(function(nodes, nodes).reshape(-1, 3), slack)
-            if found is None:
-                return None
+            found = seen
             span = linear_span(function.trees[0])
             if span is None or _rank(span) > 2:
                 # waves between the first nodes would show here
@@ -201,7 +199,7 @@ class _Representation:
         return outward_sign(patch) * self._analysis.orientation
 
     def _lay(self, function: CellFunction) -> Laid | None:
-        laid = function.form and lay(function.form)
+        laid = function.may_be_swept() and function.form and lay(function.form)
         if not laid:
             return None
         # a spline as profile has to be one that the receiver takes
@@ -254,8 +252,7 @@ class _Representation:
     def _holds(self, edge: int, courses: Courses) -> bool:
         """Say whether a bound edge is exact, or straight whatever its parameter."""
         function = self._edges[edge]
-        straight = function.form is not None and is_straight(function.form)
-        return straight or courses.exact(Strand(function, 0)) is not None
+        return self._is_straight(function) or courses.exact(Strand(function, 0)) is not None
 
     def _strands(self, bound: list[bool]) -> list[Strand]:
         uses = self._boundary.edge_uses()
@@ -296,14 +293,16 @@ class _Representation:
 
     def _simple_edge(self, function: CellFunction) -> CurveCarrier | None:
         """Return the line, circle or ellipse that an edge is, whatever its parameter, or None."""
-        form = function.form
-        if form is None:
-            return None
-        if is_straight(form):
+        if self._is_straight(function):
             start, end = function(np.array([0.0, 1.0]))
             return Line(start, end)
-        found = arc(form)
-        return found and found[0]
+        form = function.form if function.may_be_exact(0) else None
+        found = form and arc(form)
+        return found[0] if found else None
+
+    def _is_straight(self, function: CellFunction) -> bool:
+        form = function.form if function.may_be_swept() else None
+        return form is not None and is_straight(form)
 
     # -- faces ---------------------------------------------------------------------------------
 

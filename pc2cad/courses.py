@@ -58,7 +58,7 @@ class Strand:
     @property
     def wave(self) -> tuple[float, int] | None:
         """Extent of the angle (radians) and order, where it is a trigonometric polynomial."""
-        form = self.function.form
+        form = self.function.form if self.function.may_be_exact(self.axis) else None
         if form is None or form.axes[self.axis].kind != "wave":
             return None
         axis = form.axes[self.axis]
@@ -89,10 +89,10 @@ class Courses:
 
     def _common_arcs(self, strands: Sequence[Strand]) -> tuple[Arcs, int] | None:
         """Return the arcs of a class and the highest order along it; None where it has none."""
-        waves = [wave for s in strands if (wave := s.wave) is not None]
         powers = any(self._polynomial(s) is not None for s in strands)
         if powers or not any(self._completes_a_face(s) for s in strands):
             return None
+        waves = [wave for s in strands if (wave := s.wave) is not None]
         ratios = [_ratio(extent, waves[0][0]) for extent, _ in waves]
         known = [r for r in ratios if r is not None]
         if len(known) < len(ratios):
@@ -111,10 +111,14 @@ class Courses:
 
         An analytic surface beside an edge is such a face: the edge has to lie on it.
         """
-        if strand.wave is None or strand.laid or len(strand.function.pieces) == 1:
-            return strand.wave is not None and strand.laid
+        if strand.laid or len(strand.function.pieces) == 1:
+            return strand.laid and strand.wave is not None
         other = Strand(strand.function, 1 - strand.axis)
-        return other.wave is not None or self._polynomial(other) is not None
+        return (
+            strand.function.may_be_exact(other.axis)
+            and strand.wave is not None
+            and (other.wave is not None or self._polynomial(other) is not None)
+        )
 
     def _polynomial(self, strand: Strand) -> SplineSpace | None:
         breaks = self._classes.breaks(strand.piece)
@@ -128,8 +132,8 @@ class Courses:
     def exact(self, strand: Strand) -> Course | None:
         """Return a course that holds the strand exactly, or None."""
         found = self._arcs.get(self._owner(strand)) if strand.bound else None
-        wave = strand.wave
-        if found is None and not strand.bound and wave is not None and self._allowed(wave[1]):
+        wave = strand.wave if found is not None or not strand.bound else None
+        if found is None and wave is not None and self._allowed(wave[1]):
             found = _arcs(*wave), wave[1]
         if found is None:
             space = self._polynomial(strand)

@@ -41,8 +41,6 @@ class CellFunction:
     cell: Cell
     #: polynomials of a higher degree are not carried exactly
     largest: int = LARGEST_DEGREE
-    #: trees that equal the map's own, in a simpler form
-    coordinates: tuple[Expr, ...] = ()
     #: polynomial degree per axis (None: not polynomial), filled in on demand
     degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
 
@@ -80,13 +78,33 @@ class CellFunction:
             here = symbol(name) if self.cell[d] % 2 else number(0)
             values[name] = number(low) + number(high - low) * here
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        coordinates = self.coordinates or self.analysis.map.coordinates
-        return resolve_pieces(substitute(coordinates, values)), names
+        return resolve_pieces(substitute(self.analysis.map.coordinates, values)), names
 
     @cached_property
     def form(self) -> Separation | None:
-        """The coordinates as sums of products of functions of one parameter each."""
+        """The coordinates as sums of products of functions of one parameter each.
+
+        It is exact algebra, and dear: ask `may_be_exact` or `may_be_swept` first.
+        """
         return separate(*self.trees)
+
+    def may_be_exact(self, axis: int) -> bool:
+        """Say whether powers or waves alone may hold an axis: no other operation meets it."""
+        trees, names = self.trees
+        return not any(
+            names[axis] in node.symbols and not _is_power_or_wave(node, names[axis])
+            for node in walk(trees, lambda n: () if n.op in ("sin", "cos") else n.args)
+        )
+
+    def may_be_swept(self) -> bool:
+        """Say whether samples allow a line, an extrusion or a revolution.
+
+        The chords along one axis of these are in one plane, whatever the other parameter is.
+        """
+        if len(self.pieces) == 1:
+            return _flat_rank(self(SECTIONS[::2])[1:], self(np.zeros(1))) < 2
+        values = self(SECTIONS[::2], SECTIONS[::2])
+        return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
 
 
 class DirectionClasses:
@@ -154,6 +172,23 @@ class DirectionClasses:
         nodes[direction] = SECTIONS + 1
         gap = np.abs(self._analysis.map.points(*open_grid(*nodes)) - here).max()
         return bool(gap <= 1e-11 * self._analysis.size + 1e-13 * self._analysis.magnitude)
+
+
+def _is_power_or_wave(node: Expr, name: str) -> bool:
+    if node.op == "pow":
+        exponent = node.args[1].payload if node.args[1].op == "number" else None
+        return exponent is not None and exponent.denominator == 1 and exponent > 0
+    if node.op == "div":
+        return name not in node.args[1].symbols
+    return node.op in ("symbol", "add", "neg", "mul", "sin", "cos")
+
+
+def _flat_rank(points: Array, origins: Array) -> int:
+    """Return the dimension of the space of the steps from origins to points, to rounding."""
+    steps = (points - origins).reshape(-1, 3)
+    values = np.linalg.svd(steps, compute_uv=False)
+    rounding = 1e-9 * values[0] + 1e-14 * float(np.abs(points).max()) * len(steps)
+    return int((values > rounding).sum())
 
 
 def _piece(edge: Cell) -> Piece:

@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from pc2cad.equation.breaks import find_breaks
 from pc2cad.equation.calculus import derivatives
+from pc2cad.equation.cancellation import simplified
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
+from pc2cad.equation.sums import cancel_terms
 from pc2cad.equation.tree import Expr, substitute, symbol
 from pc2cad.errors import NotASolidError
 
@@ -89,10 +91,10 @@ class _Channel:
             for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
         }
         self._equation = equation
-        M = substitute(equation.coordinates, local)
+        M = simplified(substitute(equation.coordinates, local))
         N = substitute(guide, local)
         first = derivatives(N, "u")
-        q = tuple(m - n for m, n in zip(M, N, strict=True))
+        q = cancel_terms(tuple(m - n for m, n in zip(M, N, strict=True)))
         self._section = Program((*first, *q, *derivatives(q, "v"), *derivatives(q, "w")))
         self._bend = Program((*first, *derivatives(first, "u"), *q))
         self._guide = Program((*N, *first))

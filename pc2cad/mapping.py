@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pc2cad.equation.calculus import derivatives
+from pc2cad.equation.cancellation import simplified
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.equation.radicals import take_out_ends
@@ -124,7 +125,7 @@ def local_map(equation: PointEquation) -> Mapping3:
 
 def _mapping(equation: PointEquation, parameters: tuple[Expr, Expr, Expr]) -> Mapping3:
     change = dict(zip(PARAMETERS, parameters, strict=True))
-    x, y, z = take_out_ends(substitute(equation.coordinates, change))
+    x, y, z = take_out_ends(simplified(substitute(equation.coordinates, change)))
     return Mapping3((x, y, z), parameters)
 
 

@@ -3,17 +3,34 @@
 |KN| of a circle is a root of squares of sines and cosines; its normal form is a constant. Here
 roots of constants and of perfect squares are taken, and quotients whose denominator divides what
 stands above it are carried out, all in exact arithmetic: what does not cancel stays as it is.
+|KN| of any section does not depend on the frame, whose vectors are of length 1 and at right
+angles: parameters on which a root turns out not to depend are taken out of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from functools import lru_cache
 
-from pc2cad.equation.identity import Verdict, is_constant_value
+from pc2cad.equation.identity import ROUNDING, seems_constant
 from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.equation.products import product_of, products
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import ONE, ZERO, Expr, call, div, number, power, rewrite, walk
+from pc2cad.equation.sums import cancel_terms
+from pc2cad.equation.tree import (
+    ONE,
+    ZERO,
+    Expr,
+    call,
+    div,
+    number,
+    power,
+    rebuild,
+    rewrite,
+    symbol,
+    walk,
+)
 
 #: forms with more terms than this are left alone
 LARGEST = 150
@@ -22,8 +39,13 @@ MOST_NODES = 80
 #: roots of squares with more terms are not looked for
 LONGEST_ROOT = 12
 
-_NO = Verdict.REFUTED
 _Rank = tuple[int, int, list[int]]
+
+
+@lru_cache(maxsize=8)
+def simplified(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return equal trees without the terms, roots and quotients that cancel (see `cancel`)."""
+    return cancel(cancel_terms(roots))
 
 
 def cancel(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
@@ -39,9 +61,12 @@ def cancel(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 
 
 def _root(node: Expr) -> Expr:
-    radicand = node.args[0]
+    radicand = without_idle(node.args[0])
+    node = call("sqrt", radicand)
+    if node.op != "sqrt":
+        return node
     # algebra is dear: a few values tell whether there is a constant to be proved
-    steady = bool(node.symbols) and is_constant_value(radicand, _value(radicand)) is not _NO
+    steady = bool(node.symbols) and seems_constant(radicand, _value(radicand))
     if not node.symbols or not (steady or _is_short(radicand)):
         return node
     form = _form(radicand)
@@ -50,6 +75,70 @@ def _root(node: Expr) -> Expr:
     if all(not atom.symbols for monomial in form for atom, _ in monomial):
         return call("sqrt", _tree(form))
     return _root_of_square(form) or node
+
+
+def without_idle(root: Expr) -> Expr:
+    """Return an equal tree without the parameters on which it does not depend, where proved."""
+    if len(root.symbols) < 2:
+        return root
+    for name in sorted(root.symbols):
+        if not _seems_idle(root, name):
+            continue
+        sums = products((root,), name)
+        steady = sums and {f: _constant(c) for f, c in sums[0].items()}
+        if steady and all(c is not None for c in steady.values()):
+            terms = (product_of(f) * c for f, c in steady.items() if c is not None)
+            return without_idle(sum(terms, start=ZERO))
+    return root
+
+
+def _seems_idle(root: Expr, name: str) -> bool:
+    """Say whether values at a few places hide a parameter."""
+    rest = {other: 0.37 + 0.11 * i for i, other in enumerate(sorted(root.symbols))}
+    first, *others = (evaluate(root, {**rest, name: x}) for x in (0.21, 0.47, 0.88))
+    return all(abs(value - first) <= ROUNDING * abs(first) for value in others)
+
+
+def _constant(coefficient: Expr) -> Expr | None:
+    """Return the constant that a tree in one parameter is, or None.
+
+    Vectors of unknown direction are enough to know that unit vectors are of length 1, and that a
+    vector is at right angles to its products with others. So what is squared under roots becomes a
+    symbol of its own, and so does all that holds none of that.
+    """
+    if not coefficient.symbols:
+        return coefficient
+    if not seems_constant(coefficient, _value(coefficient)):
+        return None
+    nodes = list(walk((coefficient,)))
+    squared = {base for node in nodes if node.op == "sqrt" for base in _squared(node.args[0])}
+    inner = {b for b in squared if squared.isdisjoint(n for n in walk((b,)) if n is not b)}
+    holds = set(inner)
+    for node in nodes:
+        if not holds.isdisjoint(node.args):
+            holds.add(node)
+    done: dict[Expr, Expr] = {}
+    for node in walk((coefficient,), lambda n: () if n in inner or n not in holds else n.args):
+        if node in inner or node not in holds:
+            # values of unknown vectors need no names that could meet the equation's own
+            done[node] = symbol(f"{len(done)}") if node.symbols else node
+        else:
+            done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
+    form = _form(done[coefficient])
+    if form is None or any(atom.symbols for monomial in form for atom, _ in monomial):
+        return None
+    return _tree(form)
+
+
+def _squared(radicand: Expr) -> list[Expr]:
+    """Return the trees whose squares a radicand adds up."""
+    if radicand.op == "add":
+        return [base for arg in radicand.args for base in _squared(arg)]
+    if radicand.op == "pow" and radicand.args[1].op == "number" and radicand.args[1].payload == 2:
+        return [radicand.args[0]]
+    if radicand.op == "mul" and radicand.args[0] is radicand.args[1]:
+        return [radicand.args[0]]
+    return []
 
 
 def _divided(root: Expr) -> Expr:

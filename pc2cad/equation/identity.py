@@ -32,11 +32,19 @@ def vanishes(root: Expr, scale: float = 1.0) -> Verdict:
     """
     if root.op == "number":
         return Verdict.REFUTED if root.payload else Verdict.PROVED
-    for shift in range(6):
-        value = _sample(root, shift)
-        if isfinite(value) and abs(value) > ROUNDING * scale:
-            return Verdict.REFUTED
+    if not _seems_zero(root, scale):
+        return Verdict.REFUTED
     return Verdict.PROVED if is_identically_zero(root) else Verdict.UNDECIDED
+
+
+def seems_constant(root: Expr, value: Number) -> bool:
+    """Say whether samples leave it open that the tree equals the constant everywhere."""
+    return _seems_zero(root - as_expr(value), max(1.0, abs(float(value))))
+
+
+def _seems_zero(root: Expr, scale: float) -> bool:
+    values = (_sample(root, shift) for shift in range(6))
+    return not any(isfinite(value) and abs(value) > ROUNDING * scale for value in values)
 
 
 def is_constant_value(root: Expr, value: Number) -> Verdict:

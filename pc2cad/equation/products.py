@@ -1,0 +1,85 @@
+"""Trees as sums of products: what one parameter does, times what the others do.
+
+The point of a channel is a guide and two vectors of its frame, which depend on u, times coordinates
+in the frame's plane, which do not. What has to be known of such a point is known from functions of
+one parameter each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pc2cad.equation.tree import ONE, ZERO, Expr, div, number, power, walk
+
+#: a product of whole powers of trees in the other parameters, in a fixed order
+Factors = tuple[tuple[Expr, int], ...]
+#: sums with more terms than this are given up
+MOST_TERMS = 24
+
+
+def products(roots: Sequence[Expr], name: str) -> list[dict[Factors, Expr]] | None:
+    """Return each tree as Σ factors · coefficient, the coefficients in the named symbol alone.
+
+    The factors are trees without that symbol. None where a tree is no such sum, or too long a one.
+    """
+    alone = frozenset((name,))
+    forms: dict[Expr, dict[Factors, Expr]] = {}
+    for node in walk(tuple(roots), lambda n: () if _is_apart(n, alone) else n.args):
+        form = _leaf(node, alone) if _is_apart(node, alone) else _joined(node, forms, alone)
+        if form is None or len(form) > MOST_TERMS:
+            return None
+        forms[node] = form
+    return [forms[root] for root in roots]
+
+
+def product_of(factors: Factors) -> Expr:
+    """Return the product as a tree."""
+    result = ONE
+    for atom, exponent in factors:
+        result = result * power(atom, number(exponent))
+    return result
+
+
+def _is_apart(node: Expr, alone: frozenset[str]) -> bool:
+    return node.symbols <= alone or node.symbols.isdisjoint(alone)
+
+
+def _leaf(node: Expr, alone: frozenset[str]) -> dict[Factors, Expr]:
+    if node.symbols <= alone:
+        return {(): node} if node is not ZERO else {}
+    return {((node, 1),): ONE}
+
+
+def _joined(
+    node: Expr, forms: dict[Expr, dict[Factors, Expr]], alone: frozenset[str]
+) -> dict[Factors, Expr] | None:
+    if node.op == "add":
+        result = dict(forms[node.args[0]])
+        for factors, coefficient in forms[node.args[1]].items():
+            result[factors] = result.get(factors, ZERO) + coefficient
+        return {f: c for f, c in result.items() if c is not ZERO}
+    if node.op == "neg":
+        return {f: -c for f, c in forms[node.args[0]].items()}
+    if node.op == "mul":
+        return _product(*(forms[arg] for arg in node.args))
+    if node.op == "div" and _is_apart(node.args[1], alone):
+        return _product(forms[node.args[0]], _leaf(div(ONE, node.args[1]), alone))
+    exponent = node.args[1].payload if node.op == "pow" and node.args[1].op == "number" else None
+    if exponent is not None and exponent.denominator == 1 and 0 < exponent <= 8:
+        form = base = forms[node.args[0]]
+        for _ in range(int(exponent) - 1):
+            form = _product(form, base)
+        return form
+    return None
+
+
+def _product(a: dict[Factors, Expr], b: dict[Factors, Expr]) -> dict[Factors, Expr]:
+    result: dict[Factors, Expr] = {}
+    for left, p in a.items():
+        for right, q in b.items():
+            powers = dict(left)
+            for atom, exponent in right:
+                powers[atom] = powers.get(atom, 0) + exponent
+            factors = tuple(sorted(powers.items(), key=lambda item: id(item[0])))
+            result[factors] = result.get(factors, ZERO) + p * q
+    return {f: c for f, c in result.items() if c is not ZERO}
