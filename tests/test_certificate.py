@@ -15,6 +15,7 @@ from test_intervals import TREES, X, Y, inside, truth
 import pc2cad as pc
 from pc2cad.certificate import proved_sign
 from pc2cad.certificate.enclosure import sign_from_enclosures
+from pc2cad.certificate.factors import sign_from_factors
 from pc2cad.certificate.polynomial import sign_from_coefficients
 from pc2cad.equation.centred import CentredProgram
 from pc2cad.equation.intervals import interval
@@ -106,6 +107,63 @@ def test_rational_maps_are_proved_by_coefficients(name):
     map_, sign = RATIONAL[name]
     assert sign_from_coefficients(mapped(map_)) == sign
     assert sign_from_coefficients(mapped((map_[1], map_[0], map_[2]))) == -sign
+
+
+def swept(radius, turns=1):
+    """det J = -2 pi turns · r r_v · z_w for a section of radius r(v) and height W."""
+    angle = 2 * PI * turns * U
+    return radius * pc.cos(angle), radius * pc.sin(angle), W
+
+
+FACTORS = {
+    "pole": swept(V * W**3),
+    "both poles": (W * pc.sin(PI * V) * COS, W * pc.sin(PI * V) * SIN, W * pc.cos(PI * V)),
+    "cosine in its half turn": (U, V, pc.sin(PI * (W - Fraction(1, 2)))),
+    "apex": (U * (1 - W), V * (1 - W), W),
+    "root": swept(pc.sqrt(1 + V**2)),
+    "root that ends at a side": swept(pc.sqrt(V)),
+}
+
+
+@pytest.mark.parametrize("name", FACTORS)
+def test_factors_prove_the_sign(name):
+    sign = sign_from_factors(mapped(FACTORS[name]))
+    assert sign == sign_from_enclosures(mapped(FACTORS[name])) or name.startswith("root")
+    assert sign_from_factors(mapped(tuple(reversed(FACTORS[name])))) == -sign != 0
+
+
+#: integrals of what det J is to be
+NO_SIGN = {
+    "a parameter beyond its limit": U**2 / 2 - Fraction(9, 20) * U,
+    "a zero inside": (U - Fraction(1, 2)) ** 2,
+    "sine over a whole turn": pc.cos(2 * PI * U),
+    "sine past half a turn": pc.cos(Fraction(101, 100) * PI * U),
+    "cosine past a quarter": pc.sin(Fraction(51, 100) * PI * U),
+    "touches zero between": U + pc.sin(2 * PI * U) / (2 * PI),
+    "just past zero": U + Fraction(1000001, 1000000) * pc.sin(2 * PI * U) / (2 * PI),
+    "an angle that is no share of pi": pc.cos(Fraction(315, 100) * U),
+}
+
+
+@pytest.mark.parametrize("name", NO_SIGN)
+def test_factors_prove_nothing_where_the_sign_changes_or_zero_is_reached(name):
+    for map_ in ((NO_SIGN[name], V, W), (V, NO_SIGN[name], W + V * U)):
+        assert sign_from_factors(mapped(map_)) == 0
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.lists(st.integers(-9, 9), min_size=8, max_size=8), st.integers(2, 4))
+def test_factors_and_coefficients_agree_on_polynomials(numbers, power):
+    a, b, c, d, e, f, g, h = numbers
+    x, y = a * U + b * V * W + c * W**power, d * V + e * U * W + f * U * V
+    mapping = mapped((x, y, g * W + h * U * V))
+    exact, rounded = sign_from_factors(mapping), sign_from_coefficients(mapping)
+    assert exact * rounded >= 0
+    places = np.random.default_rng(0).random((3, 2000))
+    tangents = mapping.tangents((0, 1, 2), *places)
+    determinant = np.linalg.det(np.stack(tangents, axis=-1))
+    if exact:
+        assert (exact * determinant > -1e-9).all()
 
 
 def test_rational_folds_and_poles_are_not_proved():

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.certificate.determinant import determinant
 from pc2cad.equation.breaks import find_breaks, resolve_pieces
 from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.centred import Centred, CentredProgram
@@ -102,16 +103,6 @@ def _sign_in_cell(mapping: Mapping3, effort: float) -> int:
         if columns and counts:
             return _sign_in_boxes(columns, _first_boxes(mapping, counts), effort)
     return 0
-
-
-def determinant(columns: tuple[tuple[Expr, ...], ...]) -> Expr:
-    """Return the determinant of three columns as a tree."""
-    a, b, c = columns
-    return (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        + a[1] * (b[2] * c[0] - b[0] * c[2])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
 
 
 def _sign_in_boxes(columns: _Columns, boxes: tuple[Array, Array], effort: float) -> int:

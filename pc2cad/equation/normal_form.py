@@ -139,6 +139,7 @@ def is_identically_zero(root: Expr) -> bool:
     return form is not None and not form
 
 
+@lru_cache(maxsize=256)  # trees are interned, and the same angle is asked for again and again
 def split_turns(root: Expr) -> tuple[Fraction, Expr]:
     """Return (r, rest) with root = r·pi + rest, rest in a canonical order of its terms."""
     if root.op == "pieces":
