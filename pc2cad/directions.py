@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
 from pc2cad.equation.breaks import Break, resolve_pieces
+from pc2cad.equation.cancellation import cancel
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import Expr, number, substitute, symbol, walk
 from pc2cad.geometry.bernstein import degree_in
@@ -78,7 +79,10 @@ class CellFunction:
             here = symbol(name) if self.cell[d] % 2 else number(0)
             values[name] = number(low) + number(high - low) * here
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        return resolve_pieces(substitute(self.analysis.map.coordinates, values)), names
+        whole = substitute(self.analysis.map.coordinates, values)
+        trees = resolve_pieces(whole)
+        # what one piece alone makes of a root or a quotient could not be seen before
+        return (trees if trees == whole else cancel(trees)), names
 
     @cached_property
     def form(self) -> Separation | None:

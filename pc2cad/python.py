@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pc2cad.equation import curves
 from pc2cad.equation.guides import Guide, helix, spline
@@ -34,9 +34,10 @@ if TYPE_CHECKING:
 __all__ = [
     "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "channel", "composite",
     "contour", "cos", "cosh", "cross", "det", "diff", "distance", "dot", "e", "ellipse",
-    "exit_from_plane", "exp", "frame", "guide", "helix", "length", "log", "metric", "parameters",
-    "pi", "point", "points", "polygon", "polyline", "regular_polygon", "sin", "sine_wave", "sinh",
-    "spline", "sqrt", "superellipse", "tan", "tanh", "translate", "unit", "vector",
+    "exit_from_plane", "exp", "frame", "guide", "guide_from_wire", "helix", "length", "log",
+    "metric", "parameters", "pi", "point", "points", "polygon", "polyline", "regular_polygon",
+    "section_from_wire", "sin", "sine_wave", "sinh", "spline", "sqrt", "superellipse", "tan",
+    "tanh", "translate", "unit", "vector",
 ]  # fmt: skip
 
 pi = PI
@@ -236,11 +237,29 @@ def guide(N: Value, interval: Sequence[Expr | Number] = (0, 1)) -> Guide:
     return curve(N, interval)
 
 
-def composite(*parts: Guide) -> Guide:
-    """Return guides joined end to end with a common tangent; see `guides.composite`."""
+def composite(*parts: Guide, corners: str = "refuse") -> Guide:
+    """Return guides joined end to end, corners refused or mitred; see `guides.composite`."""
     from pc2cad.equation.guides import composite
 
-    return composite(parts)
+    return composite(parts, corners)
+
+
+def guide_from_wire(wire: Any, corners: str = "refuse") -> Guide:
+    """Return a CadQuery (or OCCT) wire or edge as a guide; see `wires.guide_from_wire`."""
+    from pc2cad.wires import guide_from_wire
+
+    return guide_from_wire(wire, corners)
+
+
+def section_from_wire(wire: Any, t: Expr) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of a closed CadQuery wire in the xy plane; see `wires.section_from_wire`.
+
+    Once round for t from 0 to 1.
+    """
+    from pc2cad.wires import section_from_wire
+
+    x, y = section_from_wire(wire)
+    return x(t), y(t)
 
 
 def frame(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from math import gamma, pi, sqrt
 
 import pytest
@@ -9,6 +10,7 @@ from scipy.special import ellipe
 
 import pc2cad as pc
 from pc2cad.analysis import analyse
+from pc2cad.compiler import compile_equation
 from pc2cad.equation.channel import ChannelError
 from pc2cad.equation.curves import SectionError
 from pc2cad.errors import InputError
@@ -98,3 +100,11 @@ def test_what_is_no_section_or_wall_is_refused(make, error, message):
     assert issubclass(error, InputError)
     with pytest.raises(error, match=message):
         make()
+
+
+def test_walls_round_the_arcs_of_a_section_are_exact():
+    section = pc.polygon(RECTANGLE, v, 0.5)
+    report = compile_equation(pc.channel(LINE, section, 0.2, measured="normal")).report
+    assert report.evidence == "exact"
+    assert Counter(f.carrier for f in report.faces) == {"cylinder": 8, "plane": 10}
+    assert report.solid.volume == pytest.approx(0.2 * (8 + pi), rel=1e-12)

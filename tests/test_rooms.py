@@ -37,6 +37,7 @@ ALLOWED = {
     },
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
+    "wires": {"equation", "numpy", "OCP"},
     "limits": {"equation", "errors", "numpy"},
     "reloading": set(),
     "processes": set(),

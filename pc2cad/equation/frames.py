@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 #: smallest sine of the angle between reference and tangent
 LEAST_SINE: Final = 1e-3
+#: from here on neighbouring normals are two: ten times what tangents may differ by
+JUMP: Final = 1e-7
 #: what rounding leaves of a sine
 FLAT: Final = 1e-13
 KINDS: Final = ("rotation-minimising", "point", "direction", "frenet")
@@ -126,6 +128,7 @@ def frame(
         own, words, shift = _minimising(guide, reference, symmetry)
     else:
         own = [_referred(guide, i, kind, reference) for i in range(len(guide.parts))]
+        _check_joints(guide, own, kind)
         words, shift = _REFERRED[kind], 0.0
     if turn is not ZERO:
         own = [_turned(pair, turn) for pair in own]
@@ -210,6 +213,23 @@ def _check_sine(guide: Guide, index: int, towards: Combination, kind: str) -> No
             f"the normal of the guide is undefined at u = {place:.6g}: {what} there (sine {shown}, "
             f"at least {LEAST_SINE:g} is needed); the rotation-minimising frame has no such place"
         )
+
+
+def _check_joints(guide: Guide, own: list[_Pair], kind: str) -> None:
+    """Raise FrameError where the normal jumps from one part of the guide to the next."""
+    count = len(own)
+    for index in range(count if guide.closed else count - 1):
+        following = (index + 1) % count
+        end = along.at(own[index][0].coordinates, guide.limits(index)[1])
+        start = along.at(own[following][0].coordinates, guide.limits(following)[0])
+        if guide.parts[index].mitres[1] is not None:
+            end = _across(end, guide, index)
+        if not np.linalg.norm(start - end) <= JUMP:
+            raise FrameError(
+                f"a frame of the kind {kind} does not go on from part {index + 1} of the guide to "
+                f"part {following + 1}: its normal jumps there, at u = "
+                f"{guide.limits(index)[1]:.6g}; the rotation-minimising frame goes on everywhere"
+            )
 
 
 def _flip(roots: tuple[Expr, ...], low: float, high: float) -> float | None:
@@ -455,11 +475,15 @@ def _mitred(guide: Guide, index: int, pair: _Pair) -> _Pair:
     part = guide.parts[index]
     low, high = guide.breaks[index], guide.breaks[index + 1]
     share = (along.U - number(low)) / number(high - low)
-    tangent = part.tangent
-    for plane, weight in zip(part.mitres, (1 - share, share), strict=True):
+    ends = zip(part.mitres, guide.limits(index), (1 - share, share), strict=True)
+    normal, binormal = pair
+    for plane, place, weight in ends:
         if plane is None:
             continue
-        m = vector(*plane)
-        slope = tuple(dot(e, m) / dot(tangent, m) for e in pair)
-        pair = (pair[0] - tangent * (weight * slope[0]), pair[1] - tangent * (weight * slope[1]))
-    return pair
+        # of the end alone: farther along a bent part the tangent may lie in the plane
+        e1, e2, tangent = (
+            float(along.at(e.coordinates, place) @ plane) for e in (*pair, part.tangent)
+        )
+        normal = normal - part.tangent * (weight * number(e1 / tangent))
+        binormal = binormal - part.tangent * (weight * number(e2 / tangent))
+    return normal, binormal

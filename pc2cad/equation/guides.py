@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from math import dist, isfinite, sqrt
+from math import atan2, degrees, dist, hypot, isfinite
 from typing import Final
 
 from pc2cad.equation.points import Combination, Value, derivative, kind_of, length, point, vector
@@ -20,8 +20,10 @@ from pc2cad.equation.tree import PI, Expr, Number, as_expr, call, number, pieces
 from pc2cad.errors import InputError
 
 U: Final = symbol("u")
-#: positions and directions of parts that join agree to this, relative to the guide's size
+#: positions of parts that join agree to this, relative to the guide's size
 JOINED: Final = 1e-9
+#: sine of the angle from which tangents of parts that join make a corner
+CORNER: Final = 1e-8
 #: parts of a guide
 MOST_PARTS: Final = 2000
 
@@ -144,7 +146,7 @@ def _is_closed(guide: Guide) -> bool:
         ends.append(along.at((*part.point.coordinates, *part.tangent.coordinates), float(place)))
     size = _size(guide)
     gap = abs(ends[0] - ends[1])
-    return bool(max(gap[:3]) <= JOINED * size and max(gap[3:]) <= 1e-6)
+    return bool(max(gap[:3]) <= JOINED * size and max(gap[3:]) <= CORNER)
 
 
 def _size(guide: Guide) -> float:
@@ -243,44 +245,38 @@ def spatial(points: Sequence[Sequence[float]], least: int, what: str) -> list[Ve
     return places
 
 
-def composite(guides: Sequence[Guide]) -> Guide:
-    """Return guides one after another; each must go on where and as the one before it ended.
+def composite(guides: Sequence[Guide], corners: str = "refuse") -> Guide:
+    """Return guides one after another; each must begin where the one before it ended.
 
-    Position and tangent have to agree (G1); the parts become faces of their own. u goes with the
-    length. Raises GuideError with the place that does not fit.
+    Their tangents have to agree (G1), or, where `corners` is ``mitre``, the section is cut in the
+    plane that halves the corner; so at the end of a closed one. The parts become faces of their
+    own. u goes with the length. Raises GuideError with the place that does not fit.
     """
-    from pc2cad.equation import along
-
+    if corners not in ("refuse", "mitre"):
+        raise GuideError(f"the corners are refuse or mitre, not '{corners}'")
     if not guides:
         raise GuideError("a composite guide needs at least one part")
-    if any(g.closed for g in guides):
+    if len(guides) > 1 and any(g.closed for g in guides):
         raise GuideError("a closed guide cannot be a part of a composite one")
     lengths = [_length(g) for g in guides]
-    size = sum(lengths)
-    ends = []
-    for guide in guides:
-        ends.append([
-            along.at((*p.point.coordinates, *p.tangent.coordinates), float(b))
-            for p, b in ((guide.parts[0], guide.breaks[0]), (guide.parts[-1], guide.breaks[-1]))
-        ])  # fmt: skip
-    for i in range(len(guides) - 1):
-        gap = ends[i + 1][0] - ends[i][1]
-        if sqrt(float(gap[:3] @ gap[:3])) > JOINED * size:
+    ends = [_ends(g) for g in guides]
+    count, size = len(guides), sum(lengths)
+    closed = dist(ends[-1][1][0], ends[0][0][0]) <= JOINED * size
+    planes: list[Vector | None] = [None] * count
+    for i in range(count if closed else count - 1):
+        (here, before), (there, after) = ends[i][1], ends[(i + 1) % count][0]
+        if not dist(here, there) <= JOINED * size:
             raise GuideError(
-                f"part {i + 2} of the guide begins {sqrt(float(gap[:3] @ gap[:3])):.3g} from the "
-                f"end of part {i + 1}"
+                f"part {i + 2} of the guide begins {dist(here, there):.3g} from the end of part "
+                f"{i + 1}"
             )
-        if sqrt(float(gap[3:] @ gap[3:])) > 1e-6:
-            raise GuideError(
-                f"parts {i + 1} and {i + 2} of the guide meet in a corner (sine "
-                f"{sqrt(float(gap[3:] @ gap[3:])):.3g}); put an arc between them"
-            )
+        planes[i] = _mitre(before, after, corners, i + 1, (i + 1) % count + 1)
     run, breaks, parts = 0.0, [Fraction(0)], []
-    for guide, own in zip(guides, lengths, strict=True):
+    for i, (guide, own) in enumerate(zip(guides, lengths, strict=True)):
         low, high = float(breaks[-1]), (run + own) / size
         a, b = guide.breaks[0], guide.breaks[-1]
         argument = number(a) + (U - number(low)) * (number(b - a) / number(high - low))
-        parts += [part.moved(argument) for part in guide.parts]
+        parts += [p.moved(argument) for p in _cut(guide.parts, planes[i - 1], planes[i])]
         breaks += [
             Fraction(low + (high - low) * float((x - a) / (b - a))) for x in guide.breaks[1:]
         ]
@@ -288,7 +284,45 @@ def composite(guides: Sequence[Guide]) -> Guide:
     breaks[-1] = Fraction(1)
     if len(parts) > MOST_PARTS:
         raise GuideError(f"a guide has at most {MOST_PARTS} parts, here are {len(parts)}")
-    return Guide(tuple(parts), tuple(breaks), None, f"{len(guides)} guides joined (G1)")
+    mitred = sum(plane is not None for plane in planes)
+    words = f"{count} guides joined ({f'G1, {mitred} corners mitred' if mitred else 'G1'})"
+    return Guide(tuple(parts), tuple(breaks), closed, words)
+
+
+def _ends(guide: Guide) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
+    """Return place and unit tangent at the beginning and at the end."""
+    from pc2cad.equation import along
+
+    found = []
+    for part, place in ((guide.parts[0], guide.breaks[0]), (guide.parts[-1], guide.breaks[-1])):
+        row = along.at((*part.point.coordinates, *part.tangent.coordinates), float(place)).tolist()
+        found.append(((row[0], row[1], row[2]), (row[3], row[4], row[5])))
+    return found[0], found[1]
+
+
+def _mitre(before: Vector, after: Vector, corners: str, first: int, second: int) -> Vector | None:
+    """Return the normal of the plane that halves a corner; None where there is none."""
+    turn = dist(before, after)
+    if turn <= CORNER:
+        return None
+    along = (before[0] + after[0], before[1] + after[1], before[2] + after[2])
+    size = hypot(*along)
+    if not size > 1e-6:
+        raise GuideError(f"the guide turns back on itself between parts {first} and {second}")
+    if corners == "refuse":
+        raise GuideError(
+            f"parts {first} and {second} of the guide meet in a corner of "
+            f"{degrees(2 * atan2(turn, size)):.3g} degrees; put an arc between them, or let the "
+            "section be cut there with corners = mitre"
+        )
+    return along[0] / size, along[1] / size, along[2] / size
+
+
+def _cut(parts: tuple[Part, ...], start: Vector | None, end: Vector | None) -> tuple[Part, ...]:
+    """Return the parts of a guide with its two ends cut at a mitre."""
+    first = replace(parts[0], mitres=(start, parts[0].mitres[1]))
+    parts = (first, *parts[1:])
+    return (*parts[:-1], replace(parts[-1], mitres=(parts[-1].mitres[0], end)))
 
 
 def _length(guide: Guide) -> float:

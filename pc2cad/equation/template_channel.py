@@ -36,7 +36,7 @@ GUIDES: Final[Keys] = {
     "helix": (("radius", "pitch", "turns"), ("end_radius",)),
     "spline": (("points",), ("closed", "spacing")),
     "polyline": (("points",), ("radius", "closed", "corners")),
-    "composite": (("parts",), ()),
+    "composite": (("parts",), ("corners",)),
 }
 FRAMES: Final[Keys] = {
     "rotation-minimising": ((), ("start", "twist", "symmetry")),
@@ -182,7 +182,8 @@ def _guide(
             values.append(tables.constant(f"{key} end_radius", raw["end_radius"]))
         guide = guides.helix(*values)
     elif kind == "composite":
-        guide = guides.composite(_parts(tables, key, raw["parts"], interval))
+        corners = str(raw.get("corners", "refuse"))
+        guide = guides.composite(_parts(tables, key, raw["parts"], interval), corners)
     else:
         points = [
             [tables.real(f"{key} points[{i}]", x) for x in row]
