@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pc2cad.analysis import Analysis
 from pc2cad.courses import Courses, Strand
 from pc2cad.directions import CellFunction, DirectionClasses
+from pc2cad.enclosure.evaluate import Known
 from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.geometry.bernstein import bernstein, bezier_knots, linear_span
 from pc2cad.geometry.carriers import (
@@ -116,6 +117,7 @@ class _Representation:
             None if flat else self._lay(function)
             for function, flat in zip(self._faces, self._planes, strict=True)
         ]
+        self._known = Known()
         self._classes = DirectionClasses(analysis, profile.degrees)
         self._bound, self._courses = self._settle()
         self.vertices = np.array([
@@ -146,7 +148,7 @@ class _Representation:
     ) -> tuple[list[ModelEdge], list[ModelFace]]:
         """Return edges and faces with proved deviations where those can be had."""
         proved_edges = [
-            prove_edge(edge, f, self._courses.course(Strand(f, 0, bound)))
+            prove_edge(edge, f, self._courses.course(Strand(f, 0, bound)), self._known)
             if edge.evidence == "sampled"
             else edge
             for edge, f, bound in zip(edges, self._edges, self._bound, strict=True)
@@ -160,7 +162,7 @@ class _Representation:
         courses = []
         if isinstance(face.carrier, SplineSurface):
             courses = [self._courses.course(Strand(functions[0], axis)) for axis in (0, 1)]
-        return prove_face(face, functions, courses, self._rounding)
+        return prove_face(face, functions, courses, self._rounding, self._known)
 
     # -- what a face lies on -------------------------------------------------------------------
 

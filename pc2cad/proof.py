@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pc2cad.directions import CellFunction
 from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
+from pc2cad.enclosure.evaluate import Known
 from pc2cad.equation.breaks import BreaksNotAlignedError
 from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, pieces, substitute, symbol
 from pc2cad.geometry.bernstein import bezier_knots
@@ -22,13 +23,16 @@ from pc2cad.model import ModelEdge, ModelFace
 _FLAT_DEGREE = 7
 
 
-def prove_edge(edge: ModelEdge, function: CellFunction, course: Course) -> ModelEdge:
-    """Return the edge with a proved deviation, where one can be had; it is no exact one."""
+def prove_edge(edge: ModelEdge, function: CellFunction, course: Course, known: Known) -> ModelEdge:
+    """Return the edge with a proved deviation, where one can be had; it is no exact one.
+
+    What is `known` of the equation's parts is used, and added to.
+    """
     carrier = edge.carrier
     if not isinstance(carrier, SplineCurve):
         return edge
     try:
-        bound = _bound_spline(function, carrier, (course,))
+        bound = _bound_spline(function, carrier, (course,), known)
     except BreaksNotAlignedError:
         return replace(edge, sampled=edge.deviation, open=((0.0, 1.0),))
     evidence, deviation = _judge(bound)
@@ -38,7 +42,11 @@ def prove_edge(edge: ModelEdge, function: CellFunction, course: Course) -> Model
 
 
 def prove_face(
-    face: ModelFace, functions: Sequence[CellFunction], courses: Sequence[Course], rounding: float
+    face: ModelFace,
+    functions: Sequence[CellFunction],
+    courses: Sequence[Course],
+    rounding: float,
+    known: Known,
 ) -> ModelFace:
     """Return the face with a proved deviation, where one can be had; it is no exact one.
 
@@ -49,7 +57,7 @@ def prove_face(
         if isinstance(face.carrier, Plane):
             bounds = [_from_plane(function, face.carrier, rounding) for function in functions]
         elif isinstance(face.carrier, SplineSurface):
-            bounds = [_bound_spline(functions[0], face.carrier, courses)]
+            bounds = [_bound_spline(functions[0], face.carrier, courses, known)]
         else:
             return face
     except BreaksNotAlignedError:
@@ -63,7 +71,10 @@ def prove_face(
 
 
 def _bound_spline(
-    function: CellFunction, carrier: SplineCurve | SplineSurface, courses: Sequence[Course]
+    function: CellFunction,
+    carrier: SplineCurve | SplineSurface,
+    courses: Sequence[Course],
+    known: Known,
 ) -> Bound:
     """Bound the distance of a function from its spline, rational ones included.
 
@@ -92,9 +103,9 @@ def _bound_spline(
     poles = carrier.poles if carrier.weights is None else _numerators(carrier)
     numerator = replace(carrier, poles=poles, weights=None)
     if isinstance(numerator, SplineCurve):
-        bound = bound_curve(trees, names[0], numerator)
+        bound = bound_curve(trees, names[0], numerator, known)
     else:
-        bound = bound_surface(trees, names, numerator)
+        bound = bound_surface(trees, names, numerator, known=known)
     if weight is ONE:
         return bound
     # rounding of the products of poles and weights, and of the places

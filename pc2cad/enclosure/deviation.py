@@ -18,9 +18,11 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
 
 from pc2cad.enclosure.cells import Cells, conversion_loss, halving, to_bernstein
-from pc2cad.enclosure.remainder import Direction, Remainders, remainders
+from pc2cad.enclosure.evaluate import Known
+from pc2cad.enclosure.function import Products, Whole, function_of
+from pc2cad.enclosure.models import UNIT
+from pc2cad.enclosure.remainder import Direction, Remainders
 from pc2cad.equation.breaks import SAME_POSITION, find_breaks
-from pc2cad.equation.evaluation import Program
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.sums import cancel_terms
 from pc2cad.equation.tree import Expr
@@ -29,13 +31,11 @@ from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 
 Array = NDArray[np.float64]
 
-UNIT = 2.0**-53
 #: a bound within this factor of the largest sample is sharp enough
 SHARP = 1.3
 #: share of the largest sample that the remainder may have before cells are made smaller
 REMAINDER_SHARE = 0.25
-#: halvings of cells for the remainder's sake, and for the coefficients'
-DEEPEST = 12
+#: halvings of cells for the coefficients' sake
 SHARPEST = 6
 #: nodes whose values are held at once
 SLAB = 400_000
@@ -55,23 +55,29 @@ class Bound:
 
 
 def bound_surface(
-    trees: Sequence[Expr], names: Sequence[str], carrier: SplineSurface, rounding: float = 0.0
+    trees: Sequence[Expr],
+    names: Sequence[str],
+    carrier: SplineSurface,
+    rounding: float = 0.0,
+    known: Known | None = None,
 ) -> Bound:
     """Bound |M - S| over [0, 1]² at equal parameters; M's trees are in the two named symbols.
 
-    Bounds need not be sharper than `rounding` (a length).
+    Bounds need not be sharper than `rounding` (a length). What was `known` is used, and added to.
     """
     spline = _Spline(carrier.degrees, carrier.knots, carrier.poles)
     # what overflows is infinite or nan: nothing is known there
     with np.errstate(all="ignore"):
-        return _bound(tuple(trees), tuple(names), spline, rounding)
+        return _bound(tuple(trees), tuple(names), spline, known or Known(), rounding)
 
 
-def bound_curve(trees: Sequence[Expr], name: str, carrier: SplineCurve) -> Bound:
+def bound_curve(
+    trees: Sequence[Expr], name: str, carrier: SplineCurve, known: Known | None = None
+) -> Bound:
     """Bound |M - C| over [0, 1] at equal parameters."""
     spline = _Spline((carrier.degree,), (carrier.knots,), carrier.poles[:, None])
     with np.errstate(all="ignore"):
-        return _bound(tuple(trees), (name,), spline)
+        return _bound(tuple(trees), (name,), spline, known or Known())
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,20 +123,28 @@ def _basis(t: Array, knots: Array, degree: int) -> csr_array:
 
 
 def _bound(
-    trees: tuple[Expr, ...], names: tuple[str, ...], spline: _Spline, floor: float = 0.0
+    trees: tuple[Expr, ...],
+    names: tuple[str, ...],
+    spline: _Spline,
+    known: Known,
+    floor: float = 0.0,
 ) -> Bound:
     trees = cancel_terms(trees)
     directions = [_direction(trees, names, spline, axis) for axis in range(len(names))]
-    program = Program(trees)
-    expected = _first_look(program, spline, directions)
+    function = function_of(trees, names, known)
+    expected = _first_look(function, spline, directions)
     allowed = max(REMAINDER_SHARE * expected, 4 * spline.rounding, floor)
     size = float(np.ptp(spline.poles.reshape(-1, 3), axis=0).max())
     reach = [
         _reach(d, expected / size if size else 1.0, p)
         for d, p in zip(directions, spline.degrees, strict=True)
     ]
-    directions, rest = remainders(trees, directions, reach, size or 1.0, allowed, DEEPEST)
-    return _Survey(program, spline, directions).conclude(rest, floor)
+    found = function.remainders(directions, reach, size or 1.0, allowed)
+    if found is None:
+        function = Whole(trees, names, known)
+        found = function.remainders(directions, reach, size or 1.0, allowed)
+    directions, rest = found
+    return _Survey(function, spline, directions).conclude(rest, floor)
 
 
 def _direction(
@@ -149,24 +163,22 @@ def _direction(
     return Direction(name, Cells(points, nodes), known is not None, tuple(breaks))
 
 
-def _first_look(program: Program, spline: _Spline, directions: Sequence[Direction]) -> float:
+def _first_look(
+    function: Whole | Products, spline: _Spline, directions: Sequence[Direction]
+) -> float:
     """Return the largest of a few deviations in each cell: about what will be found."""
     places = []
     for d in directions:
         a, b = d.cells.points[:-1, None], d.cells.points[1:, None]
         places.append((a + (b - a) * np.array([0.27, 0.52])).ravel())
-    gap = _difference(program, spline, directions, places[0], (*places, np.zeros(1))[1])
+    gap = _difference(function, spline, places[0], (*places, np.zeros(1))[1])
     return float(np.sqrt((gap * gap).sum(axis=0).max()))
 
 
-def _difference(
-    program: Program, spline: _Spline, directions: Sequence[Direction], s: Array, t: Array
-) -> Array:
+def _difference(function: Whole | Products, spline: _Spline, s: Array, t: Array) -> Array:
     """Return S - M on a grid, (3, len(s), len(t))."""
     gap = spline.values(s, t)
-    grid = {d.name: x for d, x in zip(directions, (s[:, None], t[None, :]), strict=False)}
-    for axis, values in enumerate(program(grid)):
-        gap[axis] -= values
+    gap -= function.values(s, t)
     return gap
 
 
@@ -184,8 +196,10 @@ def _reach(direction: Direction, deviation: float, degree: int) -> float:
 class _Survey:
     """Samples of the difference on all cells, and the coefficients of its interpolants."""
 
-    def __init__(self, program: Program, spline: _Spline, directions: Sequence[Direction]) -> None:
-        self._program, self._spline, self._directions = program, spline, directions
+    def __init__(
+        self, function: Whole | Products, spline: _Spline, directions: Sequence[Direction]
+    ) -> None:
+        self._function, self._spline, self._directions = function, spline, directions
         point = Cells(np.array([0.0, 1.0]), 0)
         self._s = directions[0].cells
         self._t = directions[1].cells if len(directions) > 1 else point
@@ -198,10 +212,8 @@ class _Survey:
             self._take(first, min(first + step, self._s.count))
 
     def _take(self, first: int, last: int) -> None:
-        gap = _difference(
-            self._program, self._spline, self._directions,
-            self._s.nodes(first, last), self._t.nodes(0, self._t.count),
-        )  # fmt: skip
+        nodes = self._s.nodes(first, last), self._t.nodes(0, self._t.count)
+        gap = _difference(self._function, self._spline, *nodes)
         self.sampled = max(self.sampled, float(np.sqrt((gap * gap).sum(axis=0).max())))
         self.samples += gap[0].size
         gather_s, gather_t = self._s.gather(first, last), self._t.gather(0, self._t.count)

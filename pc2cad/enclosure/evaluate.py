@@ -36,8 +36,28 @@ Array = NDArray[np.float64]
 _BINARY = {"mul": mul, "div": divide, "atan2": angle}
 
 
+class Known:
+    """Models by the places that they hold for: the faces and edges of a part share many."""
+
+    def __init__(self) -> None:
+        self._stores: dict[tuple[object, ...], dict[Expr, Model]] = {}
+
+    def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> dict[Expr, Model]:
+        """Return the models known for the product of some places, to be added to."""
+        if len(names) > 1:
+            # these are many, and hardly ever asked for again
+            return {}
+        arrays = (x.tobytes() for place in places for x in (place.centre, place.half, place.radius))
+        errors = (place.error for place in places)
+        return self._stores.setdefault((order, *names, *arrays, *errors), {})
+
+
 def enclose(
-    roots: Sequence[Expr], names: Sequence[str], places: Sequence[Place], order: int
+    roots: Sequence[Expr],
+    names: Sequence[str],
+    places: Sequence[Place],
+    order: int,
+    known_models: Known | None = None,
 ) -> tuple[Model, ...]:
     """Return models of the trees over the product of the places of one or two parameters.
 
@@ -46,9 +66,11 @@ def enclose(
     """
     order = max(order, 1)
     where = dict(zip(names, places, strict=True))
-    store: dict[Expr, Model] = {}
+    store = (known_models or Known()).at(names, places, order)
     with np.errstate(all="ignore"):
-        for node in walk(tuple(roots)):
+        for node in walk(tuple(roots), lambda n: () if n in store else n.args):
+            if node in store:
+                continue
             if node.op == "symbol":
                 axis = names.index(node.payload)
                 store[node] = parameter(places[axis], axis)

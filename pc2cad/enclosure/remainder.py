@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.enclosure.cells import Cells
-from pc2cad.enclosure.evaluate import enclose
-from pc2cad.enclosure.models import UNIT, Place
+from pc2cad.enclosure.evaluate import Known, enclose
+from pc2cad.enclosure.models import UNIT, Model, Place
 from pc2cad.equation.tree import Expr
 
 Array = NDArray[np.float64]
@@ -30,6 +30,8 @@ ORDER = 6
 #: round a box is four times as wide
 SHARE_ALONG = 0.1
 SHARE_ACROSS = 0.2
+#: halvings of cells
+DEEPEST = 12
 #: what a function, relative to its size, deviates from its Taylor model where discs are as wide as
 #: can be
 TYPICAL = 0.01
@@ -107,19 +109,37 @@ class Remainders:
         return Remainders((s, t), rounding)
 
 
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Vectors of trees; what is bounded is the sum of their lengths, times a weight each."""
+
+    trees: tuple[tuple[Expr, ...], ...]
+    weights: tuple[float, ...]
+    #: models that are known already, and those that become so
+    known: Known
+
+    def models(
+        self, names: Sequence[str], places: Sequence[Place], order: int
+    ) -> list[list[Model]]:
+        """Return the models of all trees on boxes."""
+        flat = iter(
+            enclose([t for row in self.trees for t in row], names, places, order, self.known)
+        )
+        return [[next(flat) for _ in row] for row in self.trees]
+
+
 def remainders(
-    roots: Sequence[Expr],
+    vectors: Vectors,
     directions: Sequence[Direction],
     reach: Sequence[float],
     size: float,
     allowed: float,
-    deepest: int,
 ) -> tuple[list[Direction], Remainders]:
-    """Return cells, and the remainders of the vector of trees on them.
+    """Return cells, and the remainders of the weighted vectors on them.
 
     Each direction in turn is taken as complex, the other as real, on boxes of several cells:
     `reach` says over how many cells the function can be expected to be analytic, `size` how large
-    it is. Cells for which that gives more than `allowed` are halved, `deepest` times at most. What
+    it is. Cells for which that gives more than `allowed` are halved, `DEEPEST` times at most. What
     then remains may be inf.
     """
     directions = list(directions)
@@ -130,9 +150,9 @@ def remainders(
             rest.along[axis][...] = 0.0
     if not axes:
         everywhere = np.ones(rest.rounding.shape, dtype=bool)
-        _evaluate(roots, directions, 0, _boxes(everywhere, directions, (1, 1)), rest)
+        _evaluate(vectors, directions, 0, _boxes(everywhere, directions, (1, 1)), rest)
     part = allowed / max(1, len(axes))
-    for depth in range(deepest + 1):
+    for depth in range(DEEPEST + 1):
         hard = False
         for axis in axes:
             bad = ~(rest.along[axis] <= part)
@@ -142,13 +162,13 @@ def remainders(
             smallest[axis] = _fewest(directions[axis].cells.degree, part / size)
             share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
             counts = [
-                max(least, int(part_of * r / 4**depth))
+                max(least, _whole_power(part_of * r / 4**depth))
                 for least, part_of, r in zip(smallest, share, (*reach, 1.0), strict=False)
             ]
-            _evaluate(roots, directions, axis, _boxes(bad, directions, counts), rest)
+            _evaluate(vectors, directions, axis, _boxes(bad, directions, counts), rest)
             split = rest.to_split(axis, part, depth % 2 == 0)
             hard = hard or any(mask.any() for mask in split)
-            if depth == deepest:
+            if depth == DEEPEST:
                 break
             for d, mask in enumerate(split):
                 # smaller boxes come first
@@ -160,6 +180,24 @@ def remainders(
         if not hard:
             break
     return directions, rest
+
+
+def first_places(direction: Direction, reach: float, allowed: float, wide: bool) -> Place:
+    """Return the boxes with which `remainders` begins on a single direction.
+
+    `allowed` is relative to the function's size. Discs that are not `wide` hold the cells only.
+    """
+    count = 1
+    if not direction.exact:
+        least = _fewest(direction.cells.degree, allowed)
+        count = max(least, _whole_power(SHARE_ALONG * reach))
+    everything = np.ones(direction.cells.count, dtype=bool)
+    return _place(direction, direction.groups(everything, count), wide)
+
+
+def _whole_power(count: float) -> int:
+    """Return the largest power of 2 that is not above: functions alike get the same boxes."""
+    return 1 << (int(max(count, 1.0)).bit_length() - 1)
 
 
 def _fewest(degree: int, allowed: float) -> int:
@@ -178,7 +216,7 @@ def _boxes(
 
 
 def _evaluate(
-    roots: Sequence[Expr],
+    vectors: Vectors,
     directions: Sequence[Direction],
     axis: int,
     groups: tuple[_Groups, _Groups],
@@ -187,12 +225,21 @@ def _evaluate(
     """Evaluate the product of two lists of groups, complex along one axis; note what got better."""
     places = [_place(d, g, i == axis) for i, (d, g) in enumerate(zip(directions, groups,
               strict=False))]  # fmt: skip
-    order = min([ORDER, *(d.cells.degree for d in directions if not d.exact)])
-    models = enclose(roots, [d.name for d in directions], places, order)
+    order = order_of(directions)
+    models = vectors.models([d.name for d in directions], places, order)
     shape = (len(groups[0]), len(groups[1]))
     distance, rounding = (
-        np.broadcast_to(np.sqrt(sum(x * x for x in values)) * (1 + 1e-9), shape)
-        for values in ([m.radius for m in models], [m.error for m in models])
+        np.broadcast_to(
+            sum(
+                weight * length(values)
+                for weight, values in zip(vectors.weights, rows, strict=True)
+            ),
+            shape,
+        )
+        for rows in (
+            [[m.radius for m in row] for row in models],
+            [[m.error for m in row] for row in models],
+        )
     )
     share = _shares(directions[axis], groups[axis], places[axis])
     if axis == 1:
@@ -207,6 +254,19 @@ def _evaluate(
     gap = np.where(np.isfinite(distance[box]), gap, np.inf)
     found.along[axis][cells] = np.minimum(found.along[axis][cells], gap)
     found.rounding[cells] = np.minimum(found.rounding[cells], rounding[box])
+
+
+def order_of(directions: Sequence[Direction]) -> int:
+    """Return the order of the models: no more than the least degree of the cells."""
+    return min([ORDER, *(d.cells.degree for d in directions if not d.exact)])
+
+
+def length(coordinates: Sequence[Array]) -> Array:
+    """Return the length of a vector of bounds, rounded up."""
+    total: Array = np.zeros((1, 1))
+    for x in coordinates:
+        total = total + x * x
+    return np.asarray(np.sqrt(total) * (1 + 1e-9))
 
 
 def _place(direction: Direction, groups: _Groups, wide: bool) -> Place:

@@ -8,6 +8,7 @@ one parameter each.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 
 from pc2cad.equation.tree import ONE, ZERO, Expr, div, number, power, walk
 
@@ -38,6 +39,45 @@ def product_of(factors: Factors) -> Expr:
     for atom, exponent in factors:
         result = result * power(atom, number(exponent))
     return result
+
+
+def vector_products(roots: Sequence[Expr], name: str) -> list[tuple[tuple[Expr, ...], Expr]] | None:
+    """Return a point as Σ vector · factor: vectors of the named symbol, factors without it.
+
+    Vectors that are multiples of one another share a term. None where `products` has none.
+    """
+    columns = products(roots, name)
+    if columns is None:
+        return None
+    found: dict[tuple[Expr, ...], Expr] = {}
+    for factors in dict.fromkeys(f for column in columns for f in column):
+        multiple, vector = _without_multiple([column.get(factors, ZERO) for column in columns])
+        found[vector] = found.get(vector, ZERO) + number(multiple) * product_of(factors)
+    return [(vector, factor) for vector, factor in found.items() if factor is not ZERO]
+
+
+def _without_multiple(vector: Sequence[Expr]) -> tuple[Fraction, tuple[Expr, ...]]:
+    """Return the number by which all coordinates are multiplied, and the vector without it."""
+    rows = [_multiple(x) for x in vector]
+    ratios = {m for m, x in rows if x is not ZERO}
+    if len(ratios) == 1:
+        return ratios.pop(), tuple(x for _, x in rows)
+    return Fraction(1), tuple(vector)
+
+
+def _multiple(tree: Expr) -> tuple[Fraction, Expr]:
+    factor = Fraction(1)
+    while True:
+        if tree.op == "neg":
+            factor, tree = -factor, tree.args[0]
+        elif tree.op == "mul" and tree.args[0].op == "number":
+            factor, tree = factor * tree.args[0].payload, tree.args[1]
+        elif tree.op == "mul" and tree.args[1].op == "number":
+            factor, tree = factor * tree.args[1].payload, tree.args[0]
+        elif tree.op == "number" and tree.payload:
+            return factor * tree.payload, ONE
+        else:
+            return factor, tree
 
 
 def _is_apart(node: Expr, alone: frozenset[str]) -> bool:

@@ -1,0 +1,128 @@
+"""The function whose distance from a spline is bounded: as a whole, or as a sum of products.
+
+Σ A_k(s) b_k(t) needs models of one parameter only. Interpolation along s is off by Σ |A_k - I A_k|
+|b_k| at most, and so along t; the models of the A_k serve both walls of a channel and its edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.enclosure.evaluate import Known
+from pc2cad.enclosure.models import UNIT
+from pc2cad.enclosure.remainder import (
+    Direction,
+    Remainders,
+    Vectors,
+    first_places,
+    length,
+    order_of,
+    remainders,
+)
+from pc2cad.equation.evaluation import Program
+from pc2cad.equation.products import vector_products
+from pc2cad.equation.tree import Expr
+
+Array = NDArray[np.float64]
+
+#: more products than this are no help
+MOST_PRODUCTS = 12
+#: products may cancel one another down to this share of their sizes
+LEAST_SUM = 1e-2
+
+
+class Whole:
+    """Three trees in one or two parameters."""
+
+    def __init__(self, trees: tuple[Expr, ...], names: tuple[str, ...], known: Known) -> None:
+        self._trees, self._names, self._known = trees, names, known
+        self._program = Program(trees)
+
+    def values(self, s: Array, t: Array) -> Array:
+        """Return the values on a grid, (3, len(s), len(t))."""
+        grid = dict(zip(self._names, (s[:, None], t[None, :]), strict=False))
+        result = np.empty((3, len(s), len(t)))
+        for axis, column in enumerate(self._program(grid)):
+            result[axis] = column
+        return result
+
+    def remainders(
+        self, directions: Sequence[Direction], reach: Sequence[float], size: float, allowed: float
+    ) -> tuple[list[Direction], Remainders]:
+        """Return cells that are small enough, and the remainders on them (see `remainders`)."""
+        vectors = Vectors((self._trees,), (1.0,), self._known)
+        return remainders(vectors, directions, reach, size, allowed)
+
+
+class Products:
+    """The sum of some vectors in the first parameter, times a factor each in the second."""
+
+    def __init__(
+        self, products: Sequence[tuple[tuple[Expr, ...], Expr]], names: tuple[str, ...],
+        known: Known,
+    ) -> None:  # fmt: skip
+        self._names, self._known = names, known
+        self._rows = tuple(v for v, _ in products), tuple((factor,) for _, factor in products)
+
+    @cached_property
+    def _programs(self) -> tuple[Program, Program]:
+        first, second = (Program(tuple(t for row in rows for t in row)) for rows in self._rows)
+        return first, second
+
+    def values(self, s: Array, t: Array) -> Array:
+        """Return the values on a grid, (3, len(s), len(t))."""
+        count = len(self._rows[0])
+        a, b = (
+            np.stack([np.broadcast_to(x, len(places)) for x in program({name: places})])
+            for program, name, places in zip(self._programs, self._names, (s, t), strict=True)
+        )
+        return np.asarray(a.reshape(count, 3, len(s)).transpose(1, 2, 0) @ b)
+
+    def remainders(
+        self, directions: Sequence[Direction], reach: Sequence[float], size: float, allowed: float
+    ) -> tuple[list[Direction], Remainders] | None:
+        """Return the same as `Whole`; None where the products are too large or not bounded."""
+        part = allowed / max(1, sum(not d.exact for d in directions))
+        lebesgue = directions[0].cells.lebesgue
+        parts = part, part / lebesgue
+        a, b = (
+            self._largest(axis, direction, reach[axis], parts[axis] / size)
+            for axis, direction in enumerate(directions)
+        )
+        total = float(a @ b)
+        if not total * LEAST_SUM <= size:
+            return None
+        (s, along), (t, across) = (
+            remainders(
+                Vectors(self._rows[axis], tuple(weights.tolist()), self._known),
+                directions[axis : axis + 1], reach[axis : axis + 1], size, parts[axis],
+            )
+            for axis, weights in enumerate((b, a))
+        )  # fmt: skip
+        rounding = along.rounding + across.rounding.T + (len(a) + 4) * UNIT * total
+        first = along.along[0] + np.zeros_like(rounding)
+        second = lebesgue * across.along[0].T + np.zeros_like(rounding)
+        return [*s, *t], Remainders((first, second), rounding)
+
+    def _largest(self, axis: int, direction: Direction, reach: float, allowed: float) -> Array:
+        """Return bounds of the sizes of all vectors (or factors), over the whole parameter."""
+        rows = Vectors(self._rows[axis], (), self._known)
+        for wide in (True, False):
+            places = [first_places(direction, reach, allowed, wide)]
+            models = rows.models([direction.name], places, order_of([direction]))
+            found = np.array([length([m.largest for m in row]).max() for row in models])
+            if np.isfinite(found).all():
+                break
+        return found
+
+
+def function_of(trees: tuple[Expr, ...], names: tuple[str, ...], known: Known) -> Whole | Products:
+    """Return a function of one or two parameters, as a sum of products where it is one."""
+    products = vector_products(trees, names[0]) if len(names) == 2 else None
+    if products is None or len(products) > MOST_PRODUCTS:
+        return Whole(trees, names, known)
+    return Products(products, names, known)
