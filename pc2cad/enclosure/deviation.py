@@ -130,7 +130,8 @@ def _bound(
     floor: float = 0.0,
 ) -> Bound:
     trees = cancel_terms(trees)
-    directions = [_direction(trees, names, spline, axis) for axis in range(len(names))]
+    coarse = [_direction(trees, names, spline, axis) for axis in range(len(names))]
+    directions = [d.on(known.finer.get(d.key, d.cells.points)) for d in coarse]
     function = function_of(trees, names, known)
     expected = _first_look(function, spline, directions)
     allowed = max(REMAINDER_SHARE * expected, 4 * spline.rounding, floor)
@@ -144,6 +145,7 @@ def _bound(
         function = Whole(trees, names, known)
         found = function.remainders(directions, reach, size or 1.0, allowed)
     directions, rest = found
+    known.finer |= {d.key: x.cells.points for d, x in zip(coarse, directions, strict=True)}
     return _Survey(function, spline, directions).conclude(rest, floor)
 
 

@@ -41,6 +41,9 @@ class Known:
 
     def __init__(self) -> None:
         self._stores: dict[tuple[object, ...], dict[Expr, Model]] = {}
+        #: cells by a parameter's name and the cells first tried: what is hard for one function of
+        #: a parameter is hard for its others
+        self.finer: dict[tuple[str, bytes], Array] = {}
 
     def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> dict[Expr, Model]:
         """Return the models known for the product of some places, to be added to."""

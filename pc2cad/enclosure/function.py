@@ -88,29 +88,36 @@ class Products:
         """Return the same as `Whole`; None where the products are too large or not bounded."""
         part = allowed / max(1, sum(not d.exact for d in directions))
         lebesgue = directions[0].cells.lebesgue
-        parts = part, part / lebesgue
-        a, b = (
-            self._largest(axis, direction, reach[axis], parts[axis] / size)
-            for axis, direction in enumerate(directions)
-        )
-        total = float(a @ b)
+        second = self._largest(directions[1], reach[1], part / lebesgue / size)
+        s, along = self._remainders(0, second, directions, reach, size, part)
+        first = along.sizes.max(axis=(1, 2))
+        total = float(first @ second)
         if not total * LEAST_SUM <= size:
             return None
-        (s, along), (t, across) = (
-            remainders(
-                Vectors(self._rows[axis], tuple(weights.tolist()), self._known),
-                directions[axis : axis + 1], reach[axis : axis + 1], size, parts[axis],
-            )
-            for axis, weights in enumerate((b, a))
-        )  # fmt: skip
-        rounding = along.rounding + across.rounding.T + (len(a) + 4) * UNIT * total
-        first = along.along[0] + np.zeros_like(rounding)
-        second = lebesgue * across.along[0].T + np.zeros_like(rounding)
-        return [*s, *t], Remainders((first, second), rounding)
+        t, across = self._remainders(1, first, directions, reach, size, part / lebesgue)
+        rounding = along.rounding + across.rounding.T + (len(first) + 4) * UNIT * total
+        errors = along.along[0], lebesgue * across.along[0].T
+        a, b = (error + np.zeros_like(rounding) for error in errors)
+        return [s, t], Remainders((a, b), rounding, np.full((1, *rounding.shape), total))
 
-    def _largest(self, axis: int, direction: Direction, reach: float, allowed: float) -> Array:
-        """Return bounds of the sizes of all vectors (or factors), over the whole parameter."""
-        rows = Vectors(self._rows[axis], (), self._known)
+    def _remainders(
+        self,
+        axis: int,
+        weights: Array,
+        directions: Sequence[Direction],
+        reach: Sequence[float],
+        size: float,
+        allowed: float,
+    ) -> tuple[Direction, Remainders]:
+        vectors = Vectors(self._rows[axis], tuple(weights.tolist()), self._known)
+        (direction,), rest = remainders(
+            vectors, directions[axis : axis + 1], reach[axis : axis + 1], size, allowed
+        )
+        return direction, rest
+
+    def _largest(self, direction: Direction, reach: float, allowed: float) -> Array:
+        """Return bounds of the sizes of all factors, over the whole second parameter."""
+        rows = Vectors(self._rows[1], (), self._known)
         for wide in (True, False):
             places = [first_places(direction, reach, allowed, wide)]
             models = rows.models([direction.name], places, order_of([direction]))

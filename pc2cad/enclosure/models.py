@@ -130,9 +130,10 @@ def mul(x: Model, y: Model, order: int) -> Model:
     radius = size_x * y.radius + (size_y + y.radius) * x.radius
     radius = radius + 4 * (order + 2) ** 2 * UNIT * size
     if len(by_x) + len(by_y) - 2 > order:
-        kept = product(by_x[:, None], by_y[:, None], order).sum(axis=(0, 1))
-        # the difference is rounded by what the line above allows for
-        radius = radius + np.maximum(size - kept, 0.0)
+        # what the factors have from each degree on, the highest degree first
+        rest = np.cumsum(by_y[::-1], axis=0)
+        beyond = by_x[order + 2 - len(by_y) :]
+        radius = radius + (beyond * rest[: len(beyond)]).sum(axis=0)
     large_x, large_y = size_x + x.radius + x.error, size_y + y.radius + y.error
     error = large_x * y.error + large_y * x.error + UNIT * large_x * large_y
     return Model(total, radius * (1 + 1e-14) + TINY, error * (1 + 1e-14) + TINY)
@@ -238,8 +239,11 @@ def compose(
 
 
 def known(x: Model) -> Model:
-    """Return the model with all that is not finite made 'nothing is known'."""
-    fine = np.isfinite(x.radius) & np.isfinite(x.error) & np.isfinite(x.terms).all(axis=(0, 1))
+    """Return the model with all that is not finite made 'nothing is known'.
+
+    Radii grow with the sizes of all terms: where a term is not finite, no radius is.
+    """
+    fine = np.isfinite(x.radius + x.error)
     if fine.all():
         return x
     return Model(

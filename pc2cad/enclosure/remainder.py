@@ -9,7 +9,7 @@ Cauchy bounds the divided difference.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ ORDER = 6
 #: round a box is four times as wide
 SHARE_ALONG = 0.1
 SHARE_ACROSS = 0.2
+#: boxes along a parameter, if there is only one, that are not too many
+FEW = 64
 #: halvings of cells
 DEEPEST = 12
 #: what a function, relative to its size, deviates from its Taylor model where discs are as wide as
@@ -50,9 +52,18 @@ class Direction:
     #: points of the cells at which the function changes its form: no box reaches over them
     breaks: tuple[float, ...] = ()
 
+    @property
+    def key(self) -> tuple[str, bytes]:
+        """What tells the parameter and its cells from others."""
+        return self.name, self.cells.points.tobytes()
+
+    def on(self, points: Array) -> Direction:
+        """Return the direction with other cells."""
+        return replace(self, cells=Cells(points, self.cells.degree))
+
     def halved(self, which: Mask) -> Direction:
         """Return the direction with some cells halved."""
-        return Direction(self.name, self.cells.split(which), self.exact, self.breaks)
+        return replace(self, cells=self.cells.split(which))
 
     def groups(self, wanted: Mask, size: int) -> _Groups:
         """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
@@ -75,6 +86,8 @@ class Remainders:
     along: tuple[Array, Array]
     #: bound of the error of values sampled in the cell
     rounding: Array
+    #: bounds of the vectors' sizes in the cell, (vectors, n, m)
+    sizes: Array
 
     @property
     def interpolation(self) -> Array:
@@ -82,11 +95,11 @@ class Remainders:
         return (self.along[0] + self.along[1]) * (1 + 1e-12)
 
     @classmethod
-    def unknown(cls, counts: Sequence[int]) -> Remainders:
+    def unknown(cls, counts: Sequence[int], vectors: int) -> Remainders:
         """Return what is known in the beginning: nothing."""
         shape = (*counts, 1)[:2]
         s, t, rounding = (np.full(shape, np.inf) for _ in range(3))
-        return cls((s, t), rounding)
+        return cls((s, t), rounding, np.full((vectors, *shape), np.inf))
 
     def to_split(self, axis: int, allowed: float, blame: bool) -> list[Mask]:
         """Return the cells of each direction that have to become smaller for one direction's sake.
@@ -106,7 +119,7 @@ class Remainders:
         wanted = split[:, None] if axis == 0 else split
         along = [np.where(wanted, np.inf, x) if d == axis else x for d, x in enumerate(self.along)]
         s, t, rounding = (np.repeat(x, 1 + split, axis=axis) for x in (*along, self.rounding))
-        return Remainders((s, t), rounding)
+        return Remainders((s, t), rounding, np.repeat(self.sizes, 1 + split, axis=1 + axis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +156,7 @@ def remainders(
     then remains may be inf.
     """
     directions = list(directions)
-    rest = Remainders.unknown([d.cells.count for d in directions])
+    rest = Remainders.unknown([d.cells.count for d in directions], len(vectors.trees))
     axes = [axis for axis, d in enumerate(directions) if not d.exact]
     for axis in range(2):
         if axis not in axes:
@@ -162,8 +175,10 @@ def remainders(
             smallest[axis] = _fewest(directions[axis].cells.degree, part / size)
             share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
             counts = [
-                max(least, _whole_power(part_of * r / 4**depth))
-                for least, part_of, r in zip(smallest, share, (*reach, 1.0), strict=False)
+                _cells_per_box(direction, least, part_of * r / 4**depth, len(directions))
+                for direction, least, part_of, r in zip(
+                    directions, smallest, share, reach, strict=False
+                )
             ]
             _evaluate(vectors, directions, axis, _boxes(bad, directions, counts), rest)
             split = rest.to_split(axis, part, depth % 2 == 0)
@@ -190,14 +205,19 @@ def first_places(direction: Direction, reach: float, allowed: float, wide: bool)
     count = 1
     if not direction.exact:
         least = _fewest(direction.cells.degree, allowed)
-        count = max(least, _whole_power(SHARE_ALONG * reach))
+        count = _cells_per_box(direction, least, SHARE_ALONG * reach, 1)
     everything = np.ones(direction.cells.count, dtype=bool)
     return _place(direction, direction.groups(everything, count), wide)
 
 
-def _whole_power(count: float) -> int:
-    """Return the largest power of 2 that is not above: functions alike get the same boxes."""
-    return 1 << (int(max(count, 1.0)).bit_length() - 1)
+def _cells_per_box(direction: Direction, least: int, most: float, parameters: int) -> int:
+    """Return a whole power of 2, or `least`, so that functions alike get the same boxes.
+
+    Few boxes along one parameter cost no less than `FEW`, and smaller ones are sooner good enough.
+    """
+    if parameters == 1:
+        most = min(most, direction.cells.count / FEW)
+    return max(least, 1 << (int(max(most, 1.0)).bit_length() - 1))
 
 
 def _fewest(degree: int, allowed: float) -> int:
@@ -228,19 +248,13 @@ def _evaluate(
     order = order_of(directions)
     models = vectors.models([d.name for d in directions], places, order)
     shape = (len(groups[0]), len(groups[1]))
-    distance, rounding = (
-        np.broadcast_to(
-            sum(
-                weight * length(values)
-                for weight, values in zip(vectors.weights, rows, strict=True)
-            ),
-            shape,
-        )
-        for rows in (
-            [[m.radius for m in row] for row in models],
-            [[m.error for m in row] for row in models],
-        )
-    )
+    sizes = np.stack([
+        np.broadcast_to(length([m.largest for m in row]), shape) for row in models
+    ])  # fmt: skip
+    distance, rounding = np.zeros(shape), np.zeros(shape)
+    for weight, coordinates in zip(vectors.weights, models, strict=True):
+        distance += weight * length([m.radius for m in coordinates])
+        rounding += weight * length([m.error for m in coordinates])
     share = _shares(directions[axis], groups[axis], places[axis])
     if axis == 1:
         # an error along the second direction passes through the interpolation along the first
@@ -254,6 +268,8 @@ def _evaluate(
     gap = np.where(np.isfinite(distance[box]), gap, np.inf)
     found.along[axis][cells] = np.minimum(found.along[axis][cells], gap)
     found.rounding[cells] = np.minimum(found.rounding[cells], rounding[box])
+    for known, size in zip(found.sizes, sizes, strict=True):
+        known[cells] = np.minimum(known[cells], size[box])
 
 
 def order_of(directions: Sequence[Direction]) -> int:
