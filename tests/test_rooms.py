@@ -32,7 +32,7 @@ ALLOWED = {
     "laying": {"geometry", "model", "topology", "numpy"},
     "proof": {"directions", "enclosure", "equation", "geometry", "model", "numpy"},
     "boundary": {
-        "analysis", "courses", "directions", "equation", "errors", "geometry", "laying", "model",
+        "analysis", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
         "planar", "proof", "topology", "numpy",
     },
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
@@ -48,7 +48,7 @@ ALLOWED = {
     "injectivity": {
         "analysis", "contact", "equation", "errors", "mapping", "sheets", "winding", "numpy",
     },
-    "certificate": {"certificate", "equation", "geometry", "mapping", "numpy"},
+    "certificate": {"certificate", "enclosure", "equation", "geometry", "mapping", "numpy"},
     "solidity": {"analysis", "equation", "injectivity"},
     "validation": {
         "analysis", "model", "brep", "equation", "errors", "geometry", "properties", "report",
