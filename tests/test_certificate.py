@@ -17,6 +17,7 @@ from pc2cad.certificate import proved_sign
 from pc2cad.certificate.enclosure import sign_from_enclosures
 from pc2cad.certificate.factors import sign_from_factors
 from pc2cad.certificate.polynomial import sign_from_coefficients
+from pc2cad.certificate.products import sign_from_products
 from pc2cad.equation.centred import CentredProgram
 from pc2cad.equation.intervals import interval
 from pc2cad.equation.point_equation import point_equation
@@ -222,3 +223,43 @@ def test_slopes_bound_every_change(root, a, b, c, d, s, t):
             low, high = low + ends[0], high + ends[1]
         rounding = mpmath.mpf(10) ** -50 * (1 + abs(value) + abs(centre))
         assert low - rounding <= value - centre <= high + rounding
+
+
+# -- sums of products ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [n for n in template_paths() if "channel" in n or "torus" in n])
+def test_products_of_functions_of_one_parameter_agree(name):
+    mapping = local_map(read_template(template_paths()[name]).bind({}))
+    assert sign_from_products(mapping) in (-1 if name in NEGATIVE else 1, 0)
+    assert sign_from_products(mapping) or name == "simplex_torus"  # it has an edge of no length
+
+
+def bent(reach):
+    """A rod of this half width along a wave whose least radius of curvature is 1."""
+    slope = pc.cos(U)
+    length = pc.sqrt(1 + slope**2)
+    x, y, z = (2 * V - 1) * reach, (2 * W - 1) * reach, 1 / length
+    return (U - x * slope * z, pc.sin(U) + x * z, y)
+
+
+@pytest.mark.parametrize(("reach", "sign"), [(0.3, 1), (0.99, 1), (1.0, 0), (1.01, 0), (3, 0)])
+def test_a_channel_is_proved_up_to_its_bend(reach, sign):
+    mapping = mapped(bent(reach), {"u": (0, pc.pi)})
+    assert sign_from_products(mapping) == sign
+
+
+@given(*[st.integers(-60, 60).map(lambda n: n / 40)] * 3, st.sampled_from("uvw"))
+@settings(max_examples=40, deadline=None)
+def test_products_never_prove_a_fold(a, b, c, turned):
+    waves = {"u": pc.sin(3 * U), "v": V**2 * pc.exp(V), "w": pc.cos(2 * W)}
+    other = {"u": V, "v": W, "w": U}[turned]
+    mapping = mapped(
+        (U + a * waves[turned] * other, V + b * U * waves["w"], W + c * waves["v"] * U)
+    )
+    sign = sign_from_products(mapping)
+    grid = np.ix_(*[np.linspace(0, 1, 9)] * 3)
+    x, y, z = (m.reshape(-1, 3) for m in mapping.tangents((0, 1, 2), *grid))
+    seen = (x * np.cross(y, z)).sum(axis=1)
+    assert not sign or (sign * seen > 0).all()
+    assert sign or np.abs(seen).min() < 0.3 or seen.min() * seen.max() < 0

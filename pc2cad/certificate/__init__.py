@@ -1,8 +1,9 @@
-"""Proof that det J keeps one sign: from its factors, Bernstein coefficients, or enclosures."""
+"""Proof that det J keeps one sign: from factors, Bernstein coefficients, products, enclosures."""
 
 from pc2cad.certificate.enclosure import sign_from_enclosures
 from pc2cad.certificate.factors import sign_from_factors
 from pc2cad.certificate.polynomial import sign_from_coefficients
+from pc2cad.certificate.products import sign_from_products
 from pc2cad.mapping import Mapping3
 
 
@@ -11,5 +12,6 @@ def proved_sign(mapping: Mapping3) -> int:
     return (
         sign_from_factors(mapping)
         or sign_from_coefficients(mapping)
+        or sign_from_products(mapping)
         or sign_from_enclosures(mapping)
     )
