@@ -179,10 +179,14 @@ PARAMETERS = [
     Fault(57, "no wall left", parameter(_P, "u*(p-0.25)"), ("-s", "p=0.25"), codes=(NO_SOLID,)),
 ]
 
+_BALL = "w*sin(pi*v)*cos(2*pi*u)", "w*sin(pi*v)*sin(2*pi*u)", "w*cos(pi*v)"
+
 MAPS = [
+    Fault(60, "left-handed everywhere", brick("1-u"), codes=(0,)),
     Fault(61, "det J changes its sign on a side", brick("u*u*(w-0.5)+u*0.1"), codes=(NO_SOLID,)),
     Fault(62, "det J changes its sign inside only", brick("u", "v*(1+w)-3*v*v*u*(1-u)*w*(1-w)*8"),
           codes=(NO_SOLID,)),
+    Fault(63, "det J vanishes at an apex", brick("w*u", "w*v", "w"), codes=(0,)),
     Fault(64, "flat", brick(z="0"), codes=(NO_SOLID,)),
     Fault(64, "line", brick("u", "u", "u"), codes=(NO_SOLID,)),
     Fault(65, "pinch", brick("u-0.5", "v", "w*(u-0.5)"), codes=(NO_SOLID,)),
@@ -191,10 +195,18 @@ MAPS = [
     Fault(66, "helix overlaps",
           brick("(5+w*cos(2*pi*v))*cos(12*u)", "(5+w*cos(2*pi*v))*sin(12*u)",
                 "w*sin(2*pi*v)+1.5*u"), codes=(NO_SOLID,), seconds=10),
+    Fault(67, "seam that nobody declared",
+          brick("(3+w)*cos(2*pi*u)", "(3+w)*sin(2*pi*u)", "v"), codes=(0,)),
+    Fault(67, "seam written with too few digits",
+          brick("(3+w)*cos(6.2831853*u)", "(3+w)*sin(6.2831853*u)", "v"),
+          codes=(NO_SOLID, FAILED)),
     Fault(68, "side crosses itself", brick("cos(7*u)*(1+w)", "sin(14*u)*(1+w)", "v"),
           codes=(NO_SOLID,), seconds=10),
     Fault(69, "sides cross", brick(z="w*(u-0.3)"), codes=(NO_SOLID,)),
     Fault(70, "thinner than the kernel tells", brick(z="w*1e-8"), codes=(NO_SOLID, FAILED)),
+    Fault(71, "sliver", brick(z="w*2e-6"), codes=(0,)),
+    Fault(71, "edge below the kernel's tolerance", brick(z="w*(5e-8+v)"),
+          codes=(NO_SOLID, FAILED)),
     Fault(72, "1e-9 large", brick("1e-9*u", "1e-9*v", "1e-9*w"), codes=(NO_SOLID, FAILED)),
     Fault(72, "1e9 large", brick("1e9*u", "1e9*v", "1e9*w"), codes=(TOO_ROUGH, FAILED, 0)),
     Fault(72, "far away", brick("u+1e9", "v", "w"),
@@ -207,7 +219,12 @@ MAPS = [
     Fault(74, "jump", brick("u", "v", "w + atan2(v-0.5, u-0.5)"),
           codes=(NO_SOLID, TOO_ROUGH), seconds=30),
     Fault(75, "spike", brick("u", "v", "w*(1+1/(1e-9+(u-0.37)^2))"),
-          codes=(NO_SOLID, TOO_ROUGH, FAILED), seconds=20),
+          codes=(NO_SOLID, TOO_ROUGH, FAILED), seconds=10),
     Fault(76, "tolerance out of reach", brick(z="w*(2+sin(9*u*v))"), ("--tolerance", "1e-18"),
           codes=(TOO_ROUGH,)),
+    Fault(77, "nearly coincident rows", brick("u^9"), codes=(0, NO_SOLID)),
+    Fault(78, "ball with three collapsed sides and a seam", brick(*_BALL), codes=(0,)),
+    Fault(80, "degree above the kernel's", brick(z="w*(1+u^30)"), codes=(0,), seconds=5),
+    Fault(80, "degree asked for above the kernel's", brick(), ("--degree", "26"),
+          words=("from 2 to 13",)),
 ]  # fmt: skip

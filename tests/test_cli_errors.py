@@ -197,6 +197,11 @@ def test_the_template_is_not_overwritten(folder, capsys):
     assert "the template" in refused(["build", "t.step", "-o", "./t.step"], 2, capsys)
 
 
+def test_outputs_that_are_one_file_are_told_before_the_work(folder, capsys):
+    (folder / "b.step").symlink_to("a.step")
+    assert "same file" in refused(["build", "pyramid", "-o", "a.step", "-o", "b.step"], 2, capsys)
+
+
 def test_an_existing_file_survives_a_failed_build(folder, capsys):
     (folder / "a.step").write_text("old")
     (folder / "t.toml").write_text(simplex(height="0"))

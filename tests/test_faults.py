@@ -25,7 +25,14 @@ def _loaded(tmp_path_factory: pytest.TempPathFactory) -> None:
     main(["build", "pyramid", "-o", str(folder / "p.step"), "--quiet"])
 
 
-@pytest.mark.parametrize("fault", CORPUS, ids=str)
+#: what takes long is real work and tried seldom
+CASES = [
+    pytest.param(fault, marks=[pytest.mark.slow] if fault.seconds > 20 else [], id=str(fault))
+    for fault in CORPUS
+]
+
+
+@pytest.mark.parametrize("fault", CASES)
 def test_a_fault_is_one_sentence_and_no_file(
     fault: fault_corpus.Fault,
     tmp_path: Path,
@@ -52,6 +59,21 @@ def test_a_fault_is_one_sentence_and_no_file(
             assert word in err
         assert os.listdir() == ["t.toml"], "nothing half-written, nothing executed"
     assert spent < fault.seconds, err
+
+
+def test_every_fault_of_the_list_has_its_line_and_its_test() -> None:
+    tests = Path(__file__).parent
+    text = (tests.parent / "docs" / "faults.md").read_text()
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    lines = [cells for cells in lines if cells[0].isdigit()]
+    assert [int(cells[0]) for cells in lines] == list(range(1, 133))
+    numbers = {fault.number for fault in CORPUS}
+    for number, *_, test in lines:
+        if "fault_corpus.py" in test:
+            assert int(number) in numbers, number
+        elif not test.startswith("none"):
+            file, _, name = test.strip("`").partition("::")
+            assert f"\ndef {name}(" in (tests / file).read_text(), test
 
 
 def test_two_builds_into_one_file_leave_one_whole_file(tmp_path: Path) -> None:

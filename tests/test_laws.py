@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
+import subprocess
+import sys
 from fractions import Fraction
 
 import numpy as np
@@ -315,3 +318,31 @@ U, P = NAMES["u"], NAMES["p"]
 def test_printed_trees_read_back_as_the_same_tree(plan):
     tree, text, again = tree_and_its_reading(plan)
     assert again is tree, text
+
+
+# -- the same in every process ---------------------------------------------------------------------
+
+ORDERED = """
+import sys
+from pc2cad.equation.language import read_expression
+from pc2cad.equation.normal_form import normal_form
+from pc2cad.equation.tree import symbol
+kept = [bytearray(int(n)) for n in sys.argv[1:]]  # other addresses
+names = {n: symbol(n) for n in "uvw"}
+for text in ("sin(u)*cos(v)*w*exp(u*v)*(u+1/3)*sqrt(1+w^2)", "(u+sin(v)+cos(2*w)*exp(u))^3"):
+    form = normal_form(read_expression(text, names))
+    print([[(repr(a), e) for a, e in monomial] for monomial in form])
+"""
+
+
+def test_terms_have_the_same_order_in_every_process() -> None:
+    """Sums in another order round otherwise, and files would differ in their last digits."""
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", ORDERED, *sizes], capture_output=True, text=True, check=True,
+            env={**os.environ, "PYTHONHASHSEED": str(len(sizes))},
+        ).stdout
+        for sizes in ([], ["40", "999", "72"], [str(16 * n) for n in range(1, 400)])
+    }  # fmt: skip
+    assert len(found) == 1
+    assert next(iter(found))

@@ -154,3 +154,17 @@ def test_no_text_is_ever_evaluated() -> None:
 def test_sympy_is_loaded_by_its_bridge_only() -> None:
     using = {p.stem for p in PACKAGE.rglob("*.py") if "sympy" in {room(m) for m in imports(p)}}
     assert using == {"sympy_bridge"}
+
+
+def test_a_process_is_forked_while_it_is_small_or_not_at_all() -> None:
+    """A fork after the kernel has run hangs in it; clocks that are set would spoil durations."""
+    forking, clocks = set(), set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                name = f"{node.value.id}.{node.attr}"
+                forking |= {path.stem} if name in ("os.fork", "os.forkpty") else set()
+                clocks |= {path.stem} if name == "time.time" else set()
+        forking |= {path.stem} if "multiprocessing" in imports(path) else set()
+    assert forking == {"guard"}
+    assert clocks == set()

@@ -145,6 +145,25 @@ def test_a_worker_that_fails_loses_its_own_variant_only(tmp_path: Path) -> None:
     assert all(row["volume"] == pytest.approx(24 * row["p"], rel=1e-14) for row in built)
 
 
+def test_a_worker_is_replaced_after_so_many_jobs(tmp_path: Path) -> None:
+    answering = (
+        "import json, os, sys; print(json.dumps({'ready': 0}), flush=True)\n"
+        "for line in sys.stdin:\n"
+        "    key = json.loads(line)['job']['key']\n"
+        "    print(json.dumps({'key': key, 'status': 'built', 'figures': {'faces': os.getpid()}}),"
+        " flush=True)\n"
+    )
+
+    def engine(task: Task) -> LocalEngine:
+        return LocalEngine(task, 1, Limits(jobs=2), ("-c", answering))
+
+    values = [0.1, 0.2, 0.3, 0.4, 0.5]
+    result = run_study(plan(values), task(tmp_path), tmp_path, engine)
+    assert [row["status"] for row in result.rows] == ["built"] * 5
+    first, second, third, fourth, fifth = (row["faces"] for row in result.rows)
+    assert first == second != third == fourth != fifth != first
+
+
 def test_workers_that_cannot_start_end_the_study(tmp_path: Path) -> None:
     def engine(task: Task) -> LocalEngine:
         return LocalEngine(task, 1, Limits(), ("-c", "raise SystemExit(1)"))
@@ -323,6 +342,33 @@ def test_dask_gives_the_same_rows(tmp_path: Path) -> None:
     for a, b in zip(local.rows, shared.rows, strict=True):
         assert a["volume"] == b["volume"]
         assert (a["status"], a["reason"], a["step"]) == (b["status"], b["reason"], b["step"])
+
+
+@pytest.mark.slow
+def test_a_dask_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    values = [0.05 * i for i in range(1, 13)]
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        from pc2cad.studies.dask import DaskEngine
+
+        def engine(task: Task) -> DaskEngine:
+            return DaskEngine(task, cluster)
+
+        def kill(state: object) -> None:
+            if killed:
+                return
+            nanny = next(iter(cluster.workers.values()))
+            killed.append(nanny.process.pid)
+            os.kill(nanny.process.pid, signal.SIGKILL)
+
+        killed: list[int] = []
+        result = run_study(plan(values), task(tmp_path), tmp_path, engine, progress=kill)
+    assert killed
+    assert result.counts == {"built": 12}
+    lines = (tmp_path / "journal.jsonl").read_text().splitlines()[1:]
+    assert len({json.loads(line)["key"] for line in lines}) == len(lines) == 12
 
 
 def test_a_cluster_that_is_not_there_is_one_sentence(

@@ -53,7 +53,7 @@ from pc2cad.geometry.carriers import (
 def check_finite(values: Array, what: str) -> None:
     """Raise KernelError for nan or inf: the kernel accepts both and writes them into files."""
     if not np.isfinite(values).all():
-        raise KernelError(f"{what} has a coordinate that is not finite")
+        raise KernelError(f"{what} is not finite")
 
 
 def _point(p: Array) -> gp_Pnt:
@@ -93,6 +93,7 @@ def _spline_curve(carrier: SplineCurve) -> Geom_BSplineCurve:
     knots, multiplicities = _knots(carrier.knots)
     if carrier.weights is None:
         return Geom_BSplineCurve(poles, knots, multiplicities, carrier.degree, False)
+    check_finite(carrier.weights, "an edge's weight")
     weights = TColStd_Array1OfReal(1, len(carrier.weights))
     for i, weight in enumerate(carrier.weights.tolist(), start=1):
         weights.SetValue(i, weight)
@@ -173,6 +174,7 @@ def _(carrier: SplineSurface) -> Geom_Surface:
     spaces = (knots_s, knots_t, counts_s, counts_t, *carrier.degrees, False, False)
     if carrier.weights is None:
         return Geom_BSplineSurface(poles, *spaces)
+    check_finite(carrier.weights, "a face's weight")
     weights = TColStd_Array2OfReal(1, rows, 1, columns)
     for i, line in enumerate(carrier.weights.tolist(), start=1):
         for j, weight in enumerate(line, start=1):

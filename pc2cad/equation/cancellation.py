@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from pc2cad.equation.identity import ROUNDING, seems_constant
-from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form, ordered
 from pc2cad.equation.products import product_of, products
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.sums import cancel_terms
@@ -349,13 +349,13 @@ def _times(a: Monomial, b: Monomial) -> Monomial:
     powers = dict(a)
     for atom, exponent in b:
         powers[atom] = powers.get(atom, 0) + exponent
-    return _ordered(powers)
+    return ordered(powers)
 
 
 def _less(monomial: Monomial, atom: Expr, exponent: int) -> Monomial:
     powers = dict(monomial)
     powers[atom] -= exponent
-    return _ordered(powers)
+    return ordered(powers)
 
 
 def _over(top: Monomial, bottom: Monomial) -> Monomial | None:
@@ -364,18 +364,13 @@ def _over(top: Monomial, bottom: Monomial) -> Monomial | None:
         if powers.get(atom, 0) < exponent:
             return None
         powers[atom] -= exponent
-    return _ordered(powers)
+    return ordered(powers)
 
 
 def _halved(monomial: Monomial) -> Monomial | None:
     if any(exponent % 2 for _, exponent in monomial):
         return None
-    return _ordered({atom: exponent // 2 for atom, exponent in monomial})
-
-
-def _ordered(powers: dict[Expr, int]) -> Monomial:
-    """Return a monomial in the order that normal forms keep."""
-    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda item: id(item[0])))
+    return ordered({atom: exponent // 2 for atom, exponent in monomial})
 
 
 def _tree(form: NormalForm) -> Expr:

@@ -107,7 +107,7 @@ def _join(left: Monomial, right: Monomial) -> list[tuple[Monomial, int]]:
     for atom in list(exponents):
         if atom.op == "sin":
             terms = [piece for term in terms for piece in _without_square(term, atom)]
-    return [(_ordered(powers), factor) for powers, factor in terms]
+    return [(ordered(powers), factor) for powers, factor in terms]
 
 
 def _without_square(
@@ -127,8 +127,9 @@ def _cosine(angle: Expr) -> Expr:
     return call("cos", angle)  # finds the angle's own normal form each time
 
 
-def _ordered(powers: dict[Expr, int]) -> Monomial:
-    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda item: id(item[0])))
+def ordered(powers: dict[Expr, int]) -> Monomial:
+    """Return the monomial of powers, in the order that normal forms keep."""
+    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda item: item[0].rank))
 
 
 def is_identically_zero(root: Expr) -> bool:

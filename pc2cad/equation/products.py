@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
+from pc2cad.equation.normal_form import ordered
 from pc2cad.equation.tree import ONE, ZERO, Expr, div, number, power, walk
 
 #: a product of whole powers of trees in the other parameters, in a fixed order
@@ -120,6 +121,6 @@ def _product(a: dict[Factors, Expr], b: dict[Factors, Expr]) -> dict[Factors, Ex
             powers = dict(left)
             for atom, exponent in right:
                 powers[atom] = powers.get(atom, 0) + exponent
-            factors = tuple(sorted(powers.items(), key=lambda item: id(item[0])))
+            factors = ordered(powers)
             result[factors] = result.get(factors, ZERO) + p * q
     return {f: c for f, c in result.items() if c is not ZERO}

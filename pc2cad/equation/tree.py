@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 from weakref import WeakValueDictionary
+from zlib import crc32
 
 from pc2cad.errors import InputError
 
@@ -54,11 +55,14 @@ class Expr:
     (a piecewise polynomial, see `pieces`). Build nodes with the functions below, never directly.
     """
 
-    __slots__ = ("__weakref__", "args", "op", "payload", "symbols")
+    __slots__ = ("__weakref__", "args", "op", "payload", "rank", "symbols")
 
     op: str
     args: tuple[Expr, ...]
     payload: Any
+    #: what orders nodes: from the content alone, so that every process sums and multiplies in the
+    #: same order and rounds the same way; addresses would not
+    rank: int
     symbols: frozenset[str]
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -119,7 +123,10 @@ def _make(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
         for arg in args:
             if not arg.symbols <= symbols:
                 symbols |= arg.symbols
-        for name, value in (("op", op), ("args", args), ("payload", payload), ("symbols", symbols)):
+        rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
+        for name, value in (
+            ("op", op), ("args", args), ("payload", payload), ("rank", rank), ("symbols", symbols)
+        ):  # fmt: skip
             object.__setattr__(node, name, value)
         _interned[key] = node
     return node

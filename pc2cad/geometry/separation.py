@@ -185,7 +185,8 @@ def _parts(argument: Expr) -> list[Expr] | None:
 
 
 def _axis(forms: Iterable[NormalForm], name: str) -> Axis:
-    atoms = {atom for form in forms for m in form for atom, _ in m if name in atom.symbols}
+    # a dictionary, not a set: which argument is the first must not depend on addresses
+    atoms = {atom: None for form in forms for m in form for atom, _ in m if name in atom.symbols}
     if all(atom.op == "symbol" for atom in atoms):
         return Axis(name, "power")
     if all(atom.op in ("sin", "cos") for atom in atoms):
