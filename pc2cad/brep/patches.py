@@ -152,11 +152,14 @@ class _Patch:
         panels = np.stack((panels[:-1], panels[1:]), axis=1)
         done: list[tuple[Array, Array]] = []
         sizes: Array | float = 0.0
+        reach = np.sqrt((self.poles[..., :3] ** 2).sum(axis=-1)).max()
         for depth in range(DEEPEST):
             orders = _ORDERS if depth == 0 else _ORDERS[1:]
             found = self._panel_sums(direction, panels, lines, orders)
             sizes = np.maximum(sizes, np.abs(found[-1]).sum(axis=0))
-            scale = np.where(sizes > 0, sizes, 1.0)
+            # lines near a pole add little: what counts is the largest
+            volume, area = np.max(sizes, axis=0)[:2]
+            scale = np.array([volume, area, *[volume * reach] * 3]) + np.finfo(float).tiny
             gaps = [(np.abs(sums - found[-1]) / scale).max(axis=(1, 2)) for sums in found[:-1]]
             if depth == 0 and gaps[0].max() <= accuracy:
                 return _gauss(panels, _ORDERS[0])
@@ -177,7 +180,7 @@ class _Patch:
     def _panel_sums(
         self, direction: int, panels: Array, lines: Array, orders: tuple[int, ...]
     ) -> list[Array]:
-        """Return ∫ r·n, ∫ |n| along each line over each panel, (panels, lines, 2) per order."""
+        """Return the integrands of `flux` along each line over each panel, (panels, lines, 5)."""
         rules = [_gauss(panels, order) for order in orders]
         nodes = np.concatenate([rule[0] for rule in rules])
         order = np.argsort(nodes)
@@ -185,14 +188,15 @@ class _Patch:
             points, normals = self._jet(nodes[order], lines)
         else:
             points, normals = (x.transpose(1, 0, 2) for x in self._jet(lines, nodes[order]))
-        values = np.empty((len(nodes), len(lines), 2))
+        values = np.empty((len(nodes), len(lines), 5))
         values[order, :, 0] = np.einsum("ijk,ijk->ij", points, normals)
         values[order, :, 1] = np.sqrt(np.einsum("ijk,ijk->ij", normals, normals))
+        values[order, :, 2:] = points**2 * normals
         sums, start = [], 0
         for rule, count in zip(rules, orders, strict=True):
             end = start + len(rule[0])
             part = values[start:end] * rule[1][:, None, None]
-            sums.append(part.reshape(len(panels), count, len(lines), 2).sum(axis=1))
+            sums.append(part.reshape(len(panels), count, len(lines), 5).sum(axis=1))
             start = end
         return sums
 
