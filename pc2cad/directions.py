@@ -52,23 +52,27 @@ class CellFunction:
 
     def __call__(self, *local: Array) -> Array:
         """Return M on the product of the local parameter arrays: shape (len, …, 3)."""
-        free = iter(local)
-        places = []
-        for d in range(3):
-            low, high = self.analysis.span(d, self.cell[d])
-            places.append(low + (high - low) * next(free) if self.cell[d] % 2 else np.array([low]))
-        values = self.analysis.map.points(*open_grid(*places))
+        places = self._places(local)
+        values = self.analysis.map.points(*open_grid(*(np.atleast_1d(x) for x in places)))
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
         return np.asarray(values[keep])
 
     def at(self, *local: Array) -> Array:
         """Return M at places given by broadcastable local parameters: shape broadcast + (3,)."""
+        return self.analysis.map.points(*self._places(local))
+
+    def shown(self, *local: float) -> str:
+        """Return a place as the equation's own parameters, for a message."""
+        return self.analysis.map.shown(float(x) for x in self._places(local))
+
+    def _places(self, local: Sequence[Array | float]) -> list[Array]:
+        """Return local coordinates of the map."""
         free = iter(local)
-        places = []
-        for d in range(3):
-            low, high = self.analysis.span(d, self.cell[d])
-            places.append(low + (high - low) * next(free) if self.cell[d] % 2 else np.array(low))
-        return self.analysis.map.points(*places)
+        spans = (self.analysis.span(d, position) for d, position in enumerate(self.cell))
+        return [
+            np.asarray(low + (high - low) * next(free) if position % 2 else low)
+            for (low, high), position in zip(spans, self.cell, strict=True)
+        ]
 
     @cached_property
     def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:

@@ -89,8 +89,8 @@ def _zero_near(signs: Signs, sign: int, place: Array) -> str:
     if float(sign * signs.see(*place)) >= 100 * ROUNDING:
         return ""
     return (
-        f"det J vanishes inside the box, near {signs.shown(place)}, without changing its sign: the "
-        "solid is sound, but its parameters are singular there"
+        f"det J vanishes inside the box, near {signs.mapping.shown(place)}, without changing its "
+        "sign: the solid is sound, but its parameters are singular there"
     )
 
 
@@ -123,7 +123,7 @@ class Signs:
     """Watches the extremes of det J / |M_u||M_v||M_w| wherever the map is looked at."""
 
     def __init__(self, mapping: Mapping3) -> None:
-        self._mapping = mapping
+        self.mapping = mapping
         #: largest value of +sine and of -sine seen
         self.extremes = {1: 0.0, -1: 0.0}
         self._places: dict[int, Array] = {}
@@ -135,7 +135,7 @@ class Signs:
 
     def see(self, u: Array, v: Array, w: Array) -> Array:
         """Look at broadcastable places; return the quotient there (nan where M has no tangent)."""
-        tangents = self._mapping.tangents((0, 1, 2), u, v, w)
+        tangents = self.mapping.tangents((0, 1, 2), u, v, w)
         return self.note(tangents, (u, v, w))[2]
 
     def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
@@ -168,10 +168,10 @@ class Signs:
         if min(self.extremes.values()) > ROUNDING:
             minor = 1 if self.extremes[1] < self.extremes[-1] else -1
             place = self._places[minor]
-            point = self._mapping.points(*place)
+            point = self.mapping.points(*place)
             raise FoldedMapError(
                 "det J changes its sign: the map folds the solid over itself near "
-                f"{self.shown(place)}, at ({', '.join(f'{x:.6g}' for x in point)}); "
+                f"{self.mapping.shown(place)}, at ({', '.join(f'{x:.6g}' for x in point)}); "
                 f"{self._advice(-minor)}"
             )
 
@@ -182,24 +182,17 @@ class Signs:
         for d, name in enumerate(PARAMETERS):
             axes = [coarse] * 3
             axes[d] = fine
-            tangents = self._mapping.tangents((0, 1, 2), *open_grid(*axes))
+            tangents = self.mapping.tangents((0, 1, 2), *open_grid(*axes))
             lines = np.moveaxis(sign * self.note(tangents, open_grid(*axes))[2], d, 0)
             bad = np.nan_to_num(lines, nan=-1.0) < -ROUNDING
             reach = int(bad.any(axis=(1, 2)).argmax())
             back = int(bad[::-1].any(axis=(1, 2)).argmax())
             if reach > 1:
-                found.append(f"{name} up to about {self._mapping.value(d, fine[reach - 1]):.3g}")
+                found.append(f"{name} up to about {self.mapping.value(d, fine[reach - 1]):.3g}")
             elif back > 1:
-                found.append(f"{name} from about {self._mapping.value(d, 1 - fine[back - 1]):.3g}")
+                found.append(f"{name} from about {self.mapping.value(d, 1 - fine[back - 1]):.3g}")
         wall = "a thinner wall or a smaller section may be valid"
         return f"it keeps its sign for {' or for '.join(found)}; {wall}" if found else wall
-
-    def shown(self, place: Array) -> str:
-        """Return a place in local coordinates as the equation's own parameters."""
-        return ", ".join(
-            f"{name} = {self._mapping.value(d, float(place[d])):.4g}"
-            for d, name in enumerate(PARAMETERS)
-        )
 
 
 def _determinant(a: Array, b: Array, c: Array) -> Array:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis, analyse
 from pc2cad.contact import Contact, find_contact
+from pc2cad.continuity import check_continuous
 from pc2cad.equation.normal_form import split_turns
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.scalar import evaluate
@@ -62,8 +63,9 @@ class Injectivity:
 
 
 def check_injective(analysis: Analysis) -> Injectivity:
-    """Return how injectivity was checked; raise OverlappingMapError or ShellsNotNestedError."""
+    """Return how injectivity was checked; raise a NotASolidError where it fails."""
     sheets = cut(analysis)
+    check_continuous(analysis, sheets)
     found = find_contact(analysis, sheets)
     if isinstance(found, Contact):
         raise OverlappingMapError(_met(analysis, sheets, found))
@@ -170,15 +172,10 @@ class _Mesh:
 
 def _met(analysis: Analysis, sheets: Sequence[Sheet], contact: Contact) -> str:
     """Say where the boundary meets itself, and what would mend it."""
-    places = []
-    for face, local in zip(contact.faces, contact.places, strict=True):
-        cell, free = sheets[face].function.cell, iter(local)
-        shown = []
-        for d, name in enumerate(PARAMETERS):
-            low, high = analysis.span(d, cell[d])
-            x = low + (high - low) * next(free) if cell[d] % 2 else low
-            shown.append(f"{name} = {analysis.map.value(d, x):.4g}")
-        places.append(", ".join(shown))
+    places = [
+        sheets[face].function.shown(*local)
+        for face, local in zip(contact.faces, contact.places, strict=True)
+    ]
     point = ", ".join(f"{x:.6g}" for x in contact.point)
     first, second = (sheets[face] for face in contact.faces)
     return (
@@ -208,9 +205,7 @@ def _missed_seam(analysis: Analysis, one: Sheet, other: Sheet) -> str:
 
 
 def _refuse(analysis: Analysis, place: list[float], point: Array, number: int) -> None:
-    shown = ", ".join(
-        f"{name} = {analysis.map.value(d, place[d]):.4g}" for d, name in enumerate(PARAMETERS)
-    )
+    shown = analysis.map.shown(place)
     kind = "lies outside its own boundary" if number == 0 else f"is covered {abs(number)} times"
     raise OverlappingMapError(
         f"the map covers itself: the image ({', '.join(f'{x:.6g}' for x in point)}) of {shown} "

@@ -7,7 +7,7 @@ parameter is evaluated once per value of that parameter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -63,6 +63,11 @@ class Mapping3:
     def value(self, direction: int, local: float) -> float:
         """Return the equation's own parameter at a local coordinate of one direction."""
         return evaluate(self.parameters[direction], {PARAMETERS[direction]: local})
+
+    def shown(self, place: Iterable[float]) -> str:
+        """Return a place in local coordinates as the equation's own parameters, for a message."""
+        rows = zip(PARAMETERS, range(3), place, strict=True)
+        return ", ".join(f"{name} = {self.value(d, float(x)):.4g}" for name, d, x in rows)
 
     def values(self, direction: int, local: ArrayLike) -> Array:
         """Return the equation's own parameter at local coordinates of one direction (an array)."""

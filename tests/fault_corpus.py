@@ -217,7 +217,7 @@ MAPS = [
           codes=(NO_SOLID, TOO_ROUGH), seconds=10),
     Fault(74, "kink", brick("u", "v", "w*(1+abs(u-0.3137))"), codes=(TOO_ROUGH, 0), seconds=10),
     Fault(74, "jump", brick("u", "v", "w + atan2(v-0.5, u-0.5)"),
-          codes=(NO_SOLID, TOO_ROUGH), seconds=30),
+          codes=(NO_SOLID,), seconds=10),
     Fault(75, "spike", brick("u", "v", "w*(1+1/(1e-9+(u-0.37)^2))"),
           codes=(NO_SOLID, TOO_ROUGH, FAILED), seconds=10),
     Fault(76, "tolerance out of reach", brick(z="w*(2+sin(9*u*v))"), ("--tolerance", "1e-18"),

@@ -12,6 +12,7 @@ from test_quadrature import step_length
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
+from pc2cad.continuity import DiscontinuousMapError
 from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, NotASolidError, PointCadError, ToleranceNotReachedError
 from pc2cad.library import template_paths
@@ -216,6 +217,18 @@ BROKEN = {
     "tangent": (U, V, W * (2 + pc.tan(3 * U))),
     "step": (U, V, W + (U - 0.4567) / abs(U - 0.4567)),
 }
+
+
+@pytest.mark.parametrize(("name", "place"), [("jump", "v = 0.5123"), ("step", "u = 0.4567")])
+def test_a_jump_is_named_with_its_place(name, place):
+    with pytest.raises(DiscontinuousMapError, match=place):
+        pc.compile_part(BROKEN[name])
+
+
+def test_a_steep_place_is_no_jump():
+    steep = U + pc.tanh(10**7 * (V - Fraction(1, 3))) / 100
+    with pytest.raises(ToleranceNotReachedError):
+        pc.compile_part((steep, V, W))
 
 
 @pytest.mark.parametrize("name", BROKEN)

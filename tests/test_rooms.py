@@ -45,8 +45,10 @@ ALLOWED = {
     "sheets": {"analysis", "directions", "equation", "geometry", "topology", "winding", "numpy"},
     "blocks": {"sheets", "topology", "numpy"},
     "contact": {"analysis", "blocks", "sheets", "numpy"},
+    "continuity": {"analysis", "errors", "sheets", "numpy"},
     "injectivity": {
-        "analysis", "contact", "equation", "errors", "mapping", "sheets", "winding", "numpy",
+        "analysis", "contact", "continuity", "equation", "errors", "mapping", "sheets", "winding",
+        "numpy",
     },
     "certificate": {"certificate", "enclosure", "equation", "geometry", "mapping", "numpy"},
     "solidity": {"analysis", "equation", "injectivity"},
