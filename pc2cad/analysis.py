@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from pc2cad.equation.breaks import Break, find_breaks
 from pc2cad.equation.identity import Verdict
 from pc2cad.equation.normal_form import is_identically_zero
-from pc2cad.equation.point_equation import PARAMETERS, PointEquation
+from pc2cad.equation.point_equation import PARAMETERS, LayersError, PointEquation
 from pc2cad.equation.tree import Expr, number, substitute, symbol
 from pc2cad.errors import NotASolidError
 from pc2cad.folding import handedness
 from pc2cad.mapping import Mapping3, local_map, open_grid
 from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
 from pc2cad.topology.complex import BoundaryComplex
-from pc2cad.topology.quotient import derive_boundary
+from pc2cad.topology.quotient import derive_boundary, derive_layers
 
 Array = NDArray[np.float64]
 
@@ -48,6 +48,8 @@ class Analysis:
     #: ascending limits of the pieces of each direction: 0, creases, 1
     bounds: tuple[tuple[float, ...], ...]
     boundary: BoundaryComplex
+    #: the same with the faces between layers; the boundary itself where there are none
+    complex: BoundaryComplex
     #: diagonal of the box round the boundary's samples, model units
     size: float
     #: largest absolute coordinate among them
@@ -82,12 +84,28 @@ def analyse(equation: PointEquation) -> Analysis:
         breaks,
         bounds,
         boundary,
+        _layered(equation, boundary, questions),
         questions.size,
         questions.magnitude,
         handed.sign,
         handed.verdict,
         (handed.warning,) if handed.warning else (),
     )
+
+
+def _layered(
+    equation: PointEquation, boundary: BoundaryComplex, questions: MapQuestions
+) -> BoundaryComplex:
+    """Return the boundary with the faces between the layers; raise LayersError."""
+    count, found = len(equation.layers), len(boundary.labels[2]) - 1
+    if not count:
+        return boundary
+    if found != count:
+        raise LayersError(
+            f"there are {count} layers ({', '.join(equation.layers)}), and M has {found - 1} "
+            "creases in w between them; layers lie at depth(w)"
+        )
+    return derive_layers(boundary, questions)
 
 
 def _labels(equation: PointEquation, bounds: tuple[tuple[float, ...], ...]) -> Labels:

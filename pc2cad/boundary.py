@@ -29,11 +29,11 @@ from pc2cad.geometry.profile import COMPACT, SplineProfile
 from pc2cad.geometry.rational import edge_deviation, face_deviation, fit_edge, fit_face
 from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
 from pc2cad.laying import axis_of, sides_on, whole_square
-from pc2cad.model import BoundaryModel, ModelEdge, ModelFace
+from pc2cad.model import BoundaryModel, Layer, ModelEdge, ModelFace
 from pc2cad.planar import coplanar_groups, join_straight_edges, plane_face
 from pc2cad.proof import prove_edge, prove_face
 from pc2cad.topology.cells import directions_of, outward_sign
-from pc2cad.topology.complex import EdgeUse
+from pc2cad.topology.complex import EdgeUse, Shell
 
 Array = NDArray[np.float64]
 
@@ -57,15 +57,38 @@ def represent(
     tolerance = check_tolerance(analysis, tolerance)
     work = _Representation(analysis, tolerance, _rounding(analysis), profile)
     edges, faces = work.carriers()
-    shells = [
-        tuple(i for i, face in enumerate(faces) if face.cells[0] in shell.faces)
-        for shell in analysis.boundary.shells
-    ]
+    boundary = analysis.complex
+    shells = [_faces_of(shell, faces) for shell in boundary.shells]
     shells.insert(0, shells.pop(outer_shell))
+    layers = tuple(
+        _layer(name, index, boundary.layers[index], work, faces)
+        for index, name in enumerate(analysis.equation.layers)
+    )
     return BoundaryModel(
-        analysis.boundary, work.vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
-        analysis.size,
+        boundary, work.vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
+        analysis.size, layers,
     )  # fmt: skip
+
+
+def _faces_of(shell: Shell, faces: list[ModelFace]) -> tuple[int, ...]:
+    return tuple(i for i, face in enumerate(faces) if face.cells[0] in shell.faces)
+
+
+def _layer(
+    name: str, index: int, shells: tuple[Shell, ...], work: _Representation, faces: list[ModelFace]
+) -> Layer:
+    """Return a layer: the widest of its shells is the outer one."""
+    ordered = sorted(shells, key=lambda shell: -max(work.extent(f) for f in shell.faces))
+    cells = work.boundary.faces
+    enclosed = work.boundary.enclosed
+    # a face between two layers is made as the upper side of the lower one
+    upside_down = [
+        face.cells[0] in enclosed and cells[face.cells[0]].patch[2] == 2 * index for face in faces
+    ]
+    members = tuple(
+        tuple((i, upside_down[i]) for i in _faces_of(shell, faces)) for shell in ordered
+    )
+    return Layer(name, members, sum(shell.euler for shell in shells))
 
 
 def check_tolerance(
@@ -104,13 +127,13 @@ class _Representation:
         self._analysis = analysis
         self._tolerance = tolerance
         self._rounding = rounding
-        self._boundary = analysis.boundary
+        self.boundary = analysis.complex
         self._profile = profile
         self._faces = [
-            CellFunction(analysis, face.patch, profile.exact) for face in self._boundary.faces
+            CellFunction(analysis, face.patch, profile.exact) for face in self.boundary.faces
         ]
         self._edges = [
-            CellFunction(analysis, edge.cell, profile.exact) for edge in self._boundary.edges
+            CellFunction(analysis, edge.cell, profile.exact) for edge in self.boundary.edges
         ]
         self._planes = [self._plane(function) for function in self._faces]
         self._laid = [
@@ -121,7 +144,7 @@ class _Representation:
         self._classes = DirectionClasses(analysis, profile.degrees)
         self._bound, self._courses = self._settle()
         self.vertices = np.array([
-            CellFunction(analysis, vertex.corners[0])() for vertex in self._boundary.vertices
+            CellFunction(analysis, vertex.corners[0])() for vertex in self.boundary.vertices
         ])  # fmt: skip
 
     def carriers(self) -> tuple[list[ModelEdge], list[ModelFace]]:
@@ -129,14 +152,14 @@ class _Representation:
         for _ in range(TRIES):
             self._courses.resolve(target, self._rounding)
             edges = [self._edge(i) for i in range(len(self._edges))]
-            groups = coplanar_groups(self._boundary, [p and p[0] for p in self._planes])
+            groups = coplanar_groups(self.boundary, [p and p[0] for p in self._planes])
             faces = [self._face(group, edges) for group in groups]
             worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
                 edges, faces = self._proved(edges, faces)
                 worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
                 if worst <= self._tolerance:
-                    return join_straight_edges(self._boundary, edges, faces)
+                    return join_straight_edges(self.boundary, edges, faces)
             target *= 0.8 * min(1.0, SAMPLED_SHARE * self._tolerance / worst)
         raise ToleranceNotReachedError(
             f"the faces deviate by {worst:.3g} from the equation where {self._tolerance:.3g} was "
@@ -163,6 +186,11 @@ class _Representation:
         if isinstance(face.carrier, SplineSurface):
             courses = [self._courses.course(Strand(functions[0], axis)) for axis in (0, 1)]
         return prove_face(face, functions, courses, self._rounding, self._known)
+
+    def extent(self, face: int) -> float:
+        """Return the diagonal of the box round samples of a face."""
+        nodes = _irrational(9)
+        return float(np.linalg.norm(np.ptp(self._faces[face](nodes, nodes), axis=(0, 1))))
 
     # -- what a face lies on -------------------------------------------------------------------
 
@@ -228,8 +256,8 @@ class _Representation:
     def _is_bound(self, edge: int) -> bool:
         """Say whether a face at the edge asks for the equation's parameter along it."""
         return any(
-            self._is_parametric(face, axis_of(self._boundary.faces[face].uses.index(use)))
-            for face, use in self._boundary.edge_uses()[edge]
+            self._is_parametric(face, axis_of(self.boundary.faces[face].uses.index(use)))
+            for face, use in self.boundary.edge_uses()[edge]
         )
 
     def _settle(self) -> tuple[list[bool], Courses]:
@@ -242,7 +270,7 @@ class _Representation:
             courses = Courses(self._classes, self._strands(bound), self._profile)
             rough = {
                 face
-                for edge, uses in self._boundary.edge_uses().items()
+                for edge, uses in self.boundary.edge_uses().items()
                 if bound[edge] and not self._holds(edge, courses)
                 for face, _ in uses
                 if self._laid[face] is not None
@@ -257,7 +285,7 @@ class _Representation:
         return self._is_straight(function) or courses.exact(Strand(function, 0)) is not None
 
     def _strands(self, bound: list[bool]) -> list[Strand]:
-        uses = self._boundary.edge_uses()
+        uses = self.boundary.edge_uses()
         edges = [
             Strand(function, 0, bound[i], any(self._laid[face] for face, _ in uses[i]))
             for i, function in enumerate(self._edges)
@@ -273,7 +301,7 @@ class _Representation:
     # -- edges ---------------------------------------------------------------------------------
 
     def _edge(self, index: int) -> ModelEdge:
-        function, edge = self._edges[index], self._boundary.edges[index]
+        function, edge = self._edges[index], self.boundary.edges[index]
         ends = self.vertices[edge.start], self.vertices[edge.end]
         if not self._bound[index]:
             simple = self._simple_edge(function)
@@ -310,12 +338,12 @@ class _Representation:
 
     def _face(self, group: tuple[int, ...], edges: list[ModelEdge]) -> ModelFace:
         index = group[0]
-        function, cell = self._faces[index], self._boundary.faces[index]
-        name = self._boundary.name(cell.patch)
+        function, cell = self._faces[index], self.boundary.faces[index]
+        name = self.boundary.name(cell.patch)
         inward = self._sign(cell.patch) < 0
         flat, laid = self._planes[index], self._laid[index]
         if flat is not None:
-            return plane_face(group, flat, self._boundary, inward, edges)
+            return plane_face(group, flat, self.boundary, inward, edges)
         if laid is not None:
             arcs = [self._courses.arcs(piece) for piece in function.pieces]
             sides = sides_on(laid, cell.uses, edges, arcs)

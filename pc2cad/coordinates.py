@@ -101,7 +101,8 @@ class _System:
         self._taken = {p.name for p in template.parameters} | {d.name for d in template.lets}
         self._names: dict[str, Value] = {p.name: symbol(p.name) for p in template.parameters}
         self._names |= {p: symbol(p) for p in PARAMETER_NAMES}
-        self._curves = {name: self._curve(name, 0) for name in template.curves}
+        functions = [*template.curves, *(["depth"] if template.layers else [])]
+        self._curves = {name: self._curve(name, 0) for name in functions}
         #: scalars of [let] as trees, to be seen through where weights must be added up
         self._scalars: dict[str, Expr] = {}
         for definition in (*template.points, *template.carried):

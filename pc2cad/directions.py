@@ -123,7 +123,7 @@ class DirectionClasses:
         self._degrees = degrees
         self._owner: dict[Piece, Piece] = {}
         self._symmetric: set[Piece] = set()
-        for edge in analysis.boundary.edges:
+        for edge in analysis.complex.edges:
             first, *others = edge.members
             for member in others:
                 self._join(_piece(first.cell), _piece(member.cell), member.reverse != first.reverse)

@@ -100,7 +100,8 @@ class _Channel:
         self._guide = Program((*N, *first))
         breaks = find_breaks((*M, *N))
         self._axes = [_axis([b.position for b in row]) for row in breaks]
-        self._axes[2] = np.array([0.0, 0.5, 1.0])
+        across = [0.0, *(b.position for b in breaks[2] if 0 < b.position < 1), 1.0]
+        self._axes[2] = np.unique([*across, *((a + b) / 2 for a, b in pairwise(across))])
 
     # -- values over the box ------------------------------------------------------------------
 

@@ -69,6 +69,21 @@ class ModelFace:
 
 
 @dataclass(frozen=True, eq=False)
+class Layer:
+    """One of several solids of a part, which share the faces between them."""
+
+    name: str
+    #: the faces of each shell, the outer one first: index, and whether the face is turned round
+    shells: tuple[tuple[tuple[int, bool], ...], ...]
+    euler: int
+
+    @property
+    def faces(self) -> tuple[int, ...]:
+        """All its faces."""
+        return tuple(index for shell in self.shells for index, _ in shell)
+
+
+@dataclass(frozen=True, eq=False)
 class BoundaryModel:
     """The boundary of the solid with coordinates: what the kernel is asked to build."""
 
@@ -80,6 +95,13 @@ class BoundaryModel:
     shells: tuple[tuple[int, ...], ...]
     tolerance: float
     size: float
+    #: the solids that the part consists of, from w = 0 up; none where it is one
+    layers: tuple[Layer, ...] = ()
+
+    @property
+    def outer(self) -> tuple[int, ...]:
+        """The faces of the outer boundary: all but those between layers."""
+        return tuple(sorted(face for shell in self.shells for face in shell))
 
     def creases(self) -> set[int]:
         """Return the edges between two different faces (seams are left out)."""

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pc2cad.brep.build import BuiltSolid
 from pc2cad.equation.point_equation import PointEquation
-from pc2cad.export.model import Exportable, ExportOptions, GeometricProperties, NamedFace
+from pc2cad.export.model import (
+    Exportable,
+    ExportOptions,
+    GeometricProperties,
+    NamedFace,
+    NamedSolid,
+)
 from pc2cad.export.registry import write
 from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.report import Integrals, Report
@@ -46,8 +52,13 @@ class Part:
 
     @property
     def faces(self) -> dict[str, TopoDS_Face]:
-        """The kernel's faces by the name of their side."""
-        return {f.name: k for f, k in zip(self.model.faces, self.built.faces, strict=True)}
+        """The kernel's faces by the name of their side, without those between layers."""
+        return {self.model.faces[i].name: self.built.faces[i] for i in self.model.outer}
+
+    @property
+    def layers(self) -> dict[str, TopoDS_Solid]:
+        """The solids of a part in layers by name; they share the faces between them."""
+        return {x.name: s for x, s in zip(self.model.layers, self.built.layers, strict=True)}
 
     def to_cadquery(self) -> Any:
         """Return the solid as a `cadquery.Solid` (imports CadQuery)."""
@@ -134,15 +145,19 @@ class Part:
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""
+        named = [
+            NamedFace(face.name, kernel, self._colour(face) if colours else None)
+            for face, kernel in zip(self.model.faces, self.built.faces, strict=True)
+        ]
+        outer = self.model.outer
         return Exportable(
             solid=self.built.solid,
             name=self.equation.title or self.equation.name,
             description=self.equation.about.strip(),
             units=self.equation.units,
-            faces=tuple(
-                NamedFace(face.name, kernel, self._colour(face) if colours else None)
-                for face, kernel in zip(self.model.faces, self.built.faces, strict=True)
-            ),
+            faces=tuple(f for i, f in enumerate(named) if i in outer),
+            interfaces=tuple(f for i, f in enumerate(named) if i not in outer),
+            layers=tuple(NamedSolid(*item) for item in self.layers.items()),
             properties=GeometricProperties(
                 self.report.equation.volume,
                 self.report.equation.area,

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
 from pc2cad.geometry.carriers import Arc, Evidence, Line, Plane
 from pc2cad.model import ModelEdge, ModelFace, Wire
-from pc2cad.topology.cells import Cell, normal_direction
+from pc2cad.topology.cells import DIRECTIONS, Cell, cell_name, normal_direction
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 #: planes that differ by less (as an angle) are one: what a least-squares fit of samples leaves
@@ -23,7 +24,10 @@ SAME_PLANE = 1e-10
 def coplanar_groups(
     boundary: BoundaryComplex, planes: Sequence[Plane | None]
 ) -> list[tuple[int, ...]]:
-    """Return the faces in groups: patches of one side that meet in an edge and share a plane."""
+    """Return the faces in groups: patches of one side that meet in an edge and share a plane.
+
+    Those of different layers stay apart.
+    """
     group = list(range(len(planes)))
 
     def find(i: int) -> int:
@@ -31,8 +35,12 @@ def coplanar_groups(
             i = group[i]
         return i
 
-    for uses in boundary.edge_uses().values():
-        (first, _), (second, _) = uses
+    pairs = (
+        pair
+        for uses in boundary.edge_uses().values()
+        for pair in combinations([face for face, _ in uses], 2)
+    )
+    for first, second in pairs:
         a, b = planes[first], planes[second]
         if a is None or b is None or not _same_side(boundary, first, second):
             continue
@@ -44,7 +52,7 @@ def coplanar_groups(
 
 def _same_side(boundary: BoundaryComplex, first: int, second: int) -> bool:
     a, b = boundary.faces[first].patch, boundary.faces[second].patch
-    return _side(a) == _side(b)
+    return _side(a) == _side(b) and (not boundary.layers or a[2] == b[2])
 
 
 def _side(patch: Cell) -> tuple[int, int]:
@@ -64,9 +72,7 @@ def plane_face(
     `inward`: M_s × M_t points into the solid there, so that the patches' walks turn round.
     """
     uses = tuple(use for index in group for use in boundary.faces[index].uses)
-    name = boundary.name(boundary.faces[group[0]].patch)
-    if len(group) > 1:
-        name = name.partition(" (")[0]
+    name = _name(group, boundary)
     counts = [use.edge for use in uses]
     walk = [
         (use.edge, use.forward != inward)
@@ -80,6 +86,20 @@ def plane_face(
         walk = [(edge, not forward) for edge, forward in walk]
     wires = _chains(walk, boundary, edges)
     return ModelFace(name, group, carrier, uses, wires, (), False, against, evidence, 0.0, 0)
+
+
+def _name(group: tuple[int, ...], boundary: BoundaryComplex) -> str:
+    """Return the name of a face of several patches: what they share tells them from others."""
+    patches = [boundary.faces[i].patch for i in group]
+    shared = [d for d in DIRECTIONS if len({patch[d] for patch in patches}) == 1]
+    same = [face for face in boundary.faces
+            if all(face.patch[d] == patches[0][d] for d in shared)]  # fmt: skip
+    if len(same) > len(group):
+        return boundary.name(patches[0])
+    d = normal_direction(patches[0])
+    every = [f for f in boundary.faces if _side(f.patch) == _side(patches[0])]
+    alone = [k for k in shared if k != d and len({face.patch[k] for face in every}) > 1]
+    return cell_name(patches[0], boundary.labels, [d, *alone])
 
 
 def join_straight_edges(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,10 @@ class Properties:
     relative_error: float
     #: how they were found
     source: str = QUADRATURE
+    #: of each layer: volume, and centroid
+    layers: tuple[tuple[float, tuple[float, float, float]], ...] = ()
+    #: area of each face between two layers, in the order of the complex
+    interface_areas: tuple[float, ...] = ()
 
 
 def integrate(analysis: Analysis) -> Properties:
@@ -75,22 +80,23 @@ def integrate(analysis: Analysis) -> Properties:
     signs = Signs(analysis.map)
     densities = _Densities(analysis, centre, signs)
     exact = _exact_rules(analysis)
+    layers: list[Array] = []
     if exact is not None:
         whole = exact
         moments, error = _total(densities.volume, [p.rule() for p in exact]), EXACT
     else:
         whole = [_panels(densities.volume, _limits(analysis), d) for d in range(3)]
-        moments, error = _integral(densities.volume, whole)
+        found = [_integral(densities.volume, part) for part in _layers(analysis, whole)]
+        layers, errors = [m for m, _ in found], [e for _, e in found]
+        moments, error = np.sum(layers, axis=0), max(errors)
     signs.check()
     if not (np.isfinite(moments).all() and np.isfinite(error)):
         raise NotIntegrableError(
             "the equation or a derivative has no finite value inside the box: look for a division "
             "by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
         )
-    volume = float(moments[0])
-    first = moments[1:] / volume + centre
     areas, errors = [], [error]
-    for face in analysis.boundary.faces:
+    for face in analysis.complex.faces:
         flat = exact and _flat_area(analysis, face.patch, exact)
         if flat:
             areas.append(flat)
@@ -106,12 +112,33 @@ def integrate(analysis: Analysis) -> Properties:
             f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
             "one rule to the next): look for a division by zero inside the box"
         )
+    outer = len(analysis.boundary.faces)
+    volume, centroid = _mass(moments, centre)
     numeric = Properties(
-        abs(volume), sum(areas), (float(first[0]), float(first[1]), float(first[2])),
-        tuple(areas), max(errors),
+        volume, sum(areas[:outer]), centroid, tuple(areas[:outer]), max(errors), QUADRATURE,
+        tuple(_mass(part, centre) for part in layers) if analysis.equation.layers else (),
+        tuple(areas[outer:]),
     )  # fmt: skip
     closed = exact_integrals(analysis)
     return numeric if closed is None else _in_closed_form(closed, numeric, errors[1:])
+
+
+def _mass(moments: Array, centre: Array) -> tuple[float, tuple[float, float, float]]:
+    """Return volume and centroid."""
+    x, y, z = (moments[1:] / moments[0] + centre).tolist()
+    return abs(float(moments[0])), (x, y, z)
+
+
+def _layers(analysis: Analysis, whole: list[Panels]) -> list[list[Panels]]:
+    """Return the rules of the whole box, layer by layer."""
+    if not analysis.equation.layers:
+        return [whole]
+    u, v, w = whole
+    limits = analysis.bounds[2]
+    cuts = np.searchsorted(w.limits, np.array(limits) - 1e-12).tolist()
+    return [
+        [u, v, Panels(w.limits[a : b + 1], w.orders[a:b], w.unresolved)] for a, b in pairwise(cuts)
+    ]
 
 
 def _in_closed_form(

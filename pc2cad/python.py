@@ -29,6 +29,7 @@ from pc2cad.equation.tree import PI, E, Expr, Number, as_expr, call, symbol
 from pc2cad.errors import InputError
 
 if TYPE_CHECKING:
+    from pc2cad.equation.channel import Wall
     from pc2cad.equation.frames import Frame
 
 __all__ = [
@@ -279,9 +280,9 @@ def frame(
 def channel(
     along: Frame | Guide | Value,
     section: Sequence[Expr | Number],
-    wall: Expr | Number | None = None,
+    wall: Wall | None = None,
     *,
-    side: str = "centred",
+    side: str | None = None,
     measured: str = "radial",
     domain: Domain | None = None,
     name: str = "channel",

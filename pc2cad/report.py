@@ -55,6 +55,19 @@ class LimitReport:
 
 
 @dataclass(frozen=True)
+class LayerReport:
+    """One layer: a solid of its own within the part (model units)."""
+
+    name: str
+    #: of the equation, and of the kernel's solid
+    volume: float
+    solid_volume: float
+    centroid: tuple[float, float, float]
+    #: the area of its whole boundary, that which it shares with other layers included
+    area: float
+
+
+@dataclass(frozen=True)
 class EdgeReport:
     """One edge between different faces: as `FaceReport`."""
 
@@ -123,6 +136,8 @@ class Report:
     triangles: Integrals | None = field(default=None, kw_only=True)
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
+    #: the solids of a part in layers, from w = 0 up
+    layers: tuple[LayerReport, ...] = ()
     #: what is unusual about the map but does not hinder, in sentences
     warnings: tuple[str, ...] = ()
     #: seconds per stage

@@ -9,6 +9,7 @@ integrals taken from the equation.
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from pc2cad.geometry.carriers import (
 )
 from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.properties import Properties
-from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, SideReport
+from pc2cad.report import EdgeReport, FaceReport, Integrals, LayerReport, Report, SideReport
 from pc2cad.solidity import Solidity
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of
 from pc2cad.topology.complex import BoundaryComplex, SideFate
@@ -62,6 +63,7 @@ def validate(
     integrals = solid_integrals(built.solid)
     _check_integrals(integrals, properties, model)
     report = _report(analysis, properties, solidity, model, integrals, findings)
+    report = replace(report, layers=_layers(properties, model, built))
     check_expectations(analysis.equation.expectations, report)
     return report
 
@@ -77,19 +79,48 @@ def check_thickness(properties: Properties) -> None:
         )
 
 
+def _layers(
+    properties: Properties, model: BoundaryModel, built: BuiltSolid
+) -> tuple[LayerReport, ...]:
+    """Return the report of each layer; raise where its solid is not valid or not the equation's."""
+    result = []
+    areas = [sum(_areas(properties)[cell] for cell in face.cells) for face in model.faces]
+    for layer, solid, (volume, centroid) in zip(
+        model.layers, built.layers, properties.layers, strict=True
+    ):
+        name, findings = f"the layer {layer.name}", inspect(solid)
+        _check_findings(findings, (len(layer.shells), len(layer.faces), layer.euler), model, name)
+        area = sum(areas[i] for i in layer.faces)
+        own = replace(properties, volume=volume, area=area, centroid=centroid)
+        found = solid_integrals(solid)
+        _check_integrals(found, own, model)
+        result.append(LayerReport(layer.name, volume, found.volume, centroid, area))
+    return tuple(result)
+
+
+def _areas(properties: Properties) -> tuple[float, ...]:
+    return properties.face_areas + properties.interface_areas
+
+
 def _check_kernel(findings: KernelFindings, model: BoundaryModel) -> None:
+    expected = (len(model.complex.shells), len(model.outer), model.complex.euler)
+    _check_findings(findings, expected, model, "the kernel's solid")
+
+
+def _check_findings(
+    findings: KernelFindings, expected: tuple[int, int, int], model: BoundaryModel, name: str
+) -> None:
     if not findings.valid:
-        raise SolidNotValidError("the kernel's checker finds the solid invalid")
+        raise SolidNotValidError(f"the kernel's checker finds {name} invalid")
     if findings.free_edges:
         raise SolidNotValidError(
-            f"{findings.free_edges} edges do not bound exactly two faces: the boundary is open"
+            f"{findings.free_edges} edges of {name} do not bound exactly two faces: the boundary "
+            "is open"
         )
-    expected = (len(model.complex.shells), len(model.faces), model.complex.euler)
     found = (findings.shells, findings.faces, findings.euler)
     if found != expected:
         raise SolidNotValidError(
-            "the kernel's solid has (shells, faces, Euler number) = "
-            f"{found} where the equation has {expected}"
+            f"{name} has (shells, faces, Euler number) = {found} where the equation has {expected}"
         )
     allowed = max(KERNEL_TOLERANCE, model.tolerance)
     if findings.largest_tolerance > allowed * (1 + 1e-9):
@@ -187,7 +218,7 @@ def _report(
         tolerance=model.tolerance,
         sides=tuple(_side(side, boundary) for side in boundary.sides),
         faces=tuple(
-            _face(model, face, sum(properties.face_areas[cell] for cell in face.cells))
+            _face(model, face, sum(_areas(properties)[cell] for cell in face.cells))
             for face in model.faces
         ),
         curves=tuple(_edge(model, index) for index in sorted(model.creases())),

@@ -218,7 +218,8 @@ def _tetrahedra(
     size = options.size or float(properties.volume ** (1 / 3)) / 10
     mesh = tetrahedra(part.shape, part.faces, size, options.order,
                       name=equation.name, units=equation.units)  # fmt: skip
-    areas = {f.name: sum(properties.face_areas[c] for c in f.cells) for f in part.model.faces}
+    outer = [part.model.faces[i] for i in part.model.outer]
+    areas = {f.name: sum(properties.face_areas[c] for c in f.cells) for f in outer}
     return mesh, areas
 
 

@@ -51,6 +51,8 @@ class BuiltSolid:
 
     solid: TopoDS_Solid
     faces: tuple[TopoDS_Face, ...]
+    #: the solids of the layers; they share the faces between them, and theirs with `solid`
+    layers: tuple[TopoDS_Solid, ...] = ()
 
 
 def build(model: BoundaryModel) -> BuiltSolid:
@@ -172,14 +174,26 @@ class _Build:
 
     def solid(self) -> BuiltSolid:
         faces = [self._face(data) for data in self._model.faces]
+        solid = self._solid([[faces[i] for i in members] for members in self._model.shells])
+        layers = (
+            self._solid([[_turned(faces[i], turn) for i, turn in shell] for shell in layer.shells])
+            for layer in self._model.layers
+        )
+        return BuiltSolid(solid, tuple(faces), tuple(layers))
+
+    def _solid(self, shells: list[list[TopoDS_Face]]) -> TopoDS_Solid:
         solid = TopoDS_Solid()
         self._builder.MakeSolid(solid)
-        for members in self._model.shells:
+        for faces in shells:
             shell = TopoDS_Shell()
             self._builder.MakeShell(shell)
-            for face in members:
-                self._builder.Add(shell, faces[face])
+            for face in faces:
+                self._builder.Add(shell, face)
             shell.Closed(True)
             self._builder.Add(solid, shell)
         solid.Location(TopLoc_Location())
-        return BuiltSolid(solid, tuple(faces))
+        return solid
+
+
+def _turned(face: TopoDS_Face, turn: bool) -> TopoDS_Face:
+    return TopoDS.Face_s(face.Reversed()) if turn else face

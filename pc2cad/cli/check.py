@@ -77,6 +77,16 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield f"\nTopology\n  {_topology(report)}"
     yield f"\nIntegrals ({report.units})"
     yield _integrals(report)
+    if report.layers:
+        yield f"\nLayers ({report.units}; from w = 0 up)"
+        yield table(
+            [("", "volume", "B-rep", "area", "centroid")]
+            + [
+                (x.name, f"{x.volume:.12g}", f"{x.solid_volume:.12g}", f"{x.area:.10g}",
+                 ", ".join(f"{c:.9g}" for c in x.centroid))
+                for x in report.layers
+            ]
+        )  # fmt: skip
     if report.limits:
         yield f"\nLimits of the channel ({report.units}; found by search)"
         yield table(

@@ -61,6 +61,9 @@ def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[s
         yield f"\nGuide\n  N(u): {template.guide.words}"
     if template.frame is not None:
         yield f"\nFrame\n  R = N + normal, Q = N + binormal: {template.frame.words}"
+    if template.layers:
+        yield "\nLayers (from w = 0 up, each with the same share of w; depth(w): all below w)"
+        yield from (f"  {d.name} = {one_line(d.text)}" for d in template.layers)
     yield "\nPoint equation"
     for definition in (*template.lets, *template.solid):
         yield f"  {definition.name} = {one_line(definition.text)}"

@@ -29,6 +29,10 @@ class EmptyDomainError(InputError):
     """A parameter's domain has no length, or runs backwards."""
 
 
+class LayersError(InputError):
+    """The layers of a part are not the pieces of w."""
+
+
 @dataclass(frozen=True)
 class Expectations:
     """Exact values a template states about its solid; None where it states nothing."""
@@ -64,6 +68,8 @@ class PointEquation:
     #: of a channel: its guide N(u), and what frame carries the section along it
     guide: tuple[Expr, Expr, Expr] | None = None
     frame: str = ""
+    #: names of the pieces of w, from w = 0 up, each a solid of its own; without them M is one solid
+    layers: tuple[str, ...] = ()
     #: makes the equation again with other points, where it knows the names of its points
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False
@@ -80,6 +86,21 @@ class PointEquation:
                 f"the equation {self.name} has no named points to move; those of a template have"
             )
         return self.mover(points)
+
+    def layered(self, names: Sequence[str]) -> PointEquation:
+        """Return the equation with its pieces of w, from w = 0 up, as named layers of one part.
+
+        M has creases at w = 1/n, 2/n, … where it comes from `layers.depth`; `analyse` looks.
+        Raises LayersError for names that are not distinct and for a domain of w other than [0, 1].
+        """
+        found = tuple(names)
+        if not found:
+            return self
+        if len(set(found)) != len(found) or not all(isinstance(n, str) and n for n in found):
+            raise LayersError("the names of layers are texts, each another")
+        if self.limits[2] != (0.0, 1.0):
+            raise LayersError("layers share w from 0 to 1, and the domain of w is another one")
+        return replace(self, layers=found)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

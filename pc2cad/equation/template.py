@@ -75,6 +75,8 @@ class Template:
     frame: Frame | None
     #: the points that [guide] and [frame] define: N, and R and Q
     carried: tuple[Definition, ...]
+    #: thicknesses from w = 0 up, of a part in layers
+    layers: tuple[Definition, ...]
     lets: tuple[Definition, ...]
     domain: tuple[Interval, Interval, Interval]
     #: M, or x, y and z, as written
@@ -140,7 +142,7 @@ class Template:
         M = self.frame.shifted(self.M) if self.frame else self.M
         check_point(M)
         u, v, w = (interval(p, d) for p, d in zip(PARAMETERS, self.domain, strict=True))
-        return PointEquation(
+        equation = PointEquation(
             M.coordinates,
             (u, v, w),
             name=self.name,
@@ -156,6 +158,7 @@ class Template:
             else "",
             mover=mover,
         )
+        return equation.layered([layer.name for layer in self.layers])
 
     def _expectations(self) -> Expectations:
         figures: dict[str, Any] = {}

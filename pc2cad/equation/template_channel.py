@@ -64,7 +64,7 @@ def _check_kind(tables: Tables, key: str, raw: object, kinds: Keys, default: str
     return kind
 
 
-def _made(tables: Tables, key: str, make: Callable[[], Any]) -> Any:
+def attempt(tables: Tables, key: str, make: Callable[[], Any]) -> Any:
     """Return what is made; an input error of it is one of the table's."""
     try:
         return make()
@@ -82,7 +82,7 @@ def read_curves(tables: Tables) -> None:
     for name, raw in tables.table("curves").items():
         key = f"[curves.{shown(name)}]"
         kind = _check_kind(tables, key, raw, CURVES)
-        pair = _made(tables, key, partial(_curve, tables, key, kind, raw))
+        pair = attempt(tables, key, partial(_curve, tables, key, kind, raw))
         tables.define(key, name, None)
         for axis, function in zip("xy", pair, strict=True):
             tables.define(key, f"{name}_{axis}", None)
@@ -157,7 +157,7 @@ def read_guide(
     if "guide" not in tables.data:
         return None, []
     raw = tables.table("guide")
-    made = _made(tables, "[guide]", lambda: _guide(tables, "[guide]", raw, interval))
+    made = attempt(tables, "[guide]", lambda: _guide(tables, "[guide]", raw, interval))
     guide, text, value = made
     tables.define("[guide]", "N", value)
     return guide, [Definition("N", text, value)]
@@ -229,7 +229,7 @@ def read_frame(tables: Tables, guide: Guide | None) -> tuple[Frame | None, list[
     if guide is None:
         return tables.fail("[frame]", "needs a [guide] to run along")  # type: ignore[no-any-return]
     raw = tables.table("frame")
-    frame = _made(tables, "[frame]", lambda: _frame(tables, guide, raw))
+    frame = attempt(tables, "[frame]", lambda: _frame(tables, guide, raw))
     found = []
     for name, value in (("R", frame.R), ("Q", frame.Q)):
         tables.define("[frame]", name, value)

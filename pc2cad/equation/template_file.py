@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from pc2cad.equation.language import PARAMETER_NAMES, read_expression
+from pc2cad.equation.layers import depth
 from pc2cad.equation.point_equation import UNITS, Interval
 from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
 from pc2cad.equation.template import Definition, Moved, Parameter, Template, TemplateError
-from pc2cad.equation.template_channel import read_curves, read_frame, read_guide
+from pc2cad.equation.template_channel import attempt, read_curves, read_frame, read_guide
 from pc2cad.equation.template_tables import Tables, shown, written
 from pc2cad.equation.tree import ONE, ZERO, Expr, symbol
 from pc2cad.errors import InputError
@@ -26,7 +27,8 @@ LARGEST_FILE: Final = 256 * 1024
 _DEEP_KEY: Final = re.compile(r"(?<![A-Za-z0-9_-])(?:[A-Za-z0-9_-]++[ \t]*+\.[ \t]*+){16}")
 _TEXTS: Final = ("title", "about", "source", "units")
 _TABLES: Final = (
-    "parameters", "points", "domain", "curves", "guide", "frame", "let", "solid", "expect",
+    "parameters", "points", "domain", "curves", "guide", "frame", "layers", "let", "solid",
+    "expect",
 )  # fmt: skip
 _EXPECTED: Final = (
     "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
@@ -123,13 +125,14 @@ class _Reader(Tables):
         u = self.bound(domain[0][0]), self.bound(domain[0][1])
         guide, carried = read_guide(self, u)
         frame, normals = read_frame(self, guide)
+        curves, layers = dict(self.curves), self._layers()
         written_out = carried if "N" in self.table("guide") else []
         carried = [] if written_out else carried
         lets = (*written_out, *self._lets())
         solid, M = self._solid()
         return Template(
             name, texts["title"], texts["about"], texts["source"], units, parameters, points,
-            dict(self.curves), guide, frame, (*carried, *normals), lets, domain, solid, M,
+            curves, guide, frame, (*carried, *normals), layers, lets, domain, solid, M,
             self._expected(), partial(_read, name, self.file, self.data),
         )  # fmt: skip
 
@@ -214,6 +217,19 @@ class _Reader(Tables):
             low, high = (x if isinstance(x, Expr) else self.scalar(key, x) for x in raw)
             limits.append((low, high))
         return limits[0], limits[1], limits[2]
+
+    def _layers(self) -> tuple[Definition, ...]:
+        """Define depth(w), the thickness of the layers below w."""
+        result = []
+        for name, raw in self.table("layers").items():
+            key = f"[layers] {shown(name)}"
+            result.append(Definition(name, written(raw), self.scalar(key, raw)))
+        if result:
+            key = "[layers]"
+            self.define(key, "depth", None)
+            values = [d.value for d in result if isinstance(d.value, Expr)]
+            self.curves["depth"] = attempt(self, key, lambda: depth(values))
+        return tuple(result)
 
     def _lets(self) -> tuple[Definition, ...]:
         result = []

@@ -15,7 +15,7 @@ from OCP.Standard import Standard_Failure
 from OCP.TopoDS import TopoDS_Shape
 
 from pc2cad.errors import KernelError
-from pc2cad.export.kernel import census, check_read_back, check_solid
+from pc2cad.export.kernel import body, census, check_read_back
 from pc2cad.export.model import Exportable, ExportOptions
 
 
@@ -26,10 +26,10 @@ def encode(exportable: Exportable, _options: ExportOptions) -> bytes:
         KernelError: there is no solid, the kernel refused it, or it does not read back as it was.
 
     """
-    check_solid(exportable.solid)
+    shape = body(exportable)
     stream, found = io.BytesIO(), TopoDS_Shape()
     try:
-        BRepTools.Write_s(exportable.solid, stream)
+        BRepTools.Write_s(shape, stream)
         BRepTools.Read_s(found, io.BytesIO(stream.getvalue()), BRep_Builder())
     except Standard_Failure as failure:
         raise KernelError(f"The kernel could not write the solid as BREP: {failure}.") from None

@@ -60,6 +60,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
         KernelError: there is no solid, the kernel refused it, or it does not read back as it was.
 
     """
+    exportable = exportable.whole()
     check_solid(exportable.solid)
     # Init also defines the parameters that are set below
     IGESControl_Controller.Init_s()
@@ -120,7 +121,7 @@ def _ascii(text: str) -> str:
     return part21.one_line(text, 60).encode("ascii", "replace").decode()
 
 
-def _check(text: bytes, original: Census) -> None:
+def _check(text: bytes, originals: list[Census]) -> None:
     """Read the file as another program would and compare it with the solid."""
     reader = IGESControl_Reader()
     # the kernel reads IGES from files only
@@ -132,4 +133,4 @@ def _check(text: bytes, original: Census) -> None:
     reader.TransferRoots()
     if reader.NbShapes() != 1:
         raise KernelError(f"The IGES text reads back as {reader.NbShapes()} shapes, not as one.")
-    check_read_back(reader.OneShape(), original, "IGES text")
+    check_read_back(reader.OneShape(), originals, "IGES text")

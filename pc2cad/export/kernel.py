@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from OCP.BRep import BRep_Builder
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
 from OCP.gp import gp_Pnt
@@ -22,6 +23,7 @@ from OCP.TDataStd import TDataStd_Name
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS_CompSolid
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import (
     XCAFDoc_Area,
@@ -99,6 +101,24 @@ def quiet_kernel() -> Iterator[None]:
             messenger.AddPrinter(printer)
 
 
+def body(exportable: Exportable) -> Any:
+    """Return the shape to be written: the solid, or its layers as solids that share faces.
+
+    Raises:
+        KernelError: a solid is missing, or cannot be written.
+
+    """
+    for solid in exportable.bodies:
+        check_solid(solid)
+    if not exportable.layers:
+        return exportable.solid
+    result, builder = TopoDS_CompSolid(), BRep_Builder()
+    builder.MakeCompSolid(result)
+    for solid in exportable.bodies:
+        builder.Add(result, solid)
+    return result
+
+
 def check_solid(solid: Any) -> None:
     """Raise KernelError unless the shape is one solid, in place, that can be written."""
     # a null handle would end the process
@@ -115,7 +135,8 @@ def check_solid(solid: Any) -> None:
 def document(exportable: Exportable, name_of: Callable[[str], str]) -> Any:
     """Return a kernel document with the solid, names, colours and validation properties.
 
-    `name_of` gives the name of the product, key ``P``, and of its faces, ``F0``, ``F1`` …
+    `name_of` gives the name of the product, key ``P``, of its faces, ``F0``, ``F1`` …, and of its
+    layers, ``S0``, ``S1`` …
 
     Raises:
         KernelError: a named face is no face of the solid, or is named twice.
@@ -126,9 +147,11 @@ def document(exportable: Exportable, name_of: Callable[[str], str]) -> Any:
     XCAFDoc_DocumentTool.SetLengthUnit_s(result, in_mm / 1000.0)
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(result.Main())
     colours = XCAFDoc_DocumentTool.ColorTool_s(result.Main())
-    label = shapes.AddShape(exportable.solid, False)
+    label = shapes.AddShape(body(exportable), False)
     _set_name(label, name_of("P"))
-    for i, face in enumerate(exportable.faces):
+    for i, layer in enumerate(exportable.layers):
+        _set_name(shapes.AddSubShape(label, layer.solid), name_of(f"S{i}"))
+    for i, face in enumerate((*exportable.faces, *exportable.interfaces)):
         part = shapes.AddSubShape(label, face.face)
         if part.IsNull():
             raise KernelError(f"The face {face.name!r} is not a face of the solid, or named twice.")
@@ -148,18 +171,29 @@ def _set_name(label: Any, name: str) -> None:
     TDataStd_Name.Set_s(label, TCollection_ExtendedString(name))
 
 
-def census(exportable: Exportable) -> Census:
-    """Return what must be the same after reading back."""
-    return _census(exportable.solid, _rounding(exportable))
+def census(exportable: Exportable) -> list[Census]:
+    """Return what must be the same of each solid after reading back."""
+    return [_census(solid, _rounding(exportable)) for solid in exportable.bodies]
 
 
-def check_read_back(solid: Any, original: Census, what: str) -> None:
-    """Compare a solid that was read back with the original; `what` names the file in messages.
+def check_read_back(shape: Any, originals: list[Census], what: str) -> None:
+    """Compare what was read back with the original; `what` names the file in messages.
 
     Raises:
-        KernelError: it is no valid solid, or its counts, tolerance or volume differ.
+        KernelError: it is no valid solid, or as many as there were layers, or their counts,
+            tolerances or volumes differ.
 
     """
+    solids = [shape] if len(originals) == 1 else subshapes(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    if len(solids) != len(originals):
+        raise KernelError(
+            f"The {what} reads back as {len(solids)} solids instead of {len(originals)}."
+        )
+    for solid, original in zip(solids, originals, strict=True):
+        _check_solid_read_back(solid, original, what)
+
+
+def _check_solid_read_back(solid: Any, original: Census, what: str) -> None:
     check_solid(solid)
     if not BRepCheck_Analyzer(solid).IsValid():
         raise KernelError(f"The {what} reads back as a solid that is not valid.")

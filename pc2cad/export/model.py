@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any, Literal
 
@@ -51,6 +51,15 @@ class GeometricProperties:
 
 
 @dataclass(frozen=True)
+class NamedSolid:
+    """One of several solids of a part, with the name it carries into the file."""
+
+    name: str
+    #: TopoDS_Solid
+    solid: Any
+
+
+@dataclass(frozen=True)
 class Exportable:
     """A solid ready to be written, in its own length unit."""
 
@@ -70,6 +79,19 @@ class Exportable:
     tolerance: float
     #: what is known of faces and edges: exact, proved or sampled, in sentences
     evidence: tuple[str, ...] = ()
+    #: the solids in the place of `solid` where the part comes in layers, for formats that hold
+    #: several, and the faces between them
+    layers: tuple[NamedSolid, ...] = ()
+    interfaces: tuple[NamedFace, ...] = ()
+
+    @property
+    def bodies(self) -> tuple[Any, ...]:
+        """The solids to be written: the layers, or the one solid."""
+        return tuple(layer.solid for layer in self.layers) or (self.solid,)
+
+    def whole(self) -> Exportable:
+        """Return the part as one solid, for formats that hold no more."""
+        return replace(self, layers=(), interfaces=())
 
     def __post_init__(self) -> None:
         if self.units not in UNITS_IN_MM:

@@ -27,7 +27,6 @@ from pc2cad.export.kernel import (
     Census,
     census,
     check_read_back,
-    check_solid,
     document,
     kernel_parameters,
     quiet_kernel,
@@ -68,7 +67,6 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
             it, or it does not read back as it was.
 
     """
-    check_solid(exportable.solid)
     # Init also defines the parameters that are set below
     STEPCAFControl_Controller.Init_s()
     parameters = {
@@ -85,9 +83,9 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     try:
         with quiet_kernel(), kernel_parameters(parameters):
             text = part21.finish(_kernel_text(exportable), _strings(exportable), header)
-            original = census(exportable)
-            _check_text(text, original)
-            _check_read_back(text, original, UNITS_IN_MM[exportable.units])
+            originals = census(exportable)
+            _check_text(text, originals)
+            _check_read_back(text, originals, UNITS_IN_MM[exportable.units])
     except Standard_Failure as failure:
         raise KernelError(f"The kernel could not translate the solid to STEP: {failure}.") from None
     return text
@@ -110,7 +108,9 @@ def _description(exportable: Exportable) -> list[str]:
 
 def _strings(exportable: Exportable) -> dict[str, str]:
     """Return the text for each mark that `_document` puts in place of a name."""
-    names = {f"F{i}": part21.one_line(face.name) for i, face in enumerate(exportable.faces)}
+    faces = (*exportable.faces, *exportable.interfaces)
+    names = {f"F{i}": part21.one_line(face.name) for i, face in enumerate(faces)}
+    names |= {f"S{i}": part21.one_line(layer.name) for i, layer in enumerate(exportable.layers)}
     return {"P": _product_name(exportable), **names}
 
 
@@ -138,20 +138,23 @@ def _kernel_text(exportable: Exportable) -> bytes:
     text = stream.getvalue()
     for entity in (b"MANIFOLD_SOLID_BREP(", b"BREP_WITH_VOIDS("):
         text = text.replace(entity + b"''", entity + solid_names)
+    if exportable.layers:
+        # of several solids the kernel makes a representation of no kind
+        text = text.replace(b"= SHAPE_REPRESENTATION(", b"= ADVANCED_BREP_SHAPE_REPRESENTATION(")
     return text
 
 
-def _check_text(text: bytes, original: Census) -> None:
-    """Refuse a text that does not hold one solid with every face of the original."""
+def _check_text(text: bytes, originals: list[Census]) -> None:
+    """Refuse a text that does not hold the solids with every face of the originals."""
     solids = text.count(b"MANIFOLD_SOLID_BREP(") + text.count(b"BREP_WITH_VOIDS(")
-    if solids != 1:
-        raise KernelError(f"The STEP text holds {solids} solids instead of one.")
-    faces = text.count(b"ADVANCED_FACE(")
-    if faces != original.faces:
-        raise KernelError(f"The STEP text holds {faces} faces, the solid has {original.faces}.")
+    if solids != len(originals):
+        raise KernelError(f"The STEP text holds {solids} solids instead of {len(originals)}.")
+    faces, there = text.count(b"ADVANCED_FACE("), sum(original.faces for original in originals)
+    if faces != there:
+        raise KernelError(f"The STEP text holds {faces} faces, the part has {there}.")
 
 
-def _check_read_back(text: bytes, original: Census, unit_in_mm: float) -> None:
+def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) -> None:
     """Read the file as another program would and compare it with the solid."""
     reader = STEPControl_Reader()
     # after a failed read, the transfer would end the process
@@ -161,4 +164,4 @@ def _check_read_back(text: bytes, original: Census, unit_in_mm: float) -> None:
     reader.TransferRoots()
     if reader.NbShapes() != 1:
         raise KernelError(f"The STEP text reads back as {reader.NbShapes()} shapes, not as one.")
-    check_read_back(reader.OneShape(), original, "STEP text")
+    check_read_back(reader.OneShape(), originals, "STEP text")

@@ -8,6 +8,7 @@ interior.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 from typing import Final
@@ -45,6 +46,12 @@ def boundary_patches(pieces: tuple[int, int, int]) -> tuple[Cell, ...]:
         return all(p % 2 or p in (0, 2 * n) for p, n in zip(cell, pieces, strict=True))
 
     return tuple(cell for cell in cells if dimension(cell) == 2 and bounds(cell))
+
+
+def inner_patches(pieces: tuple[int, int, int]) -> tuple[Cell, ...]:
+    """Return the 2-cells inside the box at the breaks of w, in ascending order of w."""
+    along_u, along_v = (range(1, 2 * n + 1, 2) for n in pieces[:2])
+    return tuple((i, j, k) for k in range(2, 2 * pieces[2], 2) for i in along_u for j in along_v)
 
 
 @dataclass(frozen=True)
@@ -93,13 +100,15 @@ def outward_sign(patch: Cell) -> int:
     return handed if patch[d] > 0 else -handed
 
 
-def cell_name(cell: Cell, labels: Labels) -> str:
+def cell_name(cell: Cell, labels: Labels, shown: Iterable[int] = DIRECTIONS) -> str:
     """Return a name such as ``u=0``, ``v=1, w=0`` or, with breaks, ``w=1 (piece 2 of v)``.
 
-    ``labels[d]`` holds the printed limits and breaks of direction d, in ascending order.
+    ``labels[d]`` holds the printed limits and breaks of direction d, in ascending order; only
+    directions that are `shown` take part.
     """
     fixed, piece = [], []
-    for d, name in enumerate("uvw"):
+    for d in sorted(shown):
+        name = "uvw"[d]
         if cell[d] % 2 == 0:
             fixed.append(f"{name}={labels[d][cell[d] // 2]}")
         elif len(labels[d]) > 2:

@@ -98,6 +98,9 @@ class BoundaryComplex:
     edges: tuple[EdgeClass, ...]
     faces: tuple[FaceCell, ...]
     shells: tuple[Shell, ...]
+    #: the shells of each layer, where the box is cut along w: the faces between two layers belong
+    #: to both, and come after those of the outer boundary
+    layers: tuple[tuple[Shell, ...], ...] = ()
 
     def name(self, cell: Cell) -> str:
         """Return the printed name of a cell."""
@@ -107,6 +110,12 @@ class BoundaryComplex:
     def euler(self) -> int:
         """Euler number of the whole boundary."""
         return sum(shell.euler for shell in self.shells)
+
+    @property
+    def enclosed(self) -> tuple[int, ...]:
+        """The faces between two layers, which are no part of the outer boundary."""
+        outer = {face for shell in self.shells for face in shell.faces}
+        return tuple(i for i in range(len(self.faces)) if i not in outer)
 
     def edge_uses(self) -> dict[int, list[tuple[int, EdgeUse]]]:
         """Return, per edge class, the (face, use) pairs that use it."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from itertools import combinations, product
 
 from pc2cad.equation.identity import Verdict
@@ -17,6 +18,7 @@ from pc2cad.topology.cells import (
     cell_name,
     directions_of,
     edge_ends,
+    inner_patches,
     outward_sign,
     patch_edges,
 )
@@ -62,14 +64,35 @@ def derive_boundary(questions: Questions, labels: Labels) -> BoundaryComplex:
             "nothing bounds a solid; check that u, v and w all move the point (in a truncated "
             "body: that something is left between its ends)"
         )
-    edge_cells = sorted({edge.cell for patch in kept for edge in patch_edges(patch)})
+    complex_ = _complex(kept, sides, questions, labels)
+    _check_manifold(complex_)
+    return replace(complex_, shells=_shells(complex_, range(len(kept))))
+
+
+def derive_layers(outer: BoundaryComplex, questions: Questions) -> BoundaryComplex:
+    """Return a boundary complex with the faces between the pieces of w, each piece a layer."""
+    pieces = tuple(len(names) - 1 for names in outer.labels)
+    inner = inner_patches((pieces[0], pieces[1], pieces[2]))
+    patches = [*(face.patch for face in outer.faces), *inner]
+    complex_ = _complex(patches, outer.sides, questions, outer.labels)
+    layers = tuple(
+        _shells(complex_, [i for i, p in enumerate(patches) if abs(p[2] - (2 * k + 1)) <= 1])
+        for k in range(pieces[2])
+    )
+    outside = _shells(complex_, range(len(outer.faces)))
+    return replace(complex_, shells=outside, layers=layers)
+
+
+def _complex(
+    patches: list[Cell], sides: tuple[SideFate, ...], questions: Questions, labels: Labels
+) -> BoundaryComplex:
+    """Return faces, edges and vertices of the patches, without shells."""
+    edge_cells = sorted({edge.cell for patch in patches for edge in patch_edges(patch)})
     corners = sorted({corner for edge in edge_cells for corner in edge_ends(edge)})
     vertices, vertex_of = _vertices(corners, questions)
     edges, edge_of = _edges(edge_cells, vertex_of, questions)
-    faces = tuple(FaceCell(patch, _uses(patch, edge_of, vertex_of)) for patch in kept)
-    complex_ = BoundaryComplex(labels, sides, vertices, edges, faces, ())
-    _check_manifold(complex_)
-    return BoundaryComplex(labels, sides, vertices, edges, faces, _shells(complex_))
+    faces = tuple(FaceCell(patch, _uses(patch, edge_of, vertex_of)) for patch in patches)
+    return BoundaryComplex(labels, sides, vertices, edges, faces, ())
 
 
 def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> tuple[SideFate, ...]:
@@ -201,14 +224,17 @@ def _check_manifold(complex_: BoundaryComplex) -> None:
             )
 
 
-def _shells(complex_: BoundaryComplex) -> tuple[Shell, ...]:
+def _shells(complex_: BoundaryComplex, members: Iterable[int]) -> tuple[Shell, ...]:
+    """Return the closed surfaces that some of the faces make up."""
+    chosen = set(members)
     links: dict[int, set[int]] = defaultdict(set)
     for uses in complex_.edge_uses().values():
-        (first, _), (second, _) = uses
-        links[first].add(second)
-        links[second].add(first)
+        here = [face for face, _ in uses if face in chosen]
+        for first, second in combinations(here, 2):
+            links[first].add(second)
+            links[second].add(first)
     shells, seen = [], set[int]()
-    for start in range(len(complex_.faces)):
+    for start in sorted(chosen):
         if start in seen:
             continue
         component, stack = {start}, [start]

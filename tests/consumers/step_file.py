@@ -24,7 +24,9 @@ from .step_faces import Face, FaceResult, Limits, judge_face, read_face
 from .step_parse import Record, StepDefect, StepGraph, StepUnsupported, Vector, is_true, read_graph
 from .step_units import ValidationProperties, unit_scale, validation_properties
 
-__all__ = ["StepDefect", "StepFace", "StepSolid", "StepUnsupported", "check_step"]
+__all__ = [
+    "StepDefect", "StepFace", "StepSolid", "StepUnsupported", "check_solids", "check_step",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,40 @@ def check_step(
 ) -> StepSolid:
     """Check the one solid of a STEP file; gap_limit is relative to the solid's size."""
     graph = read_graph(path)
-    solid, context = _one_solid(graph)
+    solids, context = _solids(graph)
+    if len(solids) != 1:
+        raise StepDefect(f"The file holds {len(solids)} solids; one is needed.")
+    found, size = _check(graph, solids[0], context, stokes_limit, gap_limit)
+    stated = found.properties
+    for name, figure, own in (
+        ("volume", stated.volume, found.volume), ("area", stated.area, found.area)
+    ):  # fmt: skip
+        _require_property(name, figure, own, properties_limit)
+    _require_centroid(stated, np.array(found.centroid), size, properties_limit)
+    return found
+
+
+def check_solids(path: str | Path, *, limit: float = 1e-9) -> dict[str, StepSolid]:
+    """Check each solid of a part of several, by name, and volume and centroid of them together."""
+    graph = read_graph(path)
+    solids, context = _solids(graph)
+    checked = {str(solid.values[0]): _check(graph, solid, context, limit, limit)
+               for solid in solids}  # fmt: skip
+    if len(checked) != len(solids):
+        raise StepDefect("Two solids of the file have one name.")
+    found = {name: solid for name, (solid, _) in checked.items()}
+    volume = sum(solid.volume for solid in found.values())
+    centroid = sum(solid.volume * np.array(solid.centroid) for solid in found.values()) / volume
+    (*_, stated) = (solid.properties for solid in found.values())
+    _require_property("volume", stated.volume, volume, 1e-6)
+    _require_centroid(stated, centroid, max(size for _, size in checked.values()), 1e-6)
+    return found
+
+
+def _check(
+    graph: StepGraph, solid: Record, context: Any, stokes_limit: float, gap_limit: float
+) -> tuple[StepSolid, float]:
+    """Return one sound solid and its size."""
     metres = unit_scale(graph, context, "LENGTH_UNIT")
     radian = unit_scale(graph, context, "PLANE_ANGLE_UNIT")
     edges = EdgeReader(graph)
@@ -104,9 +139,8 @@ def check_step(
     _require_shell_signs(shells, judged)
     volume, area, centroid = _sum_up(shells, judged, origin)
     properties = validation_properties(graph, metres)
-    _require_properties(properties, volume, area, centroid, size, properties_limit)
     results = [result for results in judged for result in results]
-    return StepSolid(
+    found = StepSolid(
         volume=volume,
         area=area,
         centroid=(float(centroid[0]), float(centroid[1]), float(centroid[2])),
@@ -120,21 +154,22 @@ def check_step(
         max_vertex_gap=max([edge.gap for edge in edges.edges.values()], default=0.0),
         max_edge_gap=float(max(result.edge_gap for result in results)),
     )
+    return found, size
 
 
-def _one_solid(graph: StepGraph) -> tuple[Record, Any]:
-    """The file's one solid and the context of the representation that holds it."""
+def _solids(graph: StepGraph) -> tuple[list[Record], Any]:
+    """The solids of the file's one product, and the context of the representation they are in."""
     kinds = ("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS", "FACETED_BREP")
     solids = [record for kind in kinds for record in graph.all_of(kind)]
     products = graph.all_of("PRODUCT")
-    if len(solids) != 1 or len(products) != 1:
+    if not solids or len(products) != 1:
         raise StepDefect(
             f"The file holds {len(products)} products and {len(solids)} solids; one each is needed."
         )
     for holder in graph.all_of("ADVANCED_BREP_SHAPE_REPRESENTATION"):
         _, items, context = holder.values
-        if solids[0].ref in items:
-            return solids[0], context
+        if all(solid.ref in items for solid in solids):
+            return solids, context
     raise StepDefect(f"No ADVANCED_BREP_SHAPE_REPRESENTATION holds the solid {solids[0].ref}.")
 
 
@@ -238,19 +273,14 @@ def _sum_up(
     return volume, area, origin + moment / volume
 
 
-def _require_properties(
-    found: ValidationProperties,
-    volume: float,
-    area: float,
-    centroid: Vector,
-    size: float,
-    limit: float,
+def _require_property(name: str, stated: float | None, own: float, limit: float) -> None:
+    if stated is not None and not abs(stated - own) <= limit * own:
+        raise StepDefect(f"The file states the {name} {stated:.12g}, its faces give {own:.12g}.")
+
+
+def _require_centroid(
+    found: ValidationProperties, centroid: Vector, size: float, limit: float
 ) -> None:
-    for name, stated, own in (("volume", found.volume, volume), ("area", found.area, area)):
-        if stated is not None and not abs(stated - own) <= limit * own:
-            raise StepDefect(
-                f"The file states the {name} {stated:.12g}, its faces give {own:.12g}."
-            )
     if found.centroid is not None:
         off = float(np.linalg.norm(np.array(found.centroid) - centroid))
         if not off <= limit * size:

@@ -1,0 +1,203 @@
+"""Several walls as one part: solids that share the faces between them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import pi
+
+import pytest
+from consumers.gmsh_reader import read_all_in_gmsh
+from consumers.step_file import check_solids
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_VERTEX
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+import pc2cad as pc
+from pc2cad.compiler import compile_equation
+from pc2cad.equation import along
+from pc2cad.equation.channel import ChannelError
+from pc2cad.equation.point_equation import LayersError, PointEquation, point_equation
+from pc2cad.equation.template_file import parse_template
+from pc2cad.errors import InputError
+from pc2cad.export.kernel import body, subshapes
+from pc2cad.part import Part
+
+u, v, w = pc.parameters()
+BENT = pc.polyline([(0, 0, 0), (10, 0, 0), (10, 8, 0)], 3)
+LENGTH = 12 + 1.5 * pi
+T = 2 * pi * u
+RING = pc.point(10 * pc.cos(T), 10 * pc.sin(T), 2 * pc.sin(2 * T))
+DUCT = pc.polygon([(2, 1), (-2, 1), (-2, -1), (2, -1)], v)
+
+
+def pipe(**layers: object) -> PointEquation:
+    return pc.channel(BENT, pc.ellipse(1, 1, v), layers, side="outside")
+
+
+@pytest.fixture(scope="module")
+def lagged() -> Part:
+    return compile_equation(pipe(liner=0.1, steel=0.3, lagging=0.6))
+
+
+def rings(*radii: float) -> list[float]:
+    return [pi * (b**2 - a**2) for a, b in pairwise(radii)]
+
+
+PARTS = {
+    "pipe": (lambda: pipe(liner=0.1, steel=0.3, lagging=0.6), rings(1, 1.1, 1.4, 2), LENGTH),
+    "cable": (
+        lambda: pc.channel(BENT, pc.ellipse(1, 1, v), {"core": None, "sheath": 0.5}),
+        [pi, *rings(1, 1.5)], LENGTH,
+    ),
+    "centred": (
+        lambda: pc.channel(BENT, pc.ellipse(1, 1, v), {"a": 0.2, "b": 0.4}),
+        rings(0.7, 0.9, 1.3), LENGTH,
+    ),
+    "duct": (
+        lambda: pc.channel(BENT, DUCT, {"a": 0.1, "b": 0.2}, measured="normal", side="inside"),
+        [3.6 * 1.6 - 3.4 * 1.4, 8 - 3.6 * 1.6], LENGTH,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_volume_of_each_layer(name):
+    make, areas, length = PARTS[name]
+    part = compile_equation(make())
+    assert part.report.evidence == "exact"
+    found = [layer.volume for layer in part.report.layers]
+    assert found == pytest.approx([area * length for area in areas], rel=1e-12)
+    assert [x.solid_volume for x in part.report.layers] == pytest.approx(found, rel=1e-12)
+    assert sum(found) == pytest.approx(part.report.equation.volume, rel=1e-14)
+    assert [x.name for x in part.report.layers] == list(part.layers)
+
+
+def indices(whole: TopoDS_Shape, shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> set[int]:
+    """The numbers in the whole of a shape's faces, edges or vertices, whatever way they turn."""
+    numbers = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(whole, kind, numbers)
+    return {numbers.FindIndex(found) for found in subshapes(shape, kind)}
+
+
+def test_layers_share_faces_edges_and_vertices(lagged):
+    whole = body(lagged.exportable())
+    assert whole.ShapeType().name == "TopAbs_COMPSOLID"
+    assert BRepCheck_Analyzer(whole).IsValid()
+    layers = list(lagged.layers.values())
+    # three stretches of the guide, two walls between layers, four rings at each of four stations
+    assert [len(subshapes(whole, k)) for k in (TopAbs_FACE, TopAbs_EDGE, TopAbs_VERTEX)] == [
+        18, 16 + 12, 16,
+    ]  # fmt: skip
+    first, second, third = (indices(whole, solid, TopAbs_FACE) for solid in layers)
+    assert (len(first & second), len(second & third), len(first & third)) == (3, 3, 0)
+    outer = indices(whole, lagged.shape, TopAbs_FACE)
+    assert outer == (first | second | third) - (first & second) - (second & third)
+    # what one layer leaves through a shared face, the other enters
+    turns = [{f.TShape(): f.Orientation() for f in subshapes(x, TopAbs_FACE)} for x in layers]
+    common = [t for t in turns[0] if t in turns[1]]
+    assert len(common) == 3
+    assert all(turns[0][t] != turns[1][t] for t in common)
+
+
+def test_layers_of_a_closed_channel_have_a_void_each():
+    equation = pc.channel(RING, pc.ellipse(1, 1, v), {"a": 0.2, "b": 0.3})
+    part = compile_equation(equation, tolerance=1e-5)
+    speed = along.function(pc.length(pc.diff(RING, u)))
+    length = along.antiderivative(speed, (0, 1)).total
+    areas = rings(0.75, 0.95, 1.25)
+    for layer, area in zip(part.report.layers, areas, strict=True):
+        assert layer.volume == pytest.approx(area * length, rel=1e-11)
+        assert layer.solid_volume == pytest.approx(layer.volume, rel=1e-6)
+        assert len(subshapes(part.layers[layer.name], TopAbs_FACE)) == 2
+    assert [face.name for face in part.report.faces] == ["w=0", "w=1", "w=0.5"]
+
+
+def test_layers_of_any_equation():
+    """A ball of two shells round a core: the sphere between them is shared."""
+    text = """
+title = "ball"
+[layers]
+core = 1
+shell = "k"
+crust = "k/2"
+[parameters]
+k = 0.5
+[solid]
+x = "depth(w)*sin(pi*v)*cos(2*pi*u)"
+y = "depth(w)*sin(pi*v)*sin(2*pi*u)"
+z = "depth(w)*cos(pi*v)"
+"""
+    part = compile_equation(parse_template(text, "ball").bind({"k": 1}))
+    assert {f.carrier for f in part.report.faces} == {"sphere"}
+    radii = [0, 1, 2, 2.5]
+    volumes = [4 / 3 * pi * (b**3 - a**3) for a, b in pairwise(radii)]
+    assert [x.volume for x in part.report.layers] == pytest.approx(volumes, rel=1e-12)
+    assert [x.area for x in part.report.layers] == pytest.approx(
+        [4 * pi, 20 * pi, 41 * pi], rel=1e-12
+    )
+
+
+def test_step_file_holds_named_solids(lagged, tmp_path):
+    path = tmp_path / "lagged.step"
+    lagged.write(path)
+    found = check_solids(path)
+    assert list(found) == ["liner", "steel", "lagging"]
+    for layer in lagged.report.layers:
+        solid = found[layer.name]
+        assert solid.volume == pytest.approx(layer.volume, rel=1e-11)
+        assert solid.area == pytest.approx(layer.area, rel=1e-11)
+        assert solid.centroid == pytest.approx(layer.centroid, abs=1e-10)
+
+
+@pytest.mark.parametrize("ending", ["igs", "stl", "3mf", "glb", "vtp"])
+def test_other_formats_hold_the_whole(lagged, ending, tmp_path):
+    path = tmp_path / f"lagged.{ending}"
+    lagged.write(path)
+    assert path.stat().st_size > 1000
+
+
+@pytest.mark.interop
+def test_gmsh_meshes_the_layers_as_they_are(lagged, tmp_path):
+    for ending in ("brep", "step"):
+        lagged.write(tmp_path / f"lagged.{ending}")
+    brep, step = read_all_in_gmsh([tmp_path / "lagged.brep", tmp_path / "lagged.step"])
+    volume = lagged.report.equation.volume
+    assert [x["volumes"] for x in (brep, step)] == [3, 3]
+    assert [x["volume"] for x in (brep, step)] == pytest.approx([volume] * 2, rel=1e-9)
+    # BREP keeps a shared face one face; STEP has no face that bounds two solids
+    assert (brep["surfaces"], step["surfaces"]) == (18, 24)
+
+
+def test_walls_that_change():
+    """Between r and r + δ(u) a layer has the area π(2rδ + δ²): V = 5π·∫(4δ + δ²) du."""
+    wall = {"a": 0.2 * (1 + u), "b": 0.3 + 0.1 * pc.cos(4 * pi * v)}
+    line = pc.point(0, 0, 5 * u)
+    part = compile_equation(pc.channel(line, pc.ellipse(2, 2, v), wall, side="outside"))
+    first, second = part.report.layers
+    # means over u: δ = 0.3, δ² = 0.04·7/3
+    assert first.volume == pytest.approx(5 * pi * (4 * 0.3 + 0.28 / 3), rel=1e-12)
+    # b lies on r = 2 + δ; the mean of its square is 0.3² + 0.1²/2
+    assert second.volume == pytest.approx(5 * pi * (2 * 2.3 * 0.3 + 0.095), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: pipe(a=1), LayersError, "layers are two or more, and here are 1"),
+        (lambda: pipe(a=1, b=w), LayersError, "may depend on u and v, not on w"),
+        (lambda: pipe(a=1, b=None), ChannelError, "only the first layer can fill the section"),
+        (lambda: pc.channel(BENT, DUCT, {"a": None, "b": 1}, side="inside"), ChannelError,
+         "layers on a filled section lie outside it"),
+        (lambda: compile_equation(point_equation((u, v, w)).layered("ab")), LayersError,
+         r"there are 2 layers \(a, b\), and M has 0 creases in w between them"),
+        (lambda: point_equation((u, v, w), {"w": (0, 2)}).layered("ab"), LayersError,
+         "the domain of w is another one"),
+        (lambda: point_equation((u, v, w)).layered("aa"), LayersError, "each another"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_layers_is_refused(make, error, message):
+    assert issubclass(error, InputError)
+    with pytest.raises(error, match=message):
+        make()
