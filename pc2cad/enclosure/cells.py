@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +44,6 @@ class Cells:
             return np.asarray(a[:, 0])
         inner = a + (b - a) * chebyshev(self.degree)[:-1]
         return np.append(inner.ravel(), b[-1])
-
-    def gather(self, first: int, last: int) -> Index:
-        """Return, per cell, the positions of its nodes in what `nodes` returns."""
-        n = max(self.degree, 1)
-        return np.asarray(np.arange(last - first)[:, None] * n + np.arange(self.degree + 1))
 
     @cached_property
     def lebesgue(self) -> float:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
@@ -37,8 +38,8 @@ SHARP = 1.3
 REMAINDER_SHARE = 0.25
 #: halvings of cells for the coefficients' sake
 SHARPEST = 6
-#: nodes whose values are held at once
-SLAB = 400_000
+#: nodes whose values are held at once: few enough for a processor's own memory
+SLAB = 40_000
 
 
 @dataclass(frozen=True)
@@ -195,6 +196,15 @@ def _reach(direction: Direction, deviation: float, degree: int) -> float:
     return float((1 / deviation) ** (1 / (degree + 1)))
 
 
+def _windows(values: Array, axis: int, degree: int) -> Array:
+    """Return a view in which an axis is two: cells, and the nodes of each (shared with the next)."""
+    step = max(degree, 1)
+    shape, strides = list(values.shape), list(values.strides)
+    shape[axis : axis + 1] = [(shape[axis] - 1) // step if degree else shape[axis], degree + 1]
+    strides[axis : axis + 1] = [step * strides[axis], strides[axis]]
+    return as_strided(values, shape, strides, writeable=False)
+
+
 class _Survey:
     """Samples of the difference on all cells, and the coefficients of its interpolants."""
 
@@ -218,12 +228,10 @@ class _Survey:
         gap = _difference(self._function, self._spline, *nodes)
         self.sampled = max(self.sampled, float(np.sqrt((gap * gap).sum(axis=0).max())))
         self.samples += gap[0].size
-        gather_s, gather_t = self._s.gather(first, last), self._t.gather(0, self._t.count)
-        rows = gap[:, :, gather_t] @ to_bernstein(self._t.degree).T
-        rows = rows[:, gather_s].reshape(3, last - first, self._s.degree + 1, -1)
-        coefficients = to_bernstein(self._s.degree) @ rows
-        coefficients = coefficients.reshape(*coefficients.shape[:3], self._t.count, -1)
-        sizes = np.sqrt((coefficients * coefficients).sum(axis=0).max(axis=(1, 3)))
+        coefficients = to_bernstein(self._s.degree) @ _windows(gap, 1, self._s.degree)
+        coefficients = _windows(coefficients, 3, self._t.degree) @ to_bernstein(self._t.degree).T
+        squares = np.einsum("csitj,csitj->sitj", coefficients, coefficients)
+        sizes = np.sqrt(squares.max(axis=3).max(axis=1))
         self._sizes[first:last] = sizes
         i, j = np.nonzero(sizes > SHARP * self.sampled)
         self._coarse.append((
