@@ -197,7 +197,7 @@ def _reach(direction: Direction, deviation: float, degree: int) -> float:
 
 
 def _windows(values: Array, axis: int, degree: int) -> Array:
-    """Return a view in which an axis is two: cells, and the nodes of each (shared with the next)."""
+    """Return a view with two axes for one: cells, and the nodes of each (shared with the next)."""
     step = max(degree, 1)
     shape, strides = list(values.shape), list(values.strides)
     shape[axis : axis + 1] = [(shape[axis] - 1) // step if degree else shape[axis], degree + 1]
