@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pc2cad as pc
+from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.cancellation import simplified, without_idle
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.products import product_of, products
@@ -55,3 +56,18 @@ def test_a_frame_that_is_not_at_right_angles_stays():
 def test_a_parameter_of_little_weight_is_not_idle():
     tree = V * (1 + call("sin", 1000 * U) / 10**11)
     assert without_idle(tree) is tree
+
+
+def test_sums_that_are_constant_along_a_helix():
+    """N''·N' = 0 and N'·N' is constant: the frame has no quotient by a function, |KN| no u."""
+    N = (3 * pc.cos(U), 3 * pc.sin(U), U / 2)
+    first = derivatives(N, "u")
+    second = derivatives(first, "u")
+    square = sum((x * x for x in first), start=ZERO)
+    share = sum((x * y for x, y in zip(first, second, strict=True)), start=ZERO) / square
+    out = tuple(y - x * share for x, y in zip(first, second, strict=True))
+    length = pc.sqrt(sum((x * x for x in out), start=ZERO))
+    (x, y, z) = simplified(tuple(x / length for x in out))
+    assert not [n for tree in (x, y, z) for n in walk((tree,)) if n.op == "div" and n.symbols]
+    assert values(z) == pytest.approx(0, abs=0)
+    assert values(x) == pytest.approx(-np.cos(PLACES["u"]), rel=1e-14)

@@ -20,13 +20,18 @@ _SPECIAL: dict[str, Callable[..., float]] = {
 
 def evaluate(root: Expr, values: Mapping[str, float]) -> float:
     """Return the value of the tree; nan where a function leaves the reals or overflows."""
+    return evaluate_all((root,), values)[root]
+
+
+def evaluate_all(roots: tuple[Expr, ...], values: Mapping[str, float]) -> dict[Expr, float]:
+    """Return the values of the trees and of all their nodes (see `evaluate`)."""
     store: dict[Expr, float] = {}
-    for node in walk((root,)):
+    for node in walk(roots):
         try:
             store[node] = _value(node, [store[arg] for arg in node.args], values)
         except (ValueError, ZeroDivisionError, OverflowError):
             store[node] = _NAN
-    return store[root]
+    return store
 
 
 def _value(node: Expr, args: list[float], values: Mapping[str, float]) -> float:
