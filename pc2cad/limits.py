@@ -68,7 +68,8 @@ def find_limits(equation: PointEquation) -> tuple[Limit, ...]:
     with np.errstate(all="ignore"):
         if not channel.is_perpendicular():
             return ()
-        found = [channel.clearance(), channel.section(), channel.bend(), channel.strands()]
+        section = channel.section()
+        found = [channel.clearance(section.holds), section, channel.bend(), channel.strands()]
     return tuple(limit for limit in found if limit is not None)
 
 
@@ -146,8 +147,12 @@ class _Channel:
 
     # -- the limits ---------------------------------------------------------------------------
 
-    def clearance(self) -> Limit | None:
-        """Return how far the inner side of the wall is from the guide."""
+    def clearance(self, regular: bool) -> Limit | None:
+        """Return how far the inner side of the wall is from the guide.
+
+        A wall may well lie beyond the guide where the section does not go round it; where the
+        section is not `regular`, that is what is wrong with it.
+        """
         ends = np.array([0.0, 1.0])
         u, v, w = np.ix_(self._axes[0], self._axes[1], ends)
         _, q, *_ = self._run(self._section, u, v, w)
@@ -163,10 +168,14 @@ class _Channel:
             return np.asarray(_dot(first, last) / _norm(last))
 
         value, place = self._smallest(distance)
-        return Limit(
-            "wall clearance", value, 0.0, True,
-            f"the inside of the wall is {value:.6g} from the guide at {self._shown(place)}",
-        )  # fmt: skip
+        holds = regular or value > 0
+        sentence = (
+            f"the inside of the wall is {value:.6g} from the guide at {self._shown(place)}"
+            if holds
+            else f"the inside of the wall lies {-value:.6g} beyond the guide at "
+            f"{self._shown(place)}, and at 0 it touches it"
+        )
+        return Limit("wall clearance", value, 0.0, holds, sentence)
 
     def section(self) -> Limit:
         """Return the least sine between the wall's direction and the section."""
@@ -185,7 +194,8 @@ class _Channel:
             f"at {self._shown(place)}"
             if holds
             else f"the wall crosses itself or the guide, or the section is not star-shaped about "
-            f"it, at {self._shown(place)} (sine {value:.4g}); a thinner wall may hold"
+            f"it, at {self._shown(place)} (under a sine of {value:.4g}, and at 0 it breaks); a "
+            "thinner wall may hold"
         )
         return Limit("star-shaped", value, 0.0, holds, sentence)
 

@@ -87,10 +87,11 @@ SECTIONS = {
     "8a": ellipse(2.0, 1.2),
     "8b": sine_wave(2.0, 0.3, 7),
     "8c": contour(CONTOUR_NODES, 1 / 6),
+    "circle": ellipse(2.0, 2.0),
 }
-THICKNESS = {"8a": 0.4, "8b": 0.3, "8c": 0.3}
+THICKNESS = {"8a": 0.4, "8b": 0.3, "8c": 0.3, "circle": 0.4}
 #: v is smooth between these
-BREAKS = {"8a": 1, "8b": 1, "8c": 6}
+BREAKS = {"8a": 1, "8b": 1, "8c": 6, "circle": 1}
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -121,6 +122,8 @@ class Channel:
     share: float = 0.5
     #: number of equal shares of v within which the section is analytic
     arcs: int = 1
+    #: what the normal refers to: E=D, E=A, C-D, frenet, or rmf (which starts as E=D)
+    kind: str = "E=D"
 
     @cached_property
     def points(self) -> Array:
@@ -137,13 +140,37 @@ class Channel:
         second = 6 * a * u + 6 * b * (1 - u) - c * np.sin(u)
         return point, first, second
 
-    def frame(self, u: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array]]:
-        """Return the unit vectors T, e1, e2 at u, and the derivatives of e1 and e2; E = D."""
+    def reference(self, u: Array) -> tuple[Array, Array]:
+        """Return the vector q that the normal is taken from, and q'."""
+        A, B, C, D = self.points
         N, d1, d2 = self.guide_point(u)
+        if self.kind == "frenet":
+            return d2, 6 * (A - D) - 6 * (B - D) - (C - D) * np.cos(np.asarray(u)[..., None])
+        if self.kind == "C-D":
+            return np.broadcast_to(C - D, N.shape), np.zeros_like(N)
+        return (A if self.kind == "E=A" else D) - N, -d1
+
+    def frame(self, u: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array]]:
+        """Return the unit vectors T, e1, e2 at u, and the derivatives of e1 and e2."""
+        (T, e1, e2), (de1, de2) = self.referred(u)
+        if self.kind != "rmf":
+            return (T, e1, e2), (de1, de2)
+        # turned back by the integral of its rate, by one Gauss rule from 0 to each u
+        x, weight = gauss(40)
+        (_, _, f2), (df1, _) = self.referred(np.asarray(u, dtype=float)[..., None] * x)
+        angle = -(u * (_dot(df1, f2)[..., 0] @ weight))[..., None]
+        rate = -_dot(de1, e2)
+        c, s = np.cos(angle), np.sin(angle)
+        r1, r2 = c * e1 + s * e2, c * e2 - s * e1
+        return (T, r1, r2), (c * de1 + s * de2 + rate * r2, c * de2 - s * de1 - rate * r1)
+
+    def referred(self, u: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array]]:
+        """Return the frame whose normal is taken from the reference, as `frame` does."""
+        _, d1, d2 = self.guide_point(u)
         speed = np.sqrt(_dot(d1, d1))
         T = d1 / speed
         dT = (d2 - T * _dot(T, d2)) / speed
-        q, dq = self.points[3] - N, -d1
+        q, dq = self.reference(u)
         g = q - T * _dot(q, T)
         dg = dq - dT * _dot(q, T) - T * (_dot(dq, T) + _dot(q, dT))
         size = np.sqrt(_dot(g, g))
@@ -158,7 +185,8 @@ class Channel:
 
     def point_and_tangents(self, u: Array, v: Array, w: Array) -> tuple[Array, ...]:
         """Return M, M_u, M_v and M_w."""
-        u, v, w = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (u, v, w)))
+        # the guide and its frame are found once per u, the section once per v
+        u, v, w = (np.asarray(x, dtype=float) for x in (u, v, w))
         N, dN, _ = self.guide_point(u)
         (_, e1, e2), (de1, de2) = self.frame(u)
         X, Y, X_v, Y_v = self.section(v)
@@ -228,13 +256,18 @@ def gauss_per_arc(count: int, arcs: int) -> tuple[Array, Array]:
 
 
 def channel(
-    case: str, guide: str, share: float = 0.5, thickness: Thickness | None = None
+    case: str,
+    guide: str,
+    share: float = 0.5,
+    thickness: Thickness | None = None,
+    kind: str = "E=D",
 ) -> Channel:
-    """Return a channel of the reference table: 8a, 8b or 8c on G1 or G2."""
+    """Return a channel of the reference table: 8a, 8b, 8c or the circle, on G1 or G2."""
     return Channel(
         GUIDES[guide],
         SECTIONS[case],
         thickness or constant(THICKNESS[case]),
         share,
         BREAKS[case],
+        kind,
     )

@@ -13,6 +13,7 @@ from pc2cad.analysis import analyse
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.channel import ChannelError
 from pc2cad.equation.curves import SectionError
+from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError
 from pc2cad.properties import integrate
 
@@ -72,6 +73,39 @@ def test_walls(section, options, exact):
         assert area(section, 0.4, **options) == pytest.approx(whole / 2, rel=1e-12)
         return
     assert area(section, 0.4, **options) == pytest.approx(exact, rel=1e-11)
+
+
+POLAR = """
+title = "polar"
+[guide]
+N = "[0, 0, 3*u]"
+[frame]
+[curves]
+rose = { kind = "polar", r = "2 + 0.3*cos(3*phi) + 0.1*t*(1 - t)" }
+oval = { kind = "plane", x = "2*cos(phi)", y = "sin(phi) + 0.2*sin(2*phi)" }
+[let]
+K = "N + (R-N)*CURVE_x(v) + (Q-N)*CURVE_y(v)"
+[solid]
+M = "N*(1 - w) + K*w"
+"""
+
+
+@pytest.mark.parametrize(("curve", "area"), [
+    # half the integral of r², φ = 2πt: mean of (2 + 0.3 cos 3φ + 0.1 t(1-t))², times π
+    ("rose", pi * (4 + 0.045 + 0.4 / 6 + 0.01 / 30 + 0.06 * (-2 / (6 * pi) ** 2))),
+    ("oval", 2 * pi),
+])  # fmt: skip
+def test_polar_and_plane_curves_of_a_template(curve, area):
+    equation = parse_template(POLAR.replace("CURVE", curve), "polar").bind()
+    assert integrate(analyse(equation)).volume == pytest.approx(3 * area, rel=1e-12)
+
+
+def test_polar_curve_in_python():
+    r = 2 + 0.3 * pc.cos(6 * pc.pi * v)
+    section = (r * pc.cos(2 * pc.pi * v), r * pc.sin(2 * pc.pi * v))
+    assert area(section) == pytest.approx(pi * 4.045, rel=1e-12)
+    # a radial wall: δ∮r dφ
+    assert area(section, 0.2) == pytest.approx(0.2 * 4 * pi, rel=1e-12)
 
 
 def test_taper_and_varying_walls():
