@@ -87,15 +87,17 @@ class Part:
         size: float | None = None,
         order: Literal[1, 2] = 1,
         shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
+        core: Literal["grid", "ogrid"] = "grid",
     ) -> VolumeMesh:
         """Return structured hexahedra of the equation's own (u,v,w) grid, or tetrahedra by gmsh.
 
-        `cells` along u, v and w, or the `size` of the longest ones in model units. Raises
+        `cells` along u, v and w, or the `size` of the longest ones in model units. The `core` at an
+        axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Raises
         UnsuitableGridError, or InvertedElementError where the cells are too coarse.
         """
         from pc2cad.volume import MeshOptions, mesh_equation
 
-        return mesh_equation(self.equation, MeshOptions(cells, size, order, shape))[0]
+        return mesh_equation(self.equation, MeshOptions(cells, size, order, shape, core=core))[0]
 
     def splines(self, tolerance: float | None = None) -> VolumeModel:
         """Return the volume itself as trivariate splines, exact where M is polynomial or rational.

@@ -24,6 +24,7 @@ from pc2cad.geometry.profile import COMPACT, SplineProfile
 from pc2cad.isogeometry import VolumeModel, represent_volume
 from pc2cad.mesh.grid import Grading, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.ogrid import o_grid
 from pc2cad.mesh.quality import Quality, measure
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.properties import Properties, integrate
@@ -44,6 +45,8 @@ class MeshOptions:
     #: hexahedra of the (u,v,w) grid, or tetrahedra of the B-rep by gmsh
     shape: Literal["hexahedra", "tetrahedra"] = "hexahedra"
     grading: tuple[Grading, Grading, Grading] = (Grading(), Grading(), Grading())
+    #: elements at an axis: cells of the grid that lose corners there, or those of an O-grid
+    core: Literal["grid", "ogrid"] = "grid"
 
     def __post_init__(self) -> None:
         if self.cells is not None and self.size is not None:
@@ -52,6 +55,8 @@ class MeshOptions:
             raise InputError(f"the size of cells must be a positive length, not {self.size}")
         if self.shape == "tetrahedra" and self.cells is not None:
             raise InputError("tetrahedra have a size of cells, not numbers of them along u, v, w")
+        if self.shape == "tetrahedra" and self.core == "ogrid":
+            raise InputError("tetrahedra have no core; an O-grid is one of hexahedra")
         if self.order not in (1, 2):
             raise InputError(f"elements have order 1 or 2, not {self.order}")
 
@@ -126,8 +131,11 @@ def mesh_equation(
         mesh, areas = _tetrahedra(equation, options, properties)
     else:
         grid = make_grid(analysis, options.cells, options.size, options.grading)
-        cells = grid.cells
-        mesh = hexahedra(analysis, grid, options.order)
+        if options.core == "ogrid":
+            mesh = o_grid(analysis, grid, options.order)
+        else:
+            cells = grid.cells
+            mesh = hexahedra(analysis, grid, options.order)
     clock("quality")
     report = report_on(mesh, measure(mesh), properties.volume, areas, cells)
     clock("")
@@ -171,10 +179,11 @@ def mesh_part(
     size: float | None = None,
     order: Literal[1, 2] = 1,
     shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
+    core: Literal["grid", "ogrid"] = "grid",
 ) -> VolumeMesh:
     """Mesh a Python point equation over a box; see `MeshOptions` and `mesh_equation`."""
     bound = point_equation(equation, domain, name=name, units=units)
-    return mesh_equation(bound, MeshOptions(cells, size, order, shape))[0]
+    return mesh_equation(bound, MeshOptions(cells, size, order, shape, core=core))[0]
 
 
 def report_on(

@@ -18,6 +18,7 @@ from pc2cad.mesh.collapse import pieces
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 from pc2cad.mesh.grid import Grading, UnsuitableGridError, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.ogrid import o_grid
 from pc2cad.mesh.quality import InvertedElementError, measure
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.properties import integrate
@@ -101,6 +102,69 @@ def test_order_two_converges_at_fourth_order(name: str, cells: tuple[int, int, i
     errors = [abs(mesh_of(analysis, n, 2).volume() / exact - 1) for n in (cells, finer)]
     assert np.log2(errors[0] / errors[1]) > 3.8
     assert errors[1] < 5e-4
+
+
+# -- O-grids ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "worst", "order"),
+    [("ball", 0.7, 4), ("ellipsoid", 0.3, 4), ("half_ball", 0.7, 4), ("hollow_ball", 0.8, 4),
+     ("cone_frustum", 0.8, 4), ("simplex_paraboloid", 0.15, 4), ("torus_wedge", 0.8, 4),
+     ("simplex_torus", 0.17, 4), ("cone", 0.3, 2.9)],
+)  # fmt: skip
+def test_an_o_grid_has_hexahedra_only_and_converges(name: str, worst: float, order: float) -> None:
+    analysis = analysis_of(name)
+    properties = integrate(analysis)
+    errors = []
+    for cells in ((8, 4, 4), (16, 8, 8)):
+        mesh = o_grid(analysis, make_grid(analysis, cells), 2)
+        check_conforming(mesh)
+        assert set(mesh.blocks) == {"hexahedron"}
+        quality = measure(mesh)
+        assert quality.volume == pytest.approx(mesh.volume(), rel=1e-13)
+        errors.append(abs(mesh.volume() / properties.volume - 1))
+    assert quality.scaled_jacobian > worst
+    assert np.log2(errors[0] / errors[1]) > order - 0.2
+    names = [analysis.boundary.name(face.patch) for face in analysis.boundary.faces]
+    assert sorted(mesh.sides) == sorted(names)
+    for side, area in zip(names, properties.face_areas, strict=True):
+        assert mesh.area(side) == pytest.approx(area, rel=3e-3)
+        nodes = np.unique(np.concatenate(list(mesh.facet_nodes(side).values())))
+        assert np.array_equal(mesh.node_sets[side], nodes)
+
+
+def test_nodes_of_an_o_grid_are_counted_exactly() -> None:
+    analysis = analysis_of("torus")
+    mesh = o_grid(analysis, make_grid(analysis, (7, 12, 4)))
+    # a square of 3 x 3 cells, and 3 rings round it
+    assert mesh.elements == 7 * (9 + 3 * 12)
+    assert len(mesh.points) == 7 * (16 + 3 * 12)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_an_o_grid_takes_its_axis_and_its_point_from_either_end(end: int) -> None:
+    turned = v if end == 0 else 1 - v
+    out = w if end == 0 else 1 - w
+    angle, height = 2 * pc.pi * u, pc.pi / 2 * turned
+    radius = out * pc.sin(height)
+    half_ball = (radius * pc.cos(angle), radius * pc.sin(angle), out * pc.cos(height))
+    options = MeshOptions(cells=(16, 8, 8), order=2, core="ogrid")
+    mesh, report = mesh_equation(point_equation(half_ball, name="half ball"), options)
+    assert set(mesh.sides) == {f"v={1 - end}", f"w={1 - end}"}
+    assert report.volume == pytest.approx(2 * np.pi / 3, rel=1e-3)
+    assert report.quality.scaled_jacobian > 0.7
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("pyramid", "needs one axis"), ("channel_ellipse", "drawn together here: none"),
+     ("paraboloid_cap", "w=0, w=1"), ("turned_ring", "with a turn")],
+)  # fmt: skip
+def test_solids_without_an_axis_inside_have_no_o_grid(name: str, why: str) -> None:
+    analysis = analysis_of(name)
+    with pytest.raises(UnsuitableGridError, match=why):
+        o_grid(analysis, make_grid(analysis, size=1.0))
 
 
 # -- merging by index ------------------------------------------------------------------------------

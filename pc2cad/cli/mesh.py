@@ -46,6 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="mesh the B-rep with tetrahedra by gmsh (pip install 'pc2cad[fea]') instead",
     )  # fmt: skip
     parser.add_argument(
+        "--core", choices=("grid", "ogrid"), default="grid",
+        help="at an axis or a centre: cells of the grid, which become wedges, pyramids and "
+        "tetrahedra there, or an O-grid of hexahedra alone (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
         "--order", type=int, choices=(1, 2), default=1,
         help="order of the elements: 2 has curved ones with a node on every edge "
         "(default: %(default)s)",
@@ -98,6 +103,7 @@ def _options(arguments: argparse.Namespace) -> MeshOptions:
     return MeshOptions(
         _cells(arguments.cells), read_length("--size", arguments.size), arguments.order,
         "tetrahedra" if arguments.tetrahedra else "hexahedra", _grading(arguments.grade),
+        arguments.core,
     )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ Ints = NDArray[np.integer]
 #: points evaluated, and cells numbered, at once: the arrays stay in the cache
 _CHUNK = 1 << 16
 #: face of a hexahedron on the lower and upper limit of its own first, second, third direction
-_FACE_AT = ((5, 3), (2, 4), (0, 1))
+FACE_AT = ((5, 3), (2, 4), (0, 1))
 
 
 class CellCollapsesError(NotASolidError):
@@ -228,7 +228,7 @@ class _Assembly:
         """Return the faces of elements on a patch of the box."""
         d = normal_direction(patch)
         upper = patch[d] > 0
-        face = _FACE_AT[self._axes.index(d)][int(upper)]
+        face = FACE_AT[self._axes.index(d)][int(upper)]
         spans = []
         for k in range(3):
             span = self._grid.span(k, patch[k])
