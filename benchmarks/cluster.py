@@ -114,7 +114,7 @@ def seconds_of(job: Job, mean: float, stragglers: float) -> float:
     return mean * long * dice.lognormvariate(-0.125, 0.5)
 
 
-def sleeping(task: Task, limits: Limits, job: Job) -> Outcome:
+def sleeping(job: Job, task: Task, limits: Limits) -> Outcome:
     """Stand in for `_guarded`: the task's fields say how long variants take."""
     from distributed import get_worker
 

@@ -30,7 +30,7 @@ class ClusterLostError(KernelError):
 _engines = threading.local()
 
 
-def _guarded(task: Task, limits: Limits, job: Job) -> Outcome:
+def _guarded(job: Job, task: Task, limits: Limits) -> Outcome:
     """Run one job in this thread's guarded process; runs on a Dask worker."""
     kept: tuple[Task, Limits, LocalEngine] | None = getattr(_engines, "engine", None)
     if kept is None or kept[:2] != (task, limits):
@@ -67,18 +67,20 @@ class DaskEngine:
         (task,) = self._client.scatter([self._task], broadcast=True, hash=False)
         waiting: dict[Any, Job] = {}
 
-        def submit(job: Job) -> Any:
-            future = self._client.submit(_guarded, task, self._limits, job, pure=False, retries=2)
-            waiting[future] = job
-            return future
+        def submit(count: int) -> list[Any]:
+            """Send the next jobs in one message, which costs the scheduler far less than many."""
+            jobs = list(islice(source, count))
+            futures = self._client.map(
+                _guarded, jobs, task=task, limits=self._limits, pure=False, retries=2
+            )
+            waiting.update(zip(futures, jobs, strict=True))
+            return list(futures)
 
         threads = max(1, sum(self._client.nthreads().values()))
-        ended = self._distributed.as_completed(
-            [submit(job) for job in islice(source, AHEAD * threads)]
-        )
+        ended = self._distributed.as_completed(submit(AHEAD * threads))
         for futures in ended.batches():
             # the next jobs go out before anybody looks at these outcomes
-            ended.update([submit(job) for job in islice(source, len(futures))])
+            ended.update(submit(len(futures)))
             yield [self._result(future, waiting.pop(future)) for future in futures]
 
     def _result(self, future: Any, job: Job) -> Outcome:
