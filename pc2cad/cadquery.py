@@ -34,6 +34,7 @@ from OCP.BRepExtrema import BRepExtrema_DistShapeShape  # noqa: E402
 from OCP.gp import gp_Pnt, gp_Pnt2d  # noqa: E402
 from OCP.IntTools import IntTools_Context  # noqa: E402
 
+from pc2cad.bodies import BodiesPart  # noqa: E402
 from pc2cad.compiler import compile_equation  # noqa: E402
 from pc2cad.equation.point_equation import (  # noqa: E402
     Domain,
@@ -42,6 +43,7 @@ from pc2cad.equation.point_equation import (  # noqa: E402
     point_equation,
 )
 from pc2cad.equation.template import Template  # noqa: E402
+from pc2cad.equation.template_bodies import Bodies, BodiesTemplate  # noqa: E402
 from pc2cad.equation.template_file import read_template  # noqa: E402
 from pc2cad.errors import InputError  # noqa: E402
 from pc2cad.library import find_template, template_paths  # noqa: E402
@@ -50,7 +52,10 @@ from pc2cad.python import parameters as parameters  # noqa: E402
 from pc2cad.python import points as points  # noqa: E402
 
 #: a template's name or file, a template, an equation in any form that `compile_part` takes, a part
-Source = str | os.PathLike[str] | Template | PointEquation | Equation | Part
+Source = (
+    str | os.PathLike[str] | Template | BodiesTemplate | PointEquation | Bodies | Equation
+    | Part | BodiesPart
+)  # fmt: skip
 #: True or "a": fuse with the chain's solid; "cut" or "s": cut from it; False: keep apart
 CombineMode = bool | str
 
@@ -130,7 +135,7 @@ def placed(
         for solid in () if combine else result.vals():
             solid.part = part  # cleaning makes new objects of the same point sets
         sides = _sides(part, copies, result)
-        for name in part.faces:
+        for name, _ in part.named_faces:
             result.ctx.tags.pop(prefix + name, None)  # of an earlier solid in the chain
             if name in sides:
                 result.ctx.tags[prefix + name] = result.newObject(sides[name])
@@ -182,7 +187,7 @@ def channelSolid(
     return pointSolid(self, _channel(channel), domain, combine, clean, prefix, **parameters)
 
 
-def pointParts(self: cq.Workplane) -> tuple[Part, ...]:
+def pointParts(self: cq.Workplane) -> tuple[Part | BodiesPart, ...]:
     """Return the compiled parts of this chain, with their reports, in the order of their making."""
     return tuple(vars(self.ctx).get(_PARTS, ()))
 
@@ -198,19 +203,19 @@ def _compile(
     tolerance: float | None,
     degree: int | None,
     parameters: Mapping[str, Any],
-) -> Part:
+) -> Part | BodiesPart:
     if isinstance(source, (str, os.PathLike)):
         source = read_template(find_template(os.fspath(source)))
-    if isinstance(source, Template):
+    if isinstance(source, (Template, BodiesTemplate)):
         source = source.bind(parameters)
     elif parameters:
         raise InputError(
             f"only a template has parameters, and {next(iter(parameters))} was given with "
             "something else"
         )
-    if isinstance(source, Part):
+    if isinstance(source, (Part, BodiesPart)):
         return source
-    if not isinstance(source, PointEquation):
+    if not isinstance(source, (PointEquation, Bodies)):
         source = point_equation(source, domain)
     elif domain is not None:
         raise InputError("the domain belongs to the template or the point equation already")
@@ -219,15 +224,15 @@ def _compile(
     return part
 
 
-def _solid(part: Part, location: cq.Location) -> cq.Solid:
+def _solid(part: Part | BodiesPart, location: cq.Location) -> cq.Solid:
     solid = cq.Solid(part.shape).moved(location)
     solid.part = part
-    solid.label = part.equation.title or part.equation.name
+    solid.label = part.title
     return solid
 
 
 def _sides(
-    part: Part, copies: Iterable[cq.Solid], result: cq.Workplane
+    part: Part | BodiesPart, copies: Iterable[cq.Solid], result: cq.Workplane
 ) -> dict[str, list[cq.Face]]:
     """Return the faces of the result that lie on each side of the copies; sides cut away miss."""
     found: dict[str, list[cq.Face]] = {}
@@ -236,7 +241,7 @@ def _sides(
     same = {face: face for face in faces}
     probes = [_Probe(face) for face in faces]
     for copy in copies:
-        for name, kernel_face in part.faces.items():
+        for name, kernel_face in part.named_faces:
             side = cq.Face(kernel_face.Moved(copy.wrapped.Location()))
             if side in same:
                 found.setdefault(name, []).append(same[side])

@@ -16,14 +16,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import TypeVar, overload
 
 from pc2cad.analysis import analyse
+from pc2cad.bodies import BodiesPart, compile_bodies
 from pc2cad.boundary import check_tolerance, represent
 from pc2cad.brep.build import build
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
+from pc2cad.equation.template_bodies import Bodies
 from pc2cad.errors import NotASolidError
-from pc2cad.geometry.profile import spline_profile
+from pc2cad.geometry.profile import SplineProfile, spline_profile
 from pc2cad.limits import Limit, check_limits, describe, find_limits
 from pc2cad.part import Part
 from pc2cad.properties import integrate
@@ -36,6 +38,7 @@ Progress = Callable[[str], None]
 Result = TypeVar("Result")
 
 
+@overload
 def compile_equation(
     equation: PointEquation,
     tolerance: float | None = None,
@@ -44,8 +47,27 @@ def compile_equation(
     *,
     max_degree: int | None = None,
     profile: str = "compact",
-) -> Part:
-    """Compile a point equation into a validated part.
+) -> Part: ...
+@overload
+def compile_equation(
+    equation: Bodies,
+    tolerance: float | None = None,
+    degree: int | None = None,
+    progress: Progress | None = None,
+    *,
+    max_degree: int | None = None,
+    profile: str = "compact",
+) -> BodiesPart: ...
+def compile_equation(
+    equation: PointEquation | Bodies,
+    tolerance: float | None = None,
+    degree: int | None = None,
+    progress: Progress | None = None,
+    *,
+    max_degree: int | None = None,
+    profile: str = "compact",
+) -> Part | BodiesPart:
+    """Compile a point equation, or several with their Booleans, into a validated part.
 
     `tolerance` is the largest distance, in model units, that a face may have from the equation;
     None means 1e-7 of the part's size, or 1e-6 of its thickness 2V/A where that is less. Where a
@@ -55,6 +77,19 @@ def compile_equation(
     ToleranceNotReachedError or KernelError; nothing doubtful is returned.
     """
     splines = spline_profile(degree, max_degree, profile)
+    if isinstance(equation, Bodies):
+        return compile_bodies(
+            equation, lambda body, tell: _compile(body, tolerance, splines, tell), progress
+        )
+    return _compile(equation, tolerance, splines, progress)
+
+
+def _compile(
+    equation: PointEquation,
+    tolerance: float | None,
+    splines: SplineProfile,
+    progress: Progress | None,
+) -> Part:
     times: dict[str, float] = {}
 
     limits: tuple[Limit, ...] = ()

@@ -22,8 +22,13 @@ def template_folder() -> Path:
 
 
 def template_paths() -> dict[str, Path]:
-    """Return the shipped templates, name -> file, in the order of their names."""
+    """Return the shipped templates of one equation, name -> file, in the order of their names."""
     return {path.stem: path for path in sorted(template_folder().glob("*.toml"))}
+
+
+def bodies_paths() -> dict[str, Path]:
+    """Return the shipped templates of several bodies, as `template_paths` does."""
+    return {path.stem: path for path in sorted(template_folder().glob("bodies/*.toml"))}
 
 
 def find_template(file_or_name: str) -> Path:
@@ -36,7 +41,7 @@ def find_template(file_or_name: str) -> Path:
     path = Path(file_or_name)
     if _exists(path, Path.is_file):
         return path
-    shipped = template_paths()
+    shipped = template_paths() | bodies_paths()
     if file_or_name in shipped:
         return shipped[file_or_name]
     if file_or_name and _exists(path, Path.exists):

@@ -17,7 +17,7 @@ from pc2cad.export.model import (
 )
 from pc2cad.export.registry import write
 from pc2cad.model import BoundaryModel, ModelFace
-from pc2cad.report import Integrals, Report
+from pc2cad.report import BodiesReport, Integrals, Report
 from pc2cad.topology.cells import Cell, normal_direction
 
 if TYPE_CHECKING:
@@ -36,8 +36,69 @@ SIDE_COLOURS = (
 )
 
 
+class Solid:
+    """One validated solid: what a part of one equation and one of several bodies have in common."""
+
+    report: Report | BodiesReport
+
+    @property
+    def shape(self) -> TopoDS_Solid:
+        """The kernel's solid, in the model's units."""
+        raise NotImplementedError
+
+    @property
+    def named_faces(self) -> tuple[tuple[str, TopoDS_Face], ...]:
+        """The kernel's faces, each with its name."""
+        raise NotImplementedError
+
+    def exportable(self, colours: bool = False) -> Exportable:
+        """Return what the writers take."""
+        raise NotImplementedError
+
+    @property
+    def title(self) -> str:
+        """The solid's title, its name where there is none."""
+        return self.report.title or self.report.name
+
+    def to_cadquery(self) -> Any:
+        """Return the solid as a `cadquery.Solid` (imports CadQuery)."""
+        from cadquery import Solid as CadQuerySolid
+
+        return CadQuerySolid(self.shape)
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        colours: bool = False,
+        options: ExportOptions | None = None,
+    ) -> None:
+        """Write a file, its format by the name's ending; it appears whole or not at all.
+
+        `colours` paints each side of the box, or each body, its own colour. Raises InputError for
+        an unknown ending, FileNotWrittenError or KernelError.
+        """
+        write(self.exportable(colours), path, options)
+
+    def triangle_integrals(self, deflection: float | None = None) -> Integrals:
+        """Return volume, area and centroid of the triangles that an STL file would hold.
+
+        They are meshed for this alone. `deflection` is the largest distance of a chord from its
+        surface, in model units; None chooses it as the STL writer does.
+        """
+        from pc2cad.mesh.integrals import triangle_integrals
+        from pc2cad.mesh.triangles import tessellate
+
+        mesh = tessellate(
+            self.shape, deflection=deflection, reference_volume=self.report.integrals.volume
+        )
+        found = triangle_integrals(mesh.vertices, mesh.triangles)
+        source = f"{len(mesh.triangles)} triangles, deflection {mesh.deflection:.3g}"
+        return Integrals(source, found.volume, found.area, found.centroid)
+
+
 @dataclass(frozen=True, eq=False)
-class Part:
+class Part(Solid):
     """One validated solid of one point equation."""
 
     equation: PointEquation
@@ -53,32 +114,17 @@ class Part:
     @property
     def faces(self) -> dict[str, TopoDS_Face]:
         """The kernel's faces by the name of their side, without those between layers."""
-        return {self.model.faces[i].name: self.built.faces[i] for i in self.model.outer}
+        return dict(self.named_faces)
 
     @property
     def layers(self) -> dict[str, TopoDS_Solid]:
         """The solids of a part in layers by name; they share the faces between them."""
         return {x.name: s for x, s in zip(self.model.layers, self.built.layers, strict=True)}
 
-    def to_cadquery(self) -> Any:
-        """Return the solid as a `cadquery.Solid` (imports CadQuery)."""
-        from cadquery import Solid
-
-        return Solid(self.built.solid)
-
-    def write(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        colours: bool = False,
-        options: ExportOptions | None = None,
-    ) -> None:
-        """Write a file, its format by the name's ending; it appears whole or not at all.
-
-        `colours` paints each side of the box its own colour. Raises InputError for an unknown
-        ending, FileNotWrittenError or KernelError.
-        """
-        write(self.exportable(colours), path, options)
+    @property
+    def named_faces(self) -> tuple[tuple[str, TopoDS_Face], ...]:
+        """The kernel's faces, each with the name of its side, without those between layers."""
+        return tuple((self.model.faces[i].name, self.built.faces[i]) for i in self.model.outer)
 
     def mesh(
         self,
@@ -129,22 +175,6 @@ class Part:
 
         return locate(analyse(self.equation), points)
 
-    def triangle_integrals(self, deflection: float | None = None) -> Integrals:
-        """Return volume, area and centroid of the triangles that an STL file would hold.
-
-        They are meshed for this alone. `deflection` is the largest distance of a chord from its
-        surface, in model units; None chooses it as the STL writer does.
-        """
-        from pc2cad.mesh.integrals import triangle_integrals
-        from pc2cad.mesh.triangles import tessellate
-
-        mesh = tessellate(
-            self.built.solid, deflection=deflection, reference_volume=self.report.equation.volume
-        )
-        found = triangle_integrals(mesh.vertices, mesh.triangles)
-        source = f"{len(mesh.triangles)} triangles, deflection {mesh.deflection:.3g}"
-        return Integrals(source, found.volume, found.area, found.centroid)
-
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""
         named = [
@@ -154,7 +184,7 @@ class Part:
         outer = self.model.outer
         return Exportable(
             solid=self.built.solid,
-            name=self.equation.title or self.equation.name,
+            name=self.title,
             description=self.equation.about.strip(),
             units=self.equation.units,
             faces=tuple(f for i, f in enumerate(named) if i in outer),

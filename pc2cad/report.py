@@ -100,8 +100,47 @@ class Integrals:
     relative_error: float | None = None
 
 
+class Evidence:
+    """What a report says of how its faces and edges are known."""
+
+    faces: tuple[FaceReport, ...]
+    curves: tuple[EdgeReport, ...]
+    units: str
+
+    @property
+    def parts(self) -> tuple[FaceReport | EdgeReport, ...]:
+        """The faces and the edges."""
+        return (*self.faces, *self.curves)
+
+    @property
+    def deviation(self) -> float:
+        """Largest deviation of any face or edge from the equation: bounds and samples alike."""
+        return max(part.deviation for part in self.parts)
+
+    @property
+    def evidence(self) -> str:
+        """The weakest evidence of any face or edge: ``exact``, ``bounded`` or ``sampled``."""
+        found = {part.evidence for part in self.parts}
+        return next(e for e in ("sampled", "bounded", "exact") if e in found)
+
+    def statements(self) -> tuple[str, ...]:
+        """Return in sentences which faces and edges are exact, and what is known of the others."""
+        sentences = []
+        for evidence, words in _WORDS.items():
+            found = [part for part in self.parts if part.evidence == evidence]
+            if found:
+                names = [
+                    f"({part.name})" if isinstance(part, EdgeReport) else part.name
+                    for part in found
+                ]
+                largest = max(part.deviation for part in found)
+                what = words.format(length=f"{largest:.3g} {self.units}")
+                sentences.append(f"{what}: {', '.join(names)}")
+        return tuple(sentences)
+
+
 @dataclass(frozen=True)
-class Report:
+class Report(Evidence):
     """Everything that is known of a compiled part; lengths are in `units`."""
 
     name: str
@@ -149,40 +188,80 @@ class Report:
         return len(self.genus)
 
     @property
-    def parts(self) -> tuple[FaceReport | EdgeReport, ...]:
-        """The faces and the edges."""
-        return (*self.faces, *self.curves)
-
-    @property
-    def deviation(self) -> float:
-        """Largest deviation of any face or edge from the equation: bounds and samples alike."""
-        return max(part.deviation for part in self.parts)
-
-    @property
-    def evidence(self) -> str:
-        """The weakest evidence of any face or edge: ``exact``, ``bounded`` or ``sampled``."""
-        found = {part.evidence for part in self.parts}
-        return next(e for e in ("sampled", "bounded", "exact") if e in found)
-
-    def statements(self) -> tuple[str, ...]:
-        """Return in sentences which faces and edges are exact, and what is known of the others."""
-        sentences = []
-        for evidence, words in _WORDS.items():
-            found = [part for part in self.parts if part.evidence == evidence]
-            if found:
-                names = [
-                    f"({part.name})" if isinstance(part, EdgeReport) else part.name
-                    for part in found
-                ]
-                largest = max(part.deviation for part in found)
-                what = words.format(length=f"{largest:.3g} {self.units}")
-                sentences.append(f"{what}: {', '.join(names)}")
-        return tuple(sentences)
+    def integrals(self) -> Integrals:
+        """The best figures of the solid: those of the equation."""
+        return self.equation
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain data for JSON."""
         data = asdict(self)
         data["shells"] = self.shells
+        data["deviation"] = self.deviation
+        data["evidence"] = self.evidence
+        return data
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """One Boolean of two shapes: which volumes add up (model units)."""
+
+    #: as in the template: ``cut(block, bore)``
+    name: str
+    #: union, cut or intersect
+    operation: str
+    #: volumes of the two, of what they have in common, and of the result
+    first: float
+    second: float
+    common: float
+    result: float
+    #: what is missing in the sum of the volumes, each integrated for itself
+    gap: float
+    #: which volumes add up, in words
+    sentence: str
+
+
+@dataclass(frozen=True)
+class BodiesReport(Evidence):
+    """What is known of a solid made of several bodies; lengths are in `units`.
+
+    A face is known as its body's face is that it is a part of; its deviation is that of the whole
+    side. `curves` are the edges where bodies meet, found by the kernel: sampled.
+    """
+
+    name: str
+    title: str
+    units: str
+    parameters: Mapping[str, float]
+    size: float
+    tolerance: float
+    #: how the bodies join
+    result: str
+    #: body -> its own report
+    bodies: Mapping[str, Report]
+    steps: tuple[StepReport, ...]
+    faces: tuple[FaceReport, ...]
+    curves: tuple[EdgeReport, ...]
+    #: edges between differently named faces, and their ends
+    edges: int
+    vertices: int
+    shells: int
+    euler: int
+    solid: Integrals
+    #: those of the solid's triangles, where they were asked for
+    triangles: Integrals | None = field(default=None, kw_only=True)
+    kernel_tolerance: float
+    warnings: tuple[str, ...] = ()
+    times: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def integrals(self) -> Integrals:
+        """The best figures of the solid: those of its B-rep."""
+        return self.solid
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain data for JSON."""
+        data = asdict(self)
+        data["bodies"] = {name: report.to_dict() for name, report in self.bodies.items()}
         data["deviation"] = self.deviation
         data["evidence"] = self.evidence
         return data

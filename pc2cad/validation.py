@@ -28,7 +28,15 @@ from pc2cad.geometry.carriers import (
 )
 from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.properties import Properties
-from pc2cad.report import EdgeReport, FaceReport, Integrals, LayerReport, Report, SideReport
+from pc2cad.report import (
+    BodiesReport,
+    EdgeReport,
+    FaceReport,
+    Integrals,
+    LayerReport,
+    Report,
+    SideReport,
+)
 from pc2cad.solidity import Solidity
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of
 from pc2cad.topology.complex import BoundaryComplex, SideFate
@@ -167,7 +175,7 @@ _CARRIER_KEYS = {
 }
 
 
-def check_expectations(expected: Expectations, report: Report) -> None:
+def check_expectations(expected: Expectations, report: Report | BodiesReport) -> None:
     """Raise ExpectationNotMetError for the first figure of a template that is not met."""
     counts = {
         "faces": len(report.faces), "edges": report.edges, "vertices": report.vertices,
@@ -184,20 +192,16 @@ def check_expectations(expected: Expectations, report: Report) -> None:
             for counts in (expected.carriers, found_carriers)
         )
         raise ExpectationNotMetError(f"[expect] carriers: {stated}; but there are {there}")
-    slack = 1e-9 + 10 * (report.equation.relative_error or 0.0)
+    slack = 1e-9 + 10 * (report.integrals.relative_error or 0.0)
     for name in ("volume", "area"):
-        stated, value = getattr(expected, name), getattr(report.equation, name)
+        stated, value = getattr(expected, name), getattr(report.integrals, name)
         if stated is not None and not abs(stated - value) <= slack * abs(value):
-            raise ExpectationNotMetError(
-                f"[expect] {name} = {stated:.12g}, but the equation gives {value:.12g}"
-            )
+            raise ExpectationNotMetError(f"[expect] {name} = {stated:.12g}, but it is {value:.12g}")
     if expected.centroid is not None:
-        gap = np.linalg.norm(np.subtract(expected.centroid, report.equation.centroid))
+        gap = np.linalg.norm(np.subtract(expected.centroid, report.integrals.centroid))
         if not gap <= slack * report.size:
-            shown = ", ".join(f"{x:.12g}" for x in report.equation.centroid)
-            raise ExpectationNotMetError(
-                f"[expect] the centroid is {gap:.3g} away from the equation's ({shown})"
-            )
+            shown = ", ".join(f"{x:.12g}" for x in report.integrals.centroid)
+            raise ExpectationNotMetError(f"[expect] the centroid is {gap:.3g} away from ({shown})")
 
 
 def _report(

@@ -44,7 +44,7 @@ def test_python_runs_and_its_comments_are_true(
 
 
 def whole_templates() -> list[tuple[str, str]]:
-    return [(name, text) for name, text in snippets("toml") if "[solid]" in text]
+    return [(name, text) for name, text in snippets("toml") if "solid]" in text]
 
 
 @pytest.mark.parametrize(("_name", "text"), whole_templates(), ids=ids(whole_templates()))
@@ -53,7 +53,7 @@ def test_templates_compile_and_meet_what_they_expect(_name: str, text: str) -> N
 
 
 def test_curves_of_the_format_page_are_accepted() -> None:
-    (curves,) = [text for _, text in snippets("toml") if "[solid]" not in text]
+    (curves,) = [text for _, text in snippets("toml") if "solid]" not in text]
     tail = '\n[solid]\nx = "section_x(v)*(w + 1)"\ny = "section_y(v)*(w + 1)"\nz = "u"\n'
     names = parse_template('title = "t"\n' + curves + tail, "snippet").curves
     assert set(names) == {f"{name}_{axis}" for name in ("section", "duct", "wave") for axis in "xy"}

@@ -23,12 +23,13 @@ from pc2cad.part import SIDE_COLOURS, Part
 from pc2cad.picture import raster
 from pc2cad.picture.camera import VIEWS, aim
 from pc2cad.picture.colours import viridis
-from pc2cad.picture.drawing import Style, drawing
+from pc2cad.picture.drawing import drawing
 from pc2cad.picture.image import camera_for, encode
 from pc2cad.picture.maps import NoWallError, thicknesses
 from pc2cad.picture.overlay import Text, overlay, ticks
 from pc2cad.picture.scene import Scene
 from pc2cad.picture.sides import Sides
+from pc2cad.picture.style import Style
 
 SMALL = (240, 160)
 

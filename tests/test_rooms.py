@@ -35,6 +35,7 @@ ALLOWED = {
         "analysis", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
         "planar", "proof", "topology", "numpy",
     },
+    "bodies": {"brep", "equation", "errors", "export", "part", "report", "validation", "OCP"},
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
     "wires": {"equation", "numpy", "OCP"},
@@ -62,16 +63,16 @@ ALLOWED = {
         "OCP", "lib3mf", "vtkmodules",
     },
     "studies": {
-        "studies", "compiler", "equation", "errors", "export", "geometry", "library", "part",
-        "picture", "processes", "report", "numpy", "scipy", "__version__",
+        "studies", "bodies", "compiler", "equation", "errors", "export", "geometry", "library",
+        "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
     },
-    "viewer": {"viewer", "errors", "part", "picture", "numpy"},
+    "viewer": {"viewer", "bodies", "errors", "part", "picture", "report", "numpy"},
     "picture": {
-        "picture", "equation", "errors", "export", "mapping", "part", "topology", "numpy", "OCP",
-        "vtkmodules",
+        "picture", "bodies", "equation", "errors", "export", "mapping", "part", "topology", "numpy",
+        "OCP", "vtkmodules",
     },
     "volume": {
         "analysis", "compiler", "equation", "errors", "geometry", "isogeometry", "mesh",

@@ -20,7 +20,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from pc2cad.brep.patches import spline_flux
-from pc2cad.brep.trimmed import curve_jet, trimmed_flux
+from pc2cad.brep.trimmed import curve_jet, is_whole, trimmed_flux
 from pc2cad.errors import KernelError
 
 Array = NDArray[np.float64]
@@ -33,27 +33,34 @@ class SolidIntegrals:
     volume: float
     area: float
     centroid: tuple[float, float, float]
+    #: of each face, in the kernel's order
+    face_areas: tuple[float, ...]
 
 
 def solid_integrals(solid: TopoDS_Shape) -> SolidIntegrals:
-    """Return the integrals of a solid: planes, analytic surfaces, whole B-spline rectangles."""
+    """Return the integrals of one solid or several: planes, analytic and spline surfaces."""
     faces = list(_faces(solid))
+    if not faces:
+        return SolidIntegrals(0.0, 0.0, (0.0, 0.0, 0.0), ())
     origin = _reference(faces)
-    total = np.zeros(5)
-    for face in faces:
-        surface = BRep_Tool.Surface_s(face)
-        sign = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
-        if isinstance(surface, Geom_Plane):
-            total += _plane(surface, face, sign, origin)
-        elif isinstance(surface, Geom_BSplineSurface):
-            total += spline_flux(surface, sign, origin)
-        else:
-            total += trimmed_flux(surface, face, sign, origin)
+    rows = [_face(face, origin) for face in faces]
+    total = np.sum(rows, axis=0)
     volume, area = total[0] / 3, total[1]
     centre = total[2:] / (2 * volume) + origin if volume else origin
     return SolidIntegrals(
-        float(volume), float(area), (float(centre[0]), float(centre[1]), float(centre[2]))
-    )
+        float(volume), float(area), (float(centre[0]), float(centre[1]), float(centre[2])),
+        tuple(float(row[1]) for row in rows),
+    )  # fmt: skip
+
+
+def _face(face: TopoDS_Face, origin: Array) -> Array:
+    surface = BRep_Tool.Surface_s(face)
+    sign = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
+    if isinstance(surface, Geom_Plane):
+        return _plane(surface, face, sign, origin)
+    if isinstance(surface, Geom_BSplineSurface) and is_whole(surface, face):
+        return spline_flux(surface, sign, origin)
+    return trimmed_flux(surface, face, sign, origin)
 
 
 def _faces(solid: TopoDS_Shape) -> list[TopoDS_Face]:

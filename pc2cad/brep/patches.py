@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csr_array, diags_array
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.integer]
 
 
 def flux(points: Array, normals: Array, weights: Array) -> Array:
@@ -81,6 +82,11 @@ def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
 
 def spline_flux(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Array:
     """Return the flux integrals over a whole spline surface relative to `origin`."""
+    return read_patch(surface, origin, sign).integrate()
+
+
+def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -> Patch:
+    """Return a kernel spline surface relative to `origin`, its normal turned by `sign`."""
     rows, columns = surface.NbUPoles(), surface.NbVPoles()
     rational = surface.IsURational() or surface.IsVRational()
     poles = np.empty((rows, columns, 4 if rational else 3))
@@ -98,8 +104,7 @@ def spline_flux(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Arr
                     [surface.UMultiplicity(i + 1) for i in range(surface.NbUKnots())])  # fmt: skip
     v = np.repeat([surface.VKnot(i + 1) for i in range(surface.NbVKnots())],
                     [surface.VMultiplicity(i + 1) for i in range(surface.NbVKnots())])  # fmt: skip
-    patch = _Patch(poles, (u, v), (surface.UDegree(), surface.VDegree()), sign)
-    return patch.integrate()
+    return Patch(poles, (u, v), (surface.UDegree(), surface.VDegree()), sign)
 
 
 #: exact forms have few pieces (a full turn has 4)
@@ -110,10 +115,12 @@ _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934
 _ORDERS, DEEPEST = (4, 8, 12), 24
 #: basis functions up to which matrices are dense
 DENSE = 48
+#: scattered places that are evaluated at once
+CHUNK = 20_000
 
 
 @dataclass(frozen=True)
-class _Patch:
+class Patch:
     """A tensor-product spline: homogeneous poles, flat knots and degrees along s and t."""
 
     poles: Array
@@ -122,7 +129,7 @@ class _Patch:
     sign: float
 
     @property
-    def _accuracy(self) -> float:
+    def accuracy(self) -> float:
         """What the area is worth: all digits on few pieces (exact forms), a fit's own on many."""
         pieces = [len(np.unique(knots)) - 1 for knots in self.knots]
         return 1e-13 if pieces[0] * pieces[1] <= MOST_EXACT_PIECES else 1e-10
@@ -147,7 +154,7 @@ class _Patch:
         """
         low, high = self.knots[1 - direction][0], self.knots[1 - direction][-1]
         lines = low + (high - low) * _LINES
-        accuracy = self._accuracy
+        accuracy = self.accuracy
         panels = np.unique(self.knots[direction])
         panels = np.stack((panels[:-1], panels[1:]), axis=1)
         done: list[tuple[Array, Array]] = []
@@ -200,6 +207,27 @@ class _Patch:
             start = end
         return sums
 
+    def scattered(self, s: Array, t: Array) -> tuple[Array, Array, Array]:
+        """Return points and both derivatives, (n, 3) each, at places (s, t) of shape (n,)."""
+        rows = [self._scattered(s[i : i + CHUNK], t[i : i + CHUNK])
+                for i in range(0, len(s), CHUNK)]  # fmt: skip
+        point, along_s, along_t = (np.concatenate(part) for part in zip(*rows, strict=True))
+        return point, along_s, along_t
+
+    def _scattered(self, s: Array, t: Array) -> list[Array]:
+        places = [np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True)]
+        basis, slope = (
+            [_support(x, k[o : len(k) - o], n - o)
+             for x, k, n in zip(places, self.knots, self.degrees, strict=True)]
+            for o in (0, 1)
+        )  # fmt: skip
+        differences = [_differences(self.poles, self.knots[d], self.degrees[d], d) for d in (0, 1)]
+        return project(
+            _sum(basis[0], self.poles, basis[1]),
+            _sum(slope[0], differences[0], basis[1]),
+            _sum(basis[0], differences[1], slope[1]),
+        )
+
     def _jet(self, s: Array, t: Array) -> tuple[Array, Array]:
         """Return points and outward normals (of the parameters' own length) on a grid."""
         p = self.degrees
@@ -215,6 +243,18 @@ class _Patch:
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             normal[..., i] = self.sign * (ds[..., j] * dt[..., k] - ds[..., k] * dt[..., j])
         return point, normal
+
+
+def _support(t: Array, knots: Array, degree: int) -> tuple[IntArray, Array]:
+    """Return which basis functions are not zero at t and their values, (n, degree + 1) each."""
+    table = csr_array(BSpline.design_matrix(t, knots, degree))
+    return table.indices.reshape(len(t), -1), table.data.reshape(len(t), -1)
+
+
+def _sum(a: tuple[IntArray, Array], poles: Array, b: tuple[IntArray, Array]) -> Array:
+    """Return the values (n, k) of Σ a_i b_j P_ij at n places."""
+    local = poles[a[0][:, :, None], b[0][:, None, :]]
+    return np.asarray(np.einsum("ni,nj,nijk->nk", a[1], b[1], local, optimize=True))
 
 
 def _gauss(panels: Array, order: int) -> tuple[Array, Array]:

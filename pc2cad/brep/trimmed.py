@@ -1,4 +1,4 @@
-"""Integrals over faces on analytic surfaces, bounded by their curves in the parameter plane.
+"""Integrals over faces that are bounded by their curves in the parameter plane.
 
 By Green's theorem ∬ f da db = -∮ (∫ f db) da along the pcurves that the kernel holds, poles and
 seams included: the orientation of the wires, the pcurves and the surface are all put to the test.
@@ -14,6 +14,7 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.Geom import (
     Geom_BSplineCurve,
+    Geom_BSplineSurface,
     Geom_Circle,
     Geom_ConicalSurface,
     Geom_Curve,
@@ -26,20 +27,31 @@ from OCP.Geom import (
     Geom_SurfaceOfLinearExtrusion,
     Geom_SurfaceOfRevolution,
     Geom_ToroidalSurface,
+    Geom_TrimmedCurve,
 )
-from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_Line
+from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_Line, Geom2d_TrimmedCurve
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from pc2cad.brep.patches import Array, SplineCurveData, design, flux, gauss_on, read_curve
+from pc2cad.brep.patches import (
+    Array,
+    SplineCurveData,
+    design,
+    flux,
+    gauss_on,
+    read_curve,
+    read_patch,
+)
 from pc2cad.errors import KernelError
 
 #: pieces of an angle are not longer than this
 STEP = np.pi / 3
-#: relative accuracy of the area, reached by doubling the nodes
+#: relative accuracy of the area on analytic surfaces
 ACCURACY = 1e-13
+#: the same on splines, whose trimming curves are the kernel's and no better
+TRIMMED_ACCURACY = 1e-9
 MOST_NODES = 200
 
 Jet = tuple[Array, Array, Array]
@@ -52,21 +64,35 @@ class _Surface:
     jet: Callable[[Array, Array], Jet]
     #: places where it is not smooth, ascending, None along an angle
     breaks: tuple[Array | None, Array | None]
+    #: relative accuracy of the area, reached by doubling the nodes
+    accuracy: float = ACCURACY
 
 
 def trimmed_flux(surface: Geom_Surface, face: TopoDS_Face, sign: float, origin: Array) -> Array:
-    """Return the flux integrals over a face on an analytic surface, relative to `origin`."""
+    """Return the flux integrals over a face of any surface, relative to `origin`."""
     data = _read_surface(surface, origin)
-    paths = list(_paths(face))
-    level = float(np.mean([path.ends[:, 1].mean() for path in paths]))
-    count, total = 8, np.full(5, np.nan)
+    paths = [(path, _cuts(data.breaks, path)) for path in _paths(face)]
+    level = float(np.mean([path.ends[:, 1].mean() for path, _ in paths]))
+    count, total = 4, np.full(5, np.nan)
     while count <= MOST_NODES:
         before = total
-        total = np.sum([_along(data, path, level, count, sign) for path in paths], axis=0)
-        if abs(total[1] - before[1]) <= ACCURACY * abs(total[1]):
+        total = np.sum([_along(data, *path, level, count, sign) for path in paths], axis=0)
+        if abs(total[1] - before[1]) <= data.accuracy * abs(total[1]):
             break
         count *= 2
     return total
+
+
+def is_whole(surface: Geom_BSplineSurface, face: TopoDS_Face) -> bool:
+    """Say whether a face is all of its surface: every edge runs along the border of its domain."""
+    limits = np.array(surface.Bounds()).reshape(2, 2)
+    reach = 1e-9 * np.ptp(limits, axis=1)
+    for path in _paths(face):
+        places = path.at(np.linspace(*path.span, 5))[0]
+        near = np.abs(places[:, :, None] - limits) <= reach[:, None]
+        if not near.all(axis=0).any():
+            return False
+    return True
 
 
 # -- the boundary in the parameter plane -----------------------------------------------------------
@@ -101,6 +127,8 @@ def _paths(face: TopoDS_Face) -> Iterator[_Path]:
 
 
 def _plane_curve(curve: Geom2d_Curve) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
+    if isinstance(curve, Geom2d_TrimmedCurve):
+        return _plane_curve(curve.BasisCurve())
     if isinstance(curve, Geom2d_Line):
         place, along = curve.Location(), curve.Direction()
         start, slope = np.array([place.X(), place.Y()]), np.array([along.X(), along.Y()])
@@ -122,31 +150,51 @@ def _plane_curve(curve: Geom2d_Curve) -> tuple[Callable[[Array], tuple[Array, Ar
     return spline, np.unique(knots)
 
 
-def _along(data: _Surface, path: _Path, level: float, count: int, sign: float) -> Array:
+def _along(
+    data: _Surface, path: _Path, cuts: Array, level: float, count: int, sign: float
+) -> Array:
     """Return -∮ (∫ f db) da over one edge, the inner integral from `level`."""
     total = np.zeros(5)
     if np.ptp(path.at(np.linspace(*path.span, 5))[0][:, 0]) == 0.0:
         return total
-    t, weights = gauss_on(_cuts(data.breaks[0], path), count)
+    t, weights = gauss_on(cuts, count)
     place, slope = path.at(t)
     outer = -weights * slope[:, 0] * (1.0 if path.forward else -1.0)
     nodes, inner = _inner(data.breaks[1], level, place[:, 1], count)
-    a = np.broadcast_to(place[:, :1], nodes.shape)
-    point, along_a, along_b = data.jet(a.ravel(), nodes.ravel())
+    both = inner * outer[:, None]
+    used = both != 0.0
+    a = np.broadcast_to(place[:, :1], nodes.shape)[used]
+    point, along_a, along_b = data.jet(a, nodes[used])
     normal = sign * np.cross(along_a, along_b)
-    return flux(point, normal, (inner * outer[:, None]).ravel())
+    return flux(point, normal, both[used])
 
 
-def _cuts(smooth: Array | None, path: _Path) -> Array:
+def _cuts(breaks: tuple[Array | None, Array | None], path: _Path) -> Array:
     """Return where an edge is cut: at its knots, those of the surface, and into short angles."""
-    cuts, ends = path.breaks, path.ends
-    run = ends[1, 0] - ends[0, 0]
-    if smooth is not None and len(cuts) == 2 and run:
-        share = (smooth - ends[0, 0]) / run
-        inside = share[(share > 0) & (share < 1)]
-        cuts = np.sort(np.concatenate((cuts, cuts[0] + inside * (cuts[1] - cuts[0]))))
-    pieces = max(1, int(np.ceil(abs(run) / STEP))) if smooth is None else 1
+    cuts = path.breaks
+    for axis in (0, 1):
+        smooth = breaks[axis]
+        if smooth is not None and len(smooth):
+            cuts = np.union1d(cuts, _crossings(path, axis, smooth))
+    run = float(np.ptp(path.ends[:, 0]))
+    pieces = max(1, int(np.ceil(run / STEP))) if breaks[0] is None else 1
     return np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)])
+
+
+def _crossings(path: _Path, axis: int, values: Array) -> Array:
+    """Return the parameters, between the ends, at which a coordinate of an edge takes values."""
+    t = np.unique(np.concatenate([np.linspace(a, b, 17) for a, b in pairwise(path.breaks)]))
+    at = path.at(t)[0][:, axis]
+    lowest, highest = float(at.min()), float(at.max())
+    inner = values[(values > lowest) & (values < highest)]
+    side = at[None, :] > inner[:, None]
+    rows, columns = np.nonzero(side[:, 1:] != side[:, :-1])
+    low, high, rising = t[columns], t[columns + 1], side[rows, columns + 1]
+    for _ in range(52):
+        middle = (low + high) / 2
+        beyond = (path.at(middle)[0][:, axis] > inner[rows]) == rising if len(rows) else rising
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.asarray((low + high) / 2)
 
 
 def _inner(breaks: Array | None, level: float, to: Array, count: int) -> tuple[Array, Array]:
@@ -183,6 +231,10 @@ def _read_surface(surface: Geom_Surface, origin: Array) -> _Surface:
         return _extrusion(surface, origin)
     if isinstance(surface, Geom_SurfaceOfRevolution):
         return _revolution(surface, origin)
+    if isinstance(surface, Geom_BSplineSurface):
+        patch = read_patch(surface, origin)
+        u, v = (np.unique(knots) for knots in patch.knots)
+        return _Surface(patch.scattered, (u, v), TRIMMED_ACCURACY)
     if not isinstance(surface, Geom_ElementarySurface):
         raise KernelError(f"no integral is known for a {type(surface).__name__}")
     centre, axes = _frame(surface.Position(), origin)
@@ -260,6 +312,8 @@ def _revolution(surface: Geom_SurfaceOfRevolution, origin: Array) -> _Surface:
 
 
 def _basis(curve: Geom_Curve, origin: Array) -> _Basis:
+    if isinstance(curve, Geom_TrimmedCurve):
+        return _basis(curve.BasisCurve(), origin)
     if isinstance(curve, Geom_BSplineCurve):
         data: SplineCurveData = read_curve(curve, origin)
         return _Basis(data.jet, np.unique(data.knots))

@@ -23,8 +23,8 @@ from pc2cad.errors import FileNotWrittenError
 
 if TYPE_CHECKING:
     from pc2cad.export.model import ExportOptions
-    from pc2cad.part import Part
-    from pc2cad.report import Report
+    from pc2cad.part import Solid
+    from pc2cad.report import BodiesReport, Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,14 +97,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def summary(report: Report) -> str:
+def summary(report: Report | BodiesReport) -> str:
     """Return volume, area, faces and evidence on one line."""
     units = report.units
     exact = report.evidence == "exact"
     known = f"deviation {report.deviation:.2g} {units} ({report.evidence})"
     evidence = "exact" if exact else known
     return (
-        f"volume {report.equation.volume:.10g} {units}^3, area {report.equation.area:.10g} "
+        f"volume {report.integrals.volume:.10g} {units}^3, area {report.integrals.area:.10g} "
         f"{units}^2, {len(report.faces)} faces, {evidence}"
     )
 
@@ -130,7 +130,7 @@ def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
 
 
 def _encode(
-    part: Part, options: ExportOptions, arguments: argparse.Namespace, progress: Progress
+    part: Solid, options: ExportOptions, arguments: argparse.Namespace, progress: Progress
 ) -> dict[str, bytes]:
     """Return the contents of every file: what fails here leaves no file at all."""
     from pc2cad.export.registry import format_for

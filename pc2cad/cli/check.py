@@ -20,10 +20,11 @@ from pc2cad.cli.inputs import (
     spline_options,
 )
 from pc2cad.cli.output import Progress, one_line, say, table
+from pc2cad.report import BodiesReport, Report
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import Expectations
-    from pc2cad.report import EdgeReport, FaceReport, Report
+    from pc2cad.report import EdgeReport, FaceReport
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         with named(arguments.template):
             part = compile_equation(equation, tolerance, progress=progress, **splines)
-            report = part.report
+            report: Report | BodiesReport = part.report
             if arguments.triangles:
                 progress("mesh")
                 report = replace(report, triangles=part.triangle_integrals())
@@ -62,14 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
+def _paragraphs(report: Report | BodiesReport, expected: Expectations) -> Iterator[str]:
     yield one_line(f"{report.name}: {report.title}" if report.title else report.name)
     if report.parameters:
         yield "  " + ", ".join(f"{name} = {x:.12g}" for name, x in report.parameters.items())
-    if report.frame:
-        yield f"  frame: {one_line(report.frame)}"
-    yield "\nSides of the parameter box"
-    yield table([(s.name, s.fate, s.verdict, s.detail) for s in report.sides])
+    yield from _bodies(report) if isinstance(report, BodiesReport) else _sides(report)
     yield f"\nFaces (deviation in {report.units}, area in {report.units}^2)"
     yield _faces(report)
     yield f"\nEdges (deviation in {report.units})"
@@ -77,7 +75,7 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield f"\nTopology\n  {_topology(report)}"
     yield f"\nIntegrals ({report.units})"
     yield _integrals(report)
-    if report.layers:
+    if isinstance(report, Report) and report.layers:
         yield f"\nLayers ({report.units}; from w = 0 up)"
         yield table(
             [("", "volume", "B-rep", "area", "centroid")]
@@ -87,7 +85,7 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
                 for x in report.layers
             ]
         )  # fmt: skip
-    if report.limits:
+    if isinstance(report, Report) and report.limits:
         yield f"\nLimits of the channel ({report.units}; found by search)"
         yield table(
             [("", "found", "breaks at", "where")]
@@ -100,7 +98,26 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield f"\nTimes\n  {', '.join(f'{k} {1000 * s:.0f} ms' for k, s in report.times.items())}"
 
 
-def _faces(report: Report) -> str:
+def _sides(report: Report) -> Iterator[str]:
+    if report.frame:
+        yield f"  frame: {one_line(report.frame)}"
+    yield "\nSides of the parameter box"
+    yield table([(s.name, s.fate, s.verdict, s.detail) for s in report.sides])
+
+
+def _bodies(report: BodiesReport) -> Iterator[str]:
+    yield f"  result = {report.result}"
+    yield f"\nBodies (volume in {report.units}^3)"
+    yield table([("body", "volume", "faces", "evidence", "deviation")] + [
+        (name, f"{body.equation.volume:.10g}", str(len(body.faces)), body.evidence,
+         f"{body.deviation:.2g}" if body.evidence != "exact" else "-")
+        for name, body in report.bodies.items()
+    ])  # fmt: skip
+    yield f"\nWhich volumes add up ({report.units}^3)"
+    yield table([(step.name, step.sentence, f"gap {step.gap:.1e}") for step in report.steps])
+
+
+def _faces(report: Report | BodiesReport) -> str:
     rows: list[tuple[str, ...]] = [
         ("face", "carrier", "evidence", "deviation", "seen", "samples", "degrees", "poles", "area")
     ]
@@ -119,7 +136,7 @@ def _carrier(face: FaceReport) -> str:
     return ", ".join([face.carrier, *(f"{name} {x:.6g}" for name, x in face.figures.items())])
 
 
-def _edges(report: Report) -> str:
+def _edges(report: Report | BodiesReport) -> str:
     rows: list[tuple[str, ...]] = [
         ("edge", "carrier", "evidence", "deviation", "seen", "degree", "poles")
     ]
@@ -140,11 +157,13 @@ def _deviations(part: FaceReport | EdgeReport) -> tuple[str, str]:
     return f"{part.deviation:.2g}", f"{part.sampled:.2g}"
 
 
-def _topology(report: Report) -> str:
-    genus = ", ".join(str(g) for g in report.genus)
+def _topology(report: Report | BodiesReport) -> str:
+    genus = ""
+    if isinstance(report, Report):
+        genus = f" of genus {', '.join(str(g) for g in report.genus)}"
     return (
         f"{len(report.faces)} faces, {report.edges} edges, {report.vertices} vertices, "
-        f"{_count(report.shells, 'shell')} of genus {genus}; Euler number {report.euler}"
+        f"{_count(report.shells, 'shell')}{genus}; Euler number {report.euler}"
     )
 
 
@@ -152,46 +171,51 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _integrals(report: Report) -> str:
-    equation = report.equation
-    others = [("B-rep", report.solid)]
+def _integrals(report: Report | BodiesReport) -> str:
+    truth = report.integrals
+    others = [("B-rep", report.solid)] if isinstance(report, Report) else []
     if report.triangles is not None:
         others.append(("triangles", report.triangles))
-    rows: list[list[str]] = [["", "equation"]]
+    rows: list[list[str]] = [["", "equation" if isinstance(report, Report) else "B-rep"]]
     # a centroid may lie in the origin: its difference is held against the part's size
-    figures = [("volume", abs(equation.volume)), ("area", abs(equation.area))]
+    figures = [("volume", abs(truth.volume)), ("area", abs(truth.area))]
     figures += [(f"centroid {axis}", report.size) for axis in "xyz"]
-    truth = (equation.volume, equation.area, *equation.centroid)
-    rows += [[name, f"{a:.12g}"] for (name, _), a in zip(figures, truth, strict=True)]
+    best = (truth.volume, truth.area, *truth.centroid)
+    rows += [[name, f"{a:.12g}"] for (name, _), a in zip(figures, best, strict=True)]
     for heading, found in others:
         rows[0] += [heading, "relative difference"]
         values = (found.volume, found.area, *found.centroid)
-        for row, (_, size), a, b in zip(rows[1:], figures, truth, values, strict=True):
+        for row, (_, size), a, b in zip(rows[1:], figures, best, values, strict=True):
             row += [f"{b:.12g}", f"{abs(a - b) / size:.1e}"]
     return table([tuple(row) for row in rows])
 
 
-def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
+def _evidence(report: Report | BodiesReport, expected: Expectations) -> list[tuple[str, ...]]:
     units = report.units
     stated = [name for name, value in vars(expected).items() if value is not None]
-    error = report.equation.relative_error
+    error = report.integrals.relative_error
     rows = [
         ("size", f"{report.size:.10g} {units}"),
         ("tolerance", f"{report.tolerance:.3g} {units}"),
-        ("integrals", report.equation.source),
+        ("integrals", report.integrals.source),
         ("deviation", _deviation(report)),
         ("kernel tolerance", f"{report.kernel_tolerance:.2g} {units}"),
-        ("solid", "valid in the kernel, closed, of the derived topology and the right integrals"),
-        ("det J", f"keeps its sign ({report.determinant})"),
-        ("overlap", _overlap(report)),
-        ("[expect]", f"met: {', '.join(stated)}" if stated else "nothing stated"),
     ]
     if error and math.isfinite(error):
-        rows.insert(5, ("quadrature error", f"{error:.1e} (estimate, relative)"))
+        rows.append(("error of integrals", f"{error:.1e} (estimate, relative)"))
+    if isinstance(report, Report):
+        rows += [
+            ("solid", "valid in the kernel, closed, of the derived topology and right integrals"),
+            ("det J", f"keeps its sign ({report.determinant})"),
+            ("overlap", _overlap(report)),
+        ]
+    else:
+        rows.append(("solid", "valid in the kernel and closed; volumes of all steps add up"))
+    rows.append(("[expect]", f"met: {', '.join(stated)}" if stated else "nothing stated"))
     return [(name, value) for name, value in rows]
 
 
-def _deviation(report: Report) -> str:
+def _deviation(report: Report | BodiesReport) -> str:
     if report.evidence == "exact":
         return "none: every face and edge is exact"
     text = f"{report.deviation:.2g} {report.units} ({report.evidence})"

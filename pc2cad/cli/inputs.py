@@ -8,13 +8,14 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, TypeVar
+from typing import TYPE_CHECKING, TypedDict, TypeVar, overload
 
 from pc2cad.errors import InputError, PointCadError
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
     from pc2cad.equation.template import Template
+    from pc2cad.equation.template_bodies import Bodies, BodiesTemplate
 
 
 Kind = TypeVar("Kind", int, float)
@@ -32,8 +33,8 @@ class OutputClashError(InputError):
     """Two of the files of a command are the same one."""
 
 
-def add_template(parser: argparse.ArgumentParser) -> None:
-    """Add the template argument and ``-s``."""
+def add_template(parser: argparse.ArgumentParser, *, body: bool = True) -> None:
+    """Add the template argument, ``-s`` and, unless told otherwise, ``--body``."""
     parser.add_argument(
         "template", metavar="TEMPLATE",
         help="a template file (TOML), or the name of a shipped one (see: pc2cad templates)",
@@ -43,6 +44,10 @@ def add_template(parser: argparse.ArgumentParser) -> None:
         help="value of a parameter, a number or a constant expression such as 1/3; or a current "
         "point in the place of one of the template's, such as 'A=[4+u, 0, 0]' (repeatable)",
     )  # fmt: skip
+    if body:
+        parser.add_argument(
+            "--body", metavar="NAME", help="one body of a template of several, by itself"
+        )
 
 
 def add_tolerance(parser: argparse.ArgumentParser) -> None:
@@ -105,17 +110,43 @@ def named(subject: str) -> Iterator[None]:
         raise
 
 
-def load(arguments: argparse.Namespace) -> tuple[Template, Path]:
-    """Return the template that the arguments name, and its file."""
+def load(arguments: argparse.Namespace) -> tuple[Template | BodiesTemplate, Path]:
+    """Return the template that the arguments name, or the body of it, and its file."""
+    from pc2cad.equation.template_bodies import BodiesTemplate
     from pc2cad.equation.template_file import read_template
     from pc2cad.library import find_template
 
     path = find_template(arguments.template)
-    return read_template(path), path
+    template = read_template(path)
+    if arguments.body is None:
+        return template, path
+    if not isinstance(template, BodiesTemplate):
+        raise InputError(f"--body: {template.name} is one solid and has no bodies")
+    return template.body(arguments.body), path
 
 
-def bind(template: Template, arguments: argparse.Namespace) -> PointEquation:
-    """Return the template's equation with the values given by ``-s``."""
+def load_one(arguments: argparse.Namespace) -> tuple[Template, Path]:
+    """Return the template of one solid that the arguments name, and its file."""
+    from pc2cad.equation.template_bodies import BodiesTemplate
+
+    template, path = load(arguments)
+    if isinstance(template, BodiesTemplate):
+        names = ", ".join(body.name for body in template.bodies)
+        raise InputError(
+            f"{template.name} has several bodies and no equation of its own; choose one of them "
+            f"with --body: {names}"
+        )
+    return template, path
+
+
+@overload
+def bind(template: Template, arguments: argparse.Namespace) -> PointEquation: ...
+@overload
+def bind(template: BodiesTemplate, arguments: argparse.Namespace) -> Bodies: ...
+def bind(
+    template: Template | BodiesTemplate, arguments: argparse.Namespace
+) -> PointEquation | Bodies:
+    """Return the template's equation, or equations, with the values given by ``-s``."""
     values = read_settings(arguments.settings)
     with named(arguments.template):
         return template.bind(values)

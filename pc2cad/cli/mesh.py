@@ -13,7 +13,7 @@ from pc2cad.cli.inputs import (
     add_template,
     bind,
     check_different,
-    load,
+    load_one,
     named,
     read_length,
     read_triple,
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Mesh the template and write every file."""
-    template, path = load(arguments)
+    template, path = load_one(arguments)
     equation = bind(template, arguments)
     with Progress(arguments.quiet) as progress:
         progress("load NumPy and SciPy")

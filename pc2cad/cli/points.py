@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from pc2cad.cli.inputs import add_template, bind, check_different, load, named, read_length
+from pc2cad.cli.inputs import add_template, bind, check_different, load_one, named, read_length
 from pc2cad.cli.output import Progress, say, shown
 from pc2cad.errors import InputError
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Sample the template's solid and write every file."""
-    template, path = load(arguments)
+    template, path = load_one(arguments)
     equation = bind(template, arguments)
     grid = arguments.method == "grid"
     if (arguments.count if grid else arguments.spacing) is not None:

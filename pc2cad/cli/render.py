@@ -19,7 +19,7 @@ from pc2cad.cli.output import Progress, say, shown
 from pc2cad.errors import InputError
 
 if TYPE_CHECKING:
-    from pc2cad.picture.drawing import Style
+    from pc2cad.picture.style import Style
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -103,7 +103,7 @@ def _range(bar: object) -> str:
 
 
 def _style(arguments: argparse.Namespace) -> Style:
-    from pc2cad.picture.drawing import Style
+    from pc2cad.picture.style import Style
 
     return Style(
         colours=arguments.colours,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pc2cad.cli.inputs import add_template, bind, load, read_settings
 from pc2cad.cli.output import one_line, say
+from pc2cad.equation.template_bodies import Bodies, BodiesTemplate
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
@@ -24,12 +25,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the equation and its system."""
     template, path = load(arguments)
-    equation = bind(template, arguments)
+    bound = bind(template, arguments)
     moved, _ = template.split(read_settings(arguments.settings))
     template = template.move(moved) if moved else template
-    lines = _latex(template) if arguments.latex else _text(template, equation, path)
-    for line in lines:
-        say(line)
+    bodies = template.bodies if isinstance(template, BodiesTemplate) else (template,)
+    equations = bound.equations.values() if isinstance(bound, Bodies) else (bound,)
+    if isinstance(template, BodiesTemplate):
+        mark = "% " if arguments.latex else ""
+        say(f"{mark}{one_line(f'{template.name}: {template.title}')}")
+        say(f"{mark}  result = {template.result}\n")
+    for number, (body, equation) in enumerate(zip(bodies, equations, strict=True)):
+        if number:
+            say("")
+        for line in _latex(body) if arguments.latex else _text(body, equation, path):
+            say(line)
     return 0
 
 

@@ -10,7 +10,7 @@ from pc2cad.cli.inputs import (
     add_tolerance,
     bind,
     check_different,
-    load,
+    load_one,
     named,
     read_length,
     spline_options,
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Represent the template's volume and write every file."""
-    template, path = load(arguments)
+    template, path = load_one(arguments)
     equation = bind(template, arguments)
     tolerance = read_length("--tolerance", arguments.tolerance)
     with Progress(arguments.quiet) as progress:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the template, the variants, the engine and its limits."""
-    add_template(parser)
+    add_template(parser, body=False)
     what = parser.add_argument_group("variants")
     what.add_argument(
         "--vary", metavar="NAME=FROM:TO:COUNT", action="append", default=[],

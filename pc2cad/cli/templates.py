@@ -14,9 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List name and title of every shipped template, and the parameters with their ranges."""
-    from pc2cad.library import template_paths
+    from pc2cad.library import bodies_paths, template_paths
 
-    for name, path in template_paths().items():
+    for name, path in (template_paths() | bodies_paths()).items():
         try:
             lines = _describe(path.read_bytes())
         except (OSError, ValueError) as error:

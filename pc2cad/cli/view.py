@@ -21,6 +21,7 @@ from pc2cad.errors import InputError, PointCadError
 
 if TYPE_CHECKING:
     from pc2cad.equation.template import Parameter, Template
+    from pc2cad.equation.template_bodies import BodiesTemplate
     from pc2cad.viewer.page import Slider, Variant
 
 #: a page holds every combination of its sliders' values
@@ -63,7 +64,10 @@ class _Maker:
     """Compiles the template at some values of its parameters into a payload."""
 
     def __init__(
-        self, template: Template, arguments: argparse.Namespace, points: tuple[int, int, int] | None
+        self,
+        template: Template | BodiesTemplate,
+        arguments: argparse.Namespace,
+        points: tuple[int, int, int] | None,
     ) -> None:
         self.template = template
         self.settings = read_settings(arguments.settings)
@@ -71,7 +75,7 @@ class _Maker:
         self._tolerance = read_length("--tolerance", arguments.tolerance)
         self._points = points
         if points is not None:
-            from pc2cad.picture.drawing import Style
+            from pc2cad.picture.style import Style
 
             Style(points=points)  # refuses what is too much
 

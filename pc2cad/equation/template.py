@@ -108,6 +108,11 @@ class Template:
         point takes what `move` takes. Raises InputError for an unknown name, and
         ParameterRangeError outside min…max.
         """
+        bound, moved = self.values(values)
+        return self._again(bound, moved)._equation(bound, partial(self._bind_moved, values or {}))
+
+    def values(self, values: Mapping[str, Any] | None) -> tuple[dict[str, Expr], dict[str, Moved]]:
+        """Return the value of every parameter and what moves points, checked as `bind` does."""
         moved, rest = self.split(values or {})
         given = {name: _constant(name, value) for name, value in rest.items()}
         known = [p.name for p in self.parameters]
@@ -115,7 +120,7 @@ class Template:
         bound = {p.name: given.get(p.name, p.default) for p in self.parameters}
         for parameter in self.parameters:
             _check_range(parameter, bound[parameter.name])
-        return self._again(bound, moved)._equation(bound, partial(self._bind_moved, values or {}))
+        return bound, moved
 
     def split(self, values: Mapping[str, Any]) -> tuple[dict[str, Moved], dict[str, Any]]:
         """Return what moves points and what sets parameters, told apart by the names."""
@@ -151,7 +156,7 @@ class Template:
             source=self.source,
             units=self.units,
             parameters={name: evaluate(value, {}) for name, value in bound.items()},
-            expectations=self._expectations(),
+            expectations=expectations(self.expected),
             guide=self.guide.N.coordinates if self.guide else None,
             frame=f"{self.frame.words}; guide: {self.guide.words}"
             if self.frame and self.guide
@@ -160,19 +165,21 @@ class Template:
         )
         return equation.layered([layer.name for layer in self.layers])
 
-    def _expectations(self) -> Expectations:
-        figures: dict[str, Any] = {}
-        for name, trees in self.expected.items():
-            numbers = tuple(evaluate(tree, {}) for tree in trees)
-            if name == "centroid":
-                figures[name] = numbers
-            elif name.startswith("carriers "):
-                kind = name.removeprefix("carriers ")
-                figures.setdefault("carriers", {})[kind] = round(numbers[0])
-            else:
-                whole = name not in ("volume", "area")
-                figures[name] = round(numbers[0]) if whole else numbers[0]
-        return Expectations(**figures)
+
+def expectations(expected: Mapping[str, tuple[Expr, ...]]) -> Expectations:
+    """Return the figures that trees without parameters state, by their names."""
+    figures: dict[str, Any] = {}
+    for name, trees in expected.items():
+        numbers = tuple(evaluate(tree, {}) for tree in trees)
+        if name == "centroid":
+            figures[name] = numbers
+        elif name.startswith("carriers "):
+            kind = name.removeprefix("carriers ")
+            figures.setdefault("carriers", {})[kind] = round(numbers[0])
+        else:
+            whole = name not in ("volume", "area")
+            figures[name] = round(numbers[0]) if whole else numbers[0]
+    return Expectations(**figures)
 
 
 def _constant(name: str, value: Number | str | Expr) -> Expr:

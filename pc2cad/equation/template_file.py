@@ -6,45 +6,25 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Mapping
 from fractions import Fraction
-from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from pc2cad.equation.language import PARAMETER_NAMES, read_expression
-from pc2cad.equation.layers import depth
-from pc2cad.equation.point_equation import UNITS, Interval
-from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
-from pc2cad.equation.template import Definition, Moved, Parameter, Template, TemplateError
-from pc2cad.equation.template_channel import attempt, read_curves, read_frame, read_guide
-from pc2cad.equation.template_tables import Tables, shown, written
-from pc2cad.equation.tree import ONE, ZERO, Expr, symbol
-from pc2cad.errors import InputError
+from pc2cad.equation.template import Template, TemplateError
+from pc2cad.equation.template_bodies import BodiesTemplate, read_bodies
+from pc2cad.equation.template_reader import read_tables
 
 LARGEST_FILE: Final = 256 * 1024
 #: the TOML parser takes quadratic time for keys of thousands of parts
 _DEEP_KEY: Final = re.compile(r"(?<![A-Za-z0-9_-])(?:[A-Za-z0-9_-]++[ \t]*+\.[ \t]*+){16}")
-_TEXTS: Final = ("title", "about", "source", "units")
-_TABLES: Final = (
-    "parameters", "points", "domain", "curves", "guide", "frame", "layers", "let", "solid",
-    "expect",
-)  # fmt: skip
-_EXPECTED: Final = (
-    "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
-)  # fmt: skip
-_CARRIERS: Final = (
-    "plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bezier", "spline",
-    "rational",
-)  # fmt: skip
 
 
-def read_template(path: str | os.PathLike[str]) -> Template:
-    """Read a template file; raise TemplateError for whatever is not as the format asks."""
+def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
+    """Read a template of one solid or of several bodies; raise TemplateError for any mistake."""
     return parse_template(read_template_text(Path(path)), Path(path).stem, str(path))
 
 
-def parse_template(text: str, name: str, file: str = "template") -> Template:
+def parse_template(text: str, name: str, file: str = "template") -> Template | BodiesTemplate:
     """Return the template that a TOML text holds; `file` is named in messages."""
     if _DEEP_KEY.search(text):
         raise TemplateError(f"{file}: a dotted key is nested deeper than the format goes")
@@ -55,17 +35,9 @@ def parse_template(text: str, name: str, file: str = "template") -> Template:
         raise TemplateError(f"{file}: not valid TOML: {error}") from error
     except (RecursionError, MemoryError) as error:
         raise TemplateError(f"{file}: the TOML is nested too deeply") from error
-    return _read(name, file, data, {}, {})
-
-
-def _read(
-    name: str,
-    file: str,
-    data: dict[str, Any],
-    bound: Mapping[str, Expr],
-    moved: Mapping[str, Moved],
-) -> Template:
-    return _Reader(file, data, bound, moved).template(name)
+    if "bodies" in data or "result" in data:
+        return read_bodies(name, file, data)
+    return read_tables(name, file, data, {}, {})
 
 
 def read_template_text(path: Path) -> str:
@@ -92,187 +64,3 @@ def _decimal(text: str) -> Fraction | float:
     if mantissa.lstrip("+-") in ("inf", "nan") or abs(int(exponent or 0)) > 60 or len(text) > 60:
         return float(text)
     return Fraction(text)
-
-
-class _Reader(Tables):
-    """Reads the tables in the order in which they may refer to one another."""
-
-    def __init__(
-        self,
-        file: str,
-        data: dict[str, Any],
-        bound: Mapping[str, Expr],
-        moved: Mapping[str, Moved],
-    ) -> None:
-        super().__init__(file, data)
-        #: values of parameters (without them, all are symbols) and what replaces points
-        self._bound = bound
-        self._moved = moved
-
-    def template(self, name: str) -> Template:
-        self.check_keys(self.data, (*_TEXTS, *_TABLES), "")
-        texts = {key: self.text(key) for key in _TEXTS}
-        units = texts["units"] or "mm"
-        if units not in UNITS:
-            self.fail("units", f"unknown units '{units}'; use one of {', '.join(UNITS)}")
-        if not texts["title"]:
-            self.fail("title", "a template needs a title")
-        parameters = self._parameters()
-        domain = self._domain()
-        points = self._points()
-        read_curves(self)
-        self.names |= {p: symbol(p) for p in PARAMETER_NAMES}
-        u = self.bound(domain[0][0]), self.bound(domain[0][1])
-        guide, carried = read_guide(self, u)
-        frame, normals = read_frame(self, guide)
-        curves, layers = dict(self.curves), self._layers()
-        written_out = carried if "N" in self.table("guide") else []
-        carried = [] if written_out else carried
-        lets = (*written_out, *self._lets())
-        solid, M = self._solid()
-        return Template(
-            name, texts["title"], texts["about"], texts["source"], units, parameters, points,
-            curves, guide, frame, (*carried, *normals), layers, lets, domain, solid, M,
-            self._expected(), partial(_read, name, self.file, self.data),
-        )  # fmt: skip
-
-    def _parameters(self) -> tuple[Parameter, ...]:
-        result = []
-        for name, raw in self.table("parameters").items():
-            key = f"[parameters] {shown(name)}"
-            if not isinstance(raw, dict):
-                raw = {"default": raw}
-            self.check_keys(raw, ("default", "min", "max", "about"), f"{key}.")
-            if "default" not in raw:
-                self.fail(key, "needs a default")
-            limits = {k: self.scalar(f"{key}.{k}", raw[k]) for k in raw if k != "about"}
-            about = raw.get("about", "")
-            if not isinstance(about, str):
-                self.fail(f"{key}.about", "must be a text in quotes")
-            for k, tree in limits.items():
-                if tree.symbols:
-                    self.fail(f"{key}.{k}", "must be constant")
-            result.append(
-                Parameter(name, limits["default"], limits.get("min"), limits.get("max"), about)
-            )
-        for parameter in result:
-            value = self._bound.get(parameter.name, symbol(parameter.name))
-            self.defaults[parameter.name] = self._bound.get(parameter.name, parameter.default)
-            self.define(f"[parameters] {parameter.name}", parameter.name, value)
-        return tuple(result)
-
-    def _points(self) -> tuple[Definition, ...]:
-        result = []
-        for name, raw in self.table("points").items():
-            key = f"[points] {shown(name)}"
-            if not isinstance(raw, list) or len(raw) != 3:
-                self.fail(key, "a point is a list of three coordinates, [x, y, z]")
-            value = point(*(self.scalar(f"{key}[{i}]", x) for i, x in enumerate(raw)))
-            text = "[" + ", ".join(written(x) for x in raw) + "]"
-            result.append(Definition(name, text, value))
-        for definition in result:
-            self.define(f"[points] {definition.name}", definition.name, definition.value)
-        return self._move(result)
-
-    def _move(self, points: list[Definition]) -> tuple[Definition, ...]:
-        """Return the points with current points in the place of those that are moved."""
-        known = self.names | {p: symbol(p) for p in PARAMETER_NAMES}
-        moved = [self._current(d, known) if d.name in self._moved else d for d in points]
-        self.names |= {d.name: d.value for d in moved}
-        return tuple(moved)
-
-    def _current(self, fixed: Definition, known: Mapping[str, Value]) -> Definition:
-        raw = self._moved[fixed.name]
-        key = f"the point {fixed.name}"
-        try:
-            if isinstance(raw, str):
-                value = read_expression(raw, known)
-            elif isinstance(raw, Combination):
-                value = raw
-            elif len(raw) == 3:
-                value = point(*raw)
-            else:
-                raise InputError(f"a point has 3 coordinates, here are {len(raw)}")
-            kind = kind_of(value)
-            strange = set().union(*(c.symbols for c in value.coordinates)) - set(known) if (
-                isinstance(value, Combination)
-            ) else set()  # fmt: skip
-        except InputError as error:
-            raise InputError(f"{key}: {error}") from error
-        if kind is not Kind.POINT:
-            raise InputError(f"{key} must be a point, [x, y, z], and {kind.value} was given")
-        if strange:
-            raise InputError(f"{key} depends on {sorted(strange)[0]}, which nothing defines")
-        return Definition(fixed.name, raw if isinstance(raw, str) else repr(value), value)
-
-    def _domain(self) -> tuple[Interval, Interval, Interval]:
-        table = self.table("domain")
-        self.check_keys(table, PARAMETER_NAMES, "[domain] ")
-        limits: list[Interval] = []
-        for name in PARAMETER_NAMES:
-            key = f"[domain] {name}"
-            raw = table.get(name, [ZERO, ONE])
-            if not isinstance(raw, list) or len(raw) != 2:
-                self.fail(key, "is a list of two limits, [lower, upper]")
-            low, high = (x if isinstance(x, Expr) else self.scalar(key, x) for x in raw)
-            limits.append((low, high))
-        return limits[0], limits[1], limits[2]
-
-    def _layers(self) -> tuple[Definition, ...]:
-        """Define depth(w), the thickness of the layers below w."""
-        result = []
-        for name, raw in self.table("layers").items():
-            key = f"[layers] {shown(name)}"
-            result.append(Definition(name, written(raw), self.scalar(key, raw)))
-        if result:
-            key = "[layers]"
-            self.define(key, "depth", None)
-            values = [d.value for d in result if isinstance(d.value, Expr)]
-            self.curves["depth"] = attempt(self, key, lambda: depth(values))
-        return tuple(result)
-
-    def _lets(self) -> tuple[Definition, ...]:
-        result = []
-        for name, raw in self.table("let").items():
-            key = f"[let] {shown(name)}"
-            value = self.expression(key, raw) if isinstance(raw, str) else self.scalar(key, raw)
-            self.define(key, name, value)
-            result.append(Definition(name, written(raw), value))
-        return tuple(result)
-
-    def _solid(self) -> tuple[tuple[Definition, ...], Combination]:
-        table = self.table("solid")
-        self.check_keys(table, ("M", "x", "y", "z"), "[solid] ")
-        if set(table) == {"M"}:
-            key, raw = "[solid] M", table["M"]
-            value = self.expression(key, raw) if isinstance(raw, str) else None
-            if not isinstance(value, Combination) or kind_of(value).name != "POINT":
-                what = kind_of(value).value if value is not None else "something else"
-                self.fail(key, f"M must be a point equation in quotes, and {what} was given")
-            return (Definition("M", str(raw), value),), value  # type: ignore[arg-type,return-value]
-        if set(table) == {"x", "y", "z"}:
-            trees = [self.scalar(f"[solid] {axis}", table[axis]) for axis in "xyz"]
-            rows = (Definition(a, written(table[a]), t) for a, t in zip("xyz", trees, strict=True))
-            return tuple(rows), point(*trees)
-        return self.fail("[solid]", "needs either M or all of x, y and z")  # type: ignore[no-any-return]
-
-    def _expected(self) -> dict[str, tuple[Expr, ...]]:
-        table = dict(self.table("expect"))
-        self.check_keys(table, _EXPECTED, "[expect] ")
-        result = {}
-        carriers = table.pop("carriers", {})
-        if not isinstance(carriers, dict):
-            self.fail("[expect] carriers", "is a table such as { sphere = 1, plane = 1 }")
-        self.check_keys(carriers, _CARRIERS, "[expect] carriers ")
-        table |= {f"carriers {kind}": count for kind, count in carriers.items()}
-        for name, raw in table.items() if not self._moved else ():
-            # what is stated of the points as written need not hold of moved ones
-            key = f"[expect] {name}"
-            values = raw if name == "centroid" else [raw]
-            if not isinstance(values, list) or len(values) != (3 if name == "centroid" else 1):
-                self.fail(key, "is a list of three coordinates")
-            trees = tuple(self.scalar(key, value) for value in values)
-            if any(not tree.symbols.isdisjoint(PARAMETER_NAMES) for tree in trees):
-                self.fail(key, "must not depend on u, v or w")
-            result[name] = trees
-        return result

@@ -20,6 +20,7 @@ from typing import Final
 from pc2cad.equation.language import nearest, read_expression
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.template import Template
+from pc2cad.equation.template_bodies import BodiesTemplate
 from pc2cad.equation.tree import Expr
 from pc2cad.errors import InputError
 
@@ -238,7 +239,7 @@ def _table(where: str, names: list[str], rows: list[list[str]]) -> Plan:
     return Plan(tuple(names), tuple(variants))
 
 
-def check_plan(plan: Plan, template: Template) -> None:
+def check_plan(plan: Plan, template: Template | BodiesTemplate) -> None:
     """Raise PlanError for a parameter that the template does not have."""
     known = [parameter.name for parameter in template.parameters]
     for name in plan.names:

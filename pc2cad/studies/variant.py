@@ -15,9 +15,11 @@ from pc2cad.errors import PointCadError
 from pc2cad.studies.store import open_store
 
 if TYPE_CHECKING:
+    from pc2cad.bodies import BodiesPart
     from pc2cad.equation.template import Template
+    from pc2cad.equation.template_bodies import BodiesTemplate
     from pc2cad.part import Part
-    from pc2cad.report import Report
+    from pc2cad.report import BodiesReport, Report
 
 #: what a refusal is called in the table, by its exit code
 STATUS = {2: "bad input", 3: "not a solid", 4: "tolerance not reached", 5: "failed"}
@@ -137,7 +139,7 @@ def _build(
     return figures_of(part.report), files, times
 
 
-def _thumbnail(part: Part) -> bytes:
+def _thumbnail(part: Part | BodiesPart) -> bytes:
     from pc2cad.picture.camera import VIEWS
     from pc2cad.picture.drawing import drawing
     from pc2cad.picture.image import camera_for, encode
@@ -147,19 +149,19 @@ def _thumbnail(part: Part) -> bytes:
 
 
 @lru_cache(maxsize=8)
-def _template(text: str, name: str) -> Template:
+def _template(text: str, name: str) -> Template | BodiesTemplate:
     from pc2cad.equation.template_file import parse_template
 
     return parse_template(text, name, name)
 
 
-def figures_of(report: Report) -> dict[str, float | int | str]:
+def figures_of(report: Report | BodiesReport) -> dict[str, float | int | str]:
     """Return the figures of a report that a row of the results table holds."""
-    x, y, z = report.equation.centroid
+    x, y, z = report.integrals.centroid
     return {
         "units": report.units,
-        "volume": report.equation.volume,
-        "area": report.equation.area,
+        "volume": report.integrals.volume,
+        "area": report.integrals.area,
         "centroid_x": x,
         "centroid_y": y,
         "centroid_z": z,

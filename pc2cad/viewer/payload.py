@@ -4,38 +4,54 @@ from __future__ import annotations
 
 import gzip
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.bodies import BodiesPart
+from pc2cad.errors import InputError
 from pc2cad.part import Part, side_colour
+from pc2cad.picture.bodies import shown_faces
 from pc2cad.picture.colours import viridis
-from pc2cad.picture.scene import Array
+from pc2cad.picture.scene import Array, Surface
 from pc2cad.picture.sides import Sides
+from pc2cad.report import BodiesReport, FaceReport, Report
 
 #: angle in radians between neighbouring tangents of a page's grid
 TURN = 0.09
 
 
-def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
+def payload(part: Part | BodiesPart, points: tuple[int, int, int] | None = None) -> bytes:
     """Return a part, and the points of a grid of its box if asked for, compressed.
 
     Four bytes give the length of the header, JSON in UTF-8; the arrays follow at the next multiple
-    of four. The same part gives the same bytes.
+    of four. The same part gives the same bytes. Raises InputError for the points of several bodies.
     """
     block = _Block()
-    sides = Sides(part, TURN)
-    header = {
-        "title": part.equation.title or part.equation.name,
+    header: dict[str, Any] = {
+        "title": part.title,
         "units": part.report.units,
         "parameters": dict(part.report.parameters),
-        "facts": _facts(part),
-        "faces": _faces(part, sides, block),
-        "others": _others(part, sides, block),
-        "edges": [block.add(path, "<f4") for _, path in sides.creases(120)],
-        "points": None if points is None else _points(sides, points, block),
+        "facts": _facts(part.report),
     }
+    if isinstance(part, BodiesPart):
+        if points is not None:
+            raise InputError("a point set belongs to one equation, and here are several bodies")
+        faces = shown_faces(part, TURN)
+        header |= {"others": [], "points": None}
+        edges = [edge.points for edge in part.edges]
+    else:
+        sides = Sides(part, TURN)
+        faces = _faces(sides)
+        header["others"] = _others(part, sides, block)
+        header["points"] = None if points is None else _points(sides, points, block)
+        edges = [path for _, path in sides.creases(120)]
+    header["faces"] = [
+        _face(known, shown, block) for known, shown in zip(part.report.faces, faces, strict=True)
+    ]
+    header["edges"] = [block.add(path, "<f4") for path in edges]
     return block.packed(header)
 
 
@@ -58,29 +74,34 @@ class _Block:
         return gzip.compress(raw, compresslevel=6, mtime=0)
 
 
-def _faces(part: Part, sides: Sides, block: _Block) -> list[dict[str, Any]]:
-    """Return each face with its triangles and what the report says of it."""
+def _faces(sides: Sides) -> Iterator[Surface]:
+    """Yield the part's faces in the report's order."""
     patches = list(sides.patches())
-    result = []
-    for index, known in enumerate(part.report.faces):
+    for index in range(len(sides.part.report.faces)):
         own = [p for p in patches if p.index == index]
-        offsets = np.cumsum([0, *(p.points.size // 3 for p in own)])
-        triangles = [p.triangles + start for p, start in zip(own, offsets, strict=False)]
-        normals = np.concatenate([p.normals.reshape(-1, 3) for p in own])
-        bytes_ = np.zeros((len(normals), 4))
-        bytes_[:, :3] = np.round(127 * normals)
-        result.append({
-            "name": known.name,
-            "colour": side_colour(own[0].cell),
-            "carrier": known.carrier,
-            "evidence": known.evidence,
-            "deviation": known.deviation,
-            "area": known.area,
-            "positions": block.add(np.concatenate([p.points.reshape(-1, 3) for p in own]), "<f4"),
-            "normals": block.add(bytes_, "|i1"),
-            "triangles": block.add(np.concatenate(triangles), "<u4"),
-        })  # fmt: skip
-    return result
+        starts = np.cumsum([0, *(p.points.size // 3 for p in own)])
+        yield Surface(
+            own[0].name,
+            np.concatenate([p.points.reshape(-1, 3) for p in own]),
+            np.concatenate([p.triangles + start for p, start in zip(own, starts, strict=False)]),
+            np.concatenate([p.normals.reshape(-1, 3) for p in own]),
+            side_colour(own[0].cell),
+        )
+
+
+def _face(known: FaceReport, shown: Surface, block: _Block) -> dict[str, Any]:
+    """Return a face with its triangles and what the report says of it."""
+    return {
+        "name": known.name,
+        "colour": shown.colour,
+        "carrier": known.carrier,
+        "evidence": known.evidence,
+        "deviation": known.deviation,
+        "area": known.area,
+        "positions": block.add(shown.points, "<f4"),
+        "normals": block.add(np.round(127 * _padded(shown.normals, 0.0)), "|i1"),
+        "triangles": block.add(shown.triangles, "<u4"),
+    }
 
 
 def _others(part: Part, sides: Sides, block: _Block) -> list[dict[str, Any]]:
@@ -104,21 +125,25 @@ def _points(sides: Sides, counts: tuple[int, int, int], block: _Block) -> dict[s
     colours = np.broadcast_to(viridis(np.linspace(0.0, 0.9, counts[2])), cloud.shape)
     return {
         "positions": block.add(cloud.reshape(-1, 3), "<f4"),
-        "colours": block.add(np.round(255 * _padded(colours.reshape(-1, 3))), "|u1"),
+        "colours": block.add(np.round(255 * _padded(colours.reshape(-1, 3), 1.0)), "|u1"),
     }
 
 
-def _padded(rows: Array) -> Array:
+def _padded(rows: Array, value: float) -> Array:
     """Return rows of three with a fourth number: graphics cards read four bytes at a time."""
-    return np.column_stack((rows, np.ones(len(rows))))
+    return np.column_stack((rows, np.full(len(rows), value)))
 
 
-def _facts(part: Part) -> list[tuple[str, str]]:
-    report, units = part.report, part.report.units
+def _facts(report: Report | BodiesReport) -> list[tuple[str, str]]:
+    units = report.units
     off = "" if report.evidence == "exact" else f", within {report.deviation:.2g} {units}"
+    shells = (
+        str(report.shells) if isinstance(report, BodiesReport)
+        else f"{report.shells}, of genus {', '.join(map(str, report.genus))}"
+    )  # fmt: skip
     return [
-        ("volume", f"{report.equation.volume:.10g} {units}³"),
-        ("area", f"{report.equation.area:.10g} {units}²"),
+        ("volume", f"{report.integrals.volume:.10g} {units}³"),
+        ("area", f"{report.integrals.area:.10g} {units}²"),
         ("evidence", f"{report.evidence}{off}"),
-        ("shells", f"{report.shells}, of genus {', '.join(map(str, report.genus))}"),
-    ]  # fmt: skip
+        ("shells", shells),
+    ]

@@ -1,0 +1,174 @@
+"""Booleans of solids by the kernel, with the names of faces carried through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.BOPAlgo import BOPAlgo_Operation
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
+from OCP.Standard import Standard_Failure
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
+from OCP.TopTools import (
+    TopTools_IndexedDataMapOfShapeListOfShape,
+    TopTools_IndexedMapOfShape,
+    TopTools_ListOfShape,
+)
+
+from pc2cad.errors import KernelError
+
+_OPERATIONS = {
+    "union": BOPAlgo_Operation.BOPAlgo_FUSE,
+    "cut": BOPAlgo_Operation.BOPAlgo_CUT,
+    "intersect": BOPAlgo_Operation.BOPAlgo_COMMON,
+}
+_CURVES = {
+    "Geom_Line": "line",
+    "Geom_Circle": "circle",
+    "Geom_Ellipse": "ellipse",
+    "Geom_Hyperbola": "hyperbola",
+    "Geom_Parabola": "parabola",
+    "Geom_BezierCurve": "Bézier curve",
+    "Geom_BSplineCurve": "B-spline curve",
+}
+#: points on an edge, at which it is held against its faces
+PLACES = 65
+
+
+@dataclass(frozen=True, eq=False)
+class NamedShape:
+    """Solids, and the names of their faces: several where faces of two solids coincide."""
+
+    shape: TopoDS_Shape
+    faces: tuple[tuple[TopoDS_Face, tuple[str, ...]], ...]
+
+    @property
+    def solids(self) -> tuple[TopoDS_Solid, ...]:
+        """The solids of the shape."""
+        explorer, found = TopExp_Explorer(self.shape, TopAbs_SOLID), []
+        while explorer.More():
+            found.append(TopoDS.Solid_s(explorer.Current()))
+            explorer.Next()
+        return tuple(found)
+
+
+def combine(
+    kind: Literal["union", "cut", "intersect"], first: NamedShape, second: NamedShape
+) -> NamedShape:
+    """Return the union, difference or common part of two shapes, of no solid where it is empty.
+
+    Every face of the result is a part of a face of theirs. Raises KernelError where the kernel
+    fails, or loses track of a face.
+    """
+    if not first.faces or not second.faces:
+        kept = {"union": (first, second), "cut": (first,), "intersect": ()}[kind]
+        return next((shape for shape in kept if shape.faces), NamedShape(_nothing(), ()))
+    algorithm = BRepAlgoAPI_BooleanOperation()
+    algorithm.SetArguments(_listed(first.shape))
+    algorithm.SetTools(_listed(second.shape))
+    algorithm.SetOperation(_OPERATIONS[kind])
+    algorithm.SetRunParallel(False)
+    algorithm.SetNonDestructive(True)
+    try:
+        algorithm.Build()
+    except Standard_Failure as failure:
+        raise KernelError(f"the CAD kernel refused to {kind} the bodies: {failure}") from failure
+    if not algorithm.IsDone():
+        raise KernelError(f"the CAD kernel could not {kind} the bodies")
+    return NamedShape(algorithm.Shape(), tuple(_named(algorithm, first, second)))
+
+
+def _named(
+    algorithm: BRepAlgoAPI_BooleanOperation, first: NamedShape, second: NamedShape
+) -> Iterator[tuple[TopoDS_Face, tuple[str, ...]]]:
+    """Yield the faces of the result with the names of the faces that they are parts of."""
+    faces = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(algorithm.Shape(), TopAbs_FACE, faces)
+    names: dict[int, list[str]] = {i: [] for i in range(1, faces.Extent() + 1)}
+    for face, known in (*first.faces, *second.faces):
+        for part in [*algorithm.Modified(face)] or [face]:
+            index = faces.FindIndex(part)
+            if index:
+                names[index] += [name for name in known if name not in names[index]]
+    for index, found in names.items():
+        if not found:
+            raise KernelError("the CAD kernel made a face that belongs to no body")
+        yield TopoDS.Face_s(faces.FindKey(index)), tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class NamedEdge:
+    """An edge between two differently named faces."""
+
+    names: tuple[tuple[str, ...], tuple[str, ...]]
+    #: numbers of those faces in the shape, and of its vertices
+    faces: tuple[int, int]
+    ends: frozenset[int]
+    #: what a report calls its curve
+    curve: str
+    #: along it, (PLACES, 3)
+    points: NDArray[np.float64]
+    #: largest distance from the faces (seen)
+    deviation: float
+
+    @property
+    def length(self) -> float:
+        """That of the polyline through its points."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+
+def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
+    """Yield the edges between differently named faces."""
+    parents = TopTools_IndexedDataMapOfShapeListOfShape()
+    TopExp.MapShapesAndUniqueAncestors_s(shape.shape, TopAbs_EDGE, TopAbs_FACE, parents)
+    faces, vertices = TopTools_IndexedMapOfShape(), TopTools_IndexedMapOfShape()
+    for face, _ in shape.faces:
+        faces.Add(face)
+    for index in range(1, parents.Extent() + 1):
+        edge = TopoDS.Edge_s(parents.FindKey(index))
+        owners = [faces.FindIndex(face) - 1 for face in parents.FindFromIndex(index)]
+        if len(owners) == 2 and not BRep_Tool.Degenerated_s(edge):
+            one, other = (shape.faces[owner] for owner in owners)
+            if one[1] != other[1]:
+                ends = (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge))
+                kind = type(BRep_Tool.Curve_s(edge, 0.0, 1.0)).__name__
+                yield NamedEdge(
+                    (one[1], other[1]), (owners[0], owners[1]), frozenset(map(vertices.Add, ends)),
+                    _CURVES.get(kind, kind), *_traced(edge, (one[0], other[0])),
+                )  # fmt: skip
+
+
+def _traced(
+    edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]
+) -> tuple[NDArray[np.float64], float]:
+    """Return points of an edge and its largest distance from its faces at equal parameters."""
+    first, last = BRep_Tool.Range_s(edge)
+    curve = BRep_Tool.Curve_s(edge, first, last)
+    places = np.linspace(first, last, PLACES).tolist()
+    points = [curve.Value(t) for t in places]
+    apart = 0.0
+    for face in faces:
+        surface = BRep_Tool.Surface_s(face)
+        trace = BRep_Tool.CurveOnSurface_s(edge, face, first, last)
+        for t, point in zip(places, points, strict=True):
+            foot = trace.Value(t)
+            apart = max(apart, point.Distance(surface.Value(foot.X(), foot.Y())))
+    return np.array([(p.X(), p.Y(), p.Z()) for p in points]), apart
+
+
+def _listed(shape: TopoDS_Shape) -> TopTools_ListOfShape:
+    shapes = TopTools_ListOfShape()
+    shapes.Append(shape)
+    return shapes
+
+
+def _nothing() -> TopoDS_Compound:
+    compound = TopoDS_Compound()
+    BRep_Builder().MakeCompound(compound)
+    return compound

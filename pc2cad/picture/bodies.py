@@ -1,0 +1,66 @@
+"""Scenes of a solid made of several bodies: the kernel's faces and edges, named and coloured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pc2cad.bodies import BodiesPart
+from pc2cad.errors import InputError
+from pc2cad.export.model import ExportOptions
+from pc2cad.export.surface import faces_in_order, smooth_normals, surface
+from pc2cad.picture.scene import Array, Colour, Label, Lines, Scene, Surface
+from pc2cad.picture.style import STEEL, Style
+
+
+def shown_faces(part: BodiesPart, turn: float, colour: Colour | None = None) -> Iterator[Surface]:
+    """Yield the faces in the report's order, in one colour or each in that of its body.
+
+    `turn` is the largest angle in radians between neighbouring chords.
+    """
+    exportable = part.exportable(colours=True)
+    mesh = surface(exportable, ExportOptions(angular_deflection=turn))
+    for number, face in enumerate(faces_in_order(exportable)):
+        own = mesh.triangles[mesh.faces == number]
+        used, triangles = np.unique(own, return_inverse=True)
+        triangles, points = triangles.reshape(own.shape), mesh.vertices[used]
+        yield Surface(
+            face.name, points, triangles, smooth_normals(points, triangles),
+            colour or part.colour(face.name),
+        )  # fmt: skip
+
+
+def bodies_drawing(part: BodiesPart, style: Style, turn: float) -> Scene:
+    """Return the scene of a part of several bodies; raise InputError for what it has not."""
+    if style.isolines or style.points or style.map:
+        raise InputError(
+            "parameter lines, point sets and maps belong to one equation; draw a body by itself "
+            f"(--body: {', '.join(part.bodies)})"
+        )
+    faces = list(shown_faces(part, turn, None if style.colours else STEEL))
+    offsets = [_offset(part, face, style.explode) for face in faces]
+    moved = tuple(
+        Surface(f.name, f.points + o, f.triangles, f.normals, f.colour)
+        for f, o in zip(faces, offsets, strict=True)
+    )
+    labels = tuple(Label(f.name, f.points[f.triangles].mean(axis=1)) for f in moved if style.labels)
+    lines: tuple[Lines, ...] = ()
+    if style.edges:
+        ways = [
+            edge.points + offsets[face]
+            for edge in part.edges
+            for face in edge.faces[: None if style.explode else 1]
+        ]
+        lines = (Lines(tuple(ways)),)
+    return Scene(moved, lines, labels=labels)
+
+
+def _offset(part: BodiesPart, face: Surface, explode: float) -> Array:
+    """Return how far a face is moved: away from the middle of the solid."""
+    away: Array = face.points[face.triangles].mean(axis=(0, 1)) - np.asarray(
+        part.report.solid.centroid
+    )
+    distance = float(np.linalg.norm(away))
+    size = part.report.size
+    return explode * size * away / distance if distance > 1e-9 * size else np.zeros(3)

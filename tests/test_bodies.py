@@ -1,0 +1,323 @@
+"""Templates of several bodies: Booleans against closed forms, names of faces, every bad use."""
+
+from __future__ import annotations
+
+import json
+from math import pi
+
+import cadquery as cq
+import pytest
+
+import pc2cad as pc
+import pc2cad.cadquery as pcq
+from pc2cad.bodies import BodiesPart, EmptyResultError, SeveralPiecesError, VolumesDisagreeError
+from pc2cad.brep import booleans
+from pc2cad.cli.main import main
+from pc2cad.equation.template import TemplateError
+from pc2cad.equation.template_file import parse_template
+from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
+from pc2cad.library import bodies_paths
+from pc2cad.studies.variant import BUILT, Job, Task, run_variant
+from pc2cad.validation import ExpectationNotMetError
+
+#: a cube of edge 2 and one of edge 1, moved by d along x; t is the place of its lower face
+CUBES = """
+title = "Two cubes"
+result = "{result}"
+[parameters]
+d = {{ default = 1, min = -10, max = 10 }}
+[[bodies]]
+name = "big"
+[bodies.solid]
+x = "2*u"
+y = "2*v"
+z = "2*w"
+[[bodies]]
+name = "small"
+[bodies.solid]
+x = "u + d"
+y = "v + 1/2"
+z = "w + 1/2"
+"""
+
+
+def cubes(result: str, d: float, more: str = "") -> BodiesPart:
+    template = parse_template(CUBES.format(result=result) + more, "cubes")
+    return pc.compile_equation(template.bind({"d": d}))
+
+
+@pytest.mark.parametrize(
+    ("kind", "d", "volume", "words"),
+    [
+        ("union", 1.5, 8.5, "0.5 in common"),
+        ("union", 0.5, 8, "one lies inside the other"),
+        ("cut", 1.5, 7.5, "0.5 of 1 inside"),
+        ("cut", 0.5, 7, "wholly inside, the volumes subtract"),
+        ("cut", 5, 8, "nothing is cut"),
+        ("intersect", 1.5, 0.5, "in common of 8 and 1"),
+        ("union", 2, 9, "the volumes add up"),
+    ],
+)
+def test_volumes_that_add_up_are_told_from_those_that_do_not(kind, d, volume, words):
+    report = cubes(f"{kind}(big, small)", d).report
+    (step,) = report.steps
+    assert report.solid.volume == pytest.approx(volume, rel=1e-14)
+    assert words in step.sentence
+    assert abs(step.gap) < 1e-14
+    assert (step.first, step.second) == pytest.approx((8, 1))
+    assert bool(report.warnings) == ("nothing is cut" in words)
+
+
+def test_faces_are_named_by_body_and_side_and_keep_their_evidence():
+    part = cubes("cut(big, small)", 1.5)
+    names = [face.name for face in part.report.faces]
+    assert sorted(names) == sorted(
+        [f"big:{s}" for s in ("u=0", "u=1", "v=0", "v=1", "w=0", "w=1")]
+        + [f"small:{s}" for s in ("u=0", "v=0", "v=1", "w=0", "w=1")]
+    )
+    areas = {face.name: face.area for face in part.report.faces}
+    assert areas["big:u=1"] == pytest.approx(3)  # 4 less the mouth of the hole
+    assert areas["small:v=0"] == pytest.approx(0.5)
+    assert {face.evidence for face in part.report.faces} == {"exact"}
+    # where bodies meet, the kernel has found the edge: no more than sampled
+    assert {(edge.name, edge.evidence) for edge in part.report.curves} == {
+        (f"{a} / {b}", "sampled")
+        for a, b in [(edge.name.split(" / ")) for edge in part.report.curves]
+    }
+    assert len(part.report.curves) == 4
+    assert part.report.evidence == "sampled"
+
+
+def test_faces_that_coincide_have_both_names():
+    part = cubes("intersect(big, small)", 1)
+    assert "big:u=1 = small:u=1" in [face.name for face in part.report.faces]
+
+
+@pytest.mark.parametrize("name", bodies_paths())
+def test_shipped_templates_meet_their_closed_forms(name, tmp_path):
+    part = pc.compile_equation(pc.read_template(bodies_paths()[name]).bind())
+    report = part.report
+    exact = {
+        "pipe_cross": 2 * pi * (4 - 2.25) * 10 - 16 / 3 * (8 - 1.5**3),
+        "cooled_block": 192 - 8 * pi * 0.64,
+        "common_of_pipes": 128 / 3,
+    }[name]
+    assert report.solid.volume == pytest.approx(exact, rel=1e-9)
+    assert abs(report.solid.volume - exact) <= report.solid.relative_error * exact
+    assert all(abs(step.gap) <= 1e-8 * step.first for step in report.steps)
+    json.dumps(report.to_dict(), allow_nan=False)
+    part.write(tmp_path / "part.step", colours=True)
+    text = (tmp_path / "part.step").read_text()
+    assert all(f"'{face.name}'" in text for face in report.faces)
+
+
+def test_three_pairs_in_one_expression():
+    text = CUBES.format(result="cut(union(big, small), post, small)").replace("[[b", """[[bodies]]
+name = "post"
+let = { top = "3*w" }
+solid = { x = "u/2 + 1/4", y = "v/2 + 1/4", z = "top - 1/2" }
+[[b""", 1)  # fmt: skip
+    report = pc.compile_equation(parse_template(text, "cubes").bind({"d": 1.5})).report
+    assert [step.name for step in report.steps] == [
+        "union(big, small)", "cut(step 1, post)", "cut(step 2, small)",
+    ]  # fmt: skip
+    assert report.solid.volume == pytest.approx(8.5 - 0.5 - 1, rel=1e-14)
+    assert report.euler == 0
+
+
+@pytest.mark.parametrize(
+    ("result", "d", "error", "words"),
+    [
+        ("intersect(big, small)", 5, EmptyResultError, "they have no common part"),
+        ("cut(small, big)", 0.5, EmptyResultError, "lies wholly inside"),
+        ("union(big, small)", 5, SeveralPiecesError, "falls into 2 pieces of the volumes"),
+    ],
+)
+def test_results_that_are_not_one_solid_are_refused(result, d, error, words):
+    with pytest.raises(error, match=words) as caught:
+        cubes(result, d)
+    assert isinstance(caught.value, NotASolidError)
+
+
+def test_a_result_that_touches_itself_along_an_edge_is_refused():
+    text = """
+title = "Two notches that meet in an edge"
+result = "cut(block, one, other)"
+bodies = [
+  { name = "block", solid = { x = "2*u", y = "2*v", z = "2*w" } },
+  { name = "one", solid = { x = "u", y = "v", z = "w" } },
+  { name = "other", solid = { x = "u + 1", y = "v + 1", z = "w" } },
+]"""
+    with pytest.raises(NotASolidError, match="touch along an edge"):
+        pc.compile_equation(parse_template(text, "notches").bind())
+
+
+def test_a_body_that_is_no_solid_is_named():
+    text = CUBES.format(result="union(big, small)").replace('"u + d"', '"0*u + d"')
+    with pytest.raises(NotASolidError, match=r"^body small: "):
+        pc.compile_equation(parse_template(text, "cubes").bind())
+
+
+def test_figures_of_the_result_are_held():
+    expected = "\n[expect]\nvolume = 8.5\nfaces = 11\nshells = 1\neuler = 2\n"
+    cubes("union(big, small)", 1.5, expected)
+    with pytest.raises(ExpectationNotMetError, match=r"volume = 8.5, but it is 8.25"):
+        cubes("union(big, small)", 1.25, expected)
+
+
+def test_a_kernel_that_loses_volume_is_found_out(monkeypatch):
+    right = booleans.combine
+
+    def wrong(kind, first, second):
+        return right("cut" if kind == "union" else kind, first, second)
+
+    monkeypatch.setattr("pc2cad.bodies.combine", wrong)
+    with pytest.raises(VolumesDisagreeError, match="does not add up"):
+        cubes("union(big, small)", 1.5)
+
+
+def test_an_edge_off_its_faces_is_refused(monkeypatch):
+    text = """
+title = "Two pipes of different width"
+result = "cut(run, bore)"
+bodies = [
+  { name = "run", solid = { x = "6*u - 3", y = "2*w*cos(2*pi*v)", z = "2*w*sin(2*pi*v)" } },
+  { name = "bore", solid = { x = "w*cos(2*pi*v)", y = "w*sin(2*pi*v)", z = "6*u - 3" } },
+]"""
+    bound = parse_template(text, "pipes").bind()
+    # the kernel's own curve is 1.7e-8 off, which is within what it takes for one place
+    assert 1e-9 < pc.compile_equation(bound, 1e-9).report.deviation < 1e-7
+    monkeypatch.setattr("pc2cad.bodies.KERNEL_TOLERANCE", 1e-12)
+    with pytest.raises(ToleranceNotReachedError, match=r"run:w=1 / bore:w=1 is .* off its"):
+        pc.compile_equation(bound, 1e-9)
+
+
+MISTAKES = {
+    "one body": ("[[bodies]]\nname = 'a'\nsolid = {}", "needs two bodies or more"),
+    "no body": ("bodies = []", "here are 0"),
+    "a table": ("bodies = { name = 'a' }", "each body is a table of its own"),
+    "no name": ("[[bodies]]\n[[bodies]]", "body 1: needs a name"),
+    "reserved": ("[[bodies]]\nname = 'cut'\n[[bodies]]", "the name cut is reserved"),
+    "no word": ("[[bodies]]\nname = 'a b'\n[[bodies]]", "'a b' is not a name"),
+    "twice": ("[[bodies]]\nname = 'a'\n[[bodies]]\nname = 'a'", "a is defined twice"),
+    "unknown key": ("[[bodies]]\nname = 'a'\nsolids = 1\n[[bodies]]", "did you mean solid"),
+    "own points": ("[[bodies]]\nname = 'a'\npoints = {}\n[[bodies]]", "is common to all bodies"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_bodies_that_are_not_as_the_format_asks(name):
+    text, words = MISTAKES[name]
+    with pytest.raises(TemplateError, match=words):
+        parse_template(f"title = 't'\nresult = 'union(a, b)'\n{text}", "t")
+
+
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [
+        ("", "is missing: how the bodies join"),
+        ("big", "takes one body, big"),
+        ("big + small", "joined by union"),
+        ("add(big, small)", "'add' is none of union, cut, intersect"),
+        ("intersects(big, small)", "did you mean intersect"),
+        ("union(big)", "union takes two bodies or more"),
+        ("union(big, smal)", "no body is called 'smal'; did you mean small"),
+        ("union(big, big)", "the body small is not used"),
+        ("union(big, small", "expected"),
+        ("union(big, 2)", "joined by union"),
+    ],
+)
+def test_results_that_are_not_as_the_format_asks(result, words):
+    with pytest.raises(TemplateError, match=words):
+        parse_template(CUBES.format(result=result), "t")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[parameters]", "[solid]\nM = '[u,v,w]'\n[parameters]", r"\[solid\]: belongs to a body"),
+        ("[parameters]", "[domain]\nu = [0,2]\n[parameters]", r"\[domain\]: belongs to a body"),
+        ('"2*w"', '"2*q"', "body big: "),
+        ("[parameters]", "[let]\nk = 1\n[parameters]", ""),
+        ('name = "big"', 'name = "big"\nlet = 3', "must be a table"),
+    ],
+)
+def test_tables_of_bodies_are_checked(old, new, words):
+    text = CUBES.format(result="union(big, small)").replace(old, new, 1)
+    if not words:
+        text = text.replace('name = "big"', 'name = "big"\nlet = { k = 2 }')
+        words = "k: is defined for all bodies"
+    with pytest.raises(TemplateError, match=words):
+        parse_template(text, "t")
+
+
+def test_a_result_without_bodies():
+    with pytest.raises(TemplateError, match="here are 0"):
+        parse_template("title = 't'\nresult = 'union(a, b)'\n[solid]\nM = '[u,v,w]'", "t")
+
+
+def test_points_move_in_all_bodies():
+    text = CUBES.format(result="union(big, small)").replace("[[", "[points]\nO = [0, 0, 0]\n[[", 1)
+    text = text.replace('x = "2*u"\ny = "2*v"\nz = "2*w"', 'M = "O + vector(2*u, 2*v, 2*w)"')
+    template = parse_template(text, "cubes")
+    moved = pc.compile_equation(template.bind({"O": "[0, 0, w]", "d": 1.5}))
+    assert moved.report.bodies["big"].equation.volume == pytest.approx(12)
+    with pytest.raises(InputError, match="no parameter 'q'"):
+        template.bind({"q": 1})
+
+
+def test_every_verb(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.toml").write_text(CUBES.format(result="cut(big, small)"))
+    outputs = [f"-ot.{e}" for e in ("step", "igs", "brep", "stl", "3mf", "glb", "vtp")]
+    assert main(["build", "t.toml", "-s", "d=1.5", *outputs, "--report", "t.json"]) == 0
+    assert json.loads((tmp_path / "t.json").read_text())["steps"][0]["common"] == 0.5
+    assert "7 faces" not in capsys.readouterr().out
+    assert main(["check", "t.toml", "-s", "d=1.5", "--triangles"]) == 0
+    shown = capsys.readouterr().out
+    assert "0.5 of 1 inside: 8 - 0.5 = 7.5" in shown
+    drawn = ["-o", "t.png", "--labels", "--colours", "--explode", "0.3"]
+    assert main(["render", "t.toml", *drawn]) == 0
+    assert main(["view", "t.toml", "-o", "t.html", "--slider", "d=1.2:1.6:2"]) == 0
+    capsys.readouterr()
+    assert main(["show", "t.toml"]) == 0
+    assert "result = cut(big, small)" in capsys.readouterr().out
+    assert main(["show", "t.toml", "--latex"]) == 0
+    capsys.readouterr()
+    for verb in (
+        ["mesh", "--cells", "2x2x2", "-ot.vtu"],
+        ["spline", "-ot.xml"],
+        ["points", "-ot.ply"],
+    ):
+        assert main([verb[0], "t.toml", *verb[1:]]) == 2
+        assert "--body: big, small" in capsys.readouterr().err
+        assert main([verb[0], "t.toml", "--body", "small", *verb[1:]]) == 0
+    for more in (["--isolines", "3"], ["--map", "deviation"], ["--points", "3,3,3"]):
+        assert main(["render", "t.toml", "-o", "y.png", *more]) == 2
+        assert "belong to one equation" in capsys.readouterr().err
+    assert main(["view", "t.toml", "-o", "y.html", "--points", "3,3,3"]) == 2
+    assert main(["check", "t.toml", "--body", "bigg"]) == 2
+    assert "did you mean big" in capsys.readouterr().err
+    assert main(["check", "pyramid", "--body", "a"]) == 2
+    assert "has no bodies" in capsys.readouterr().err
+    assert main(["templates"]) == 0
+    assert "pipe_cross: " in capsys.readouterr().out
+
+
+def test_in_cadquery(tmp_path):
+    (tmp_path / "t.toml").write_text(CUBES.format(result="cut(big, small)"))
+    placed = cq.Workplane().pointSolid(str(tmp_path / "t.toml"), d=1.5)
+    assert placed.val().Volume() == pytest.approx(7.5)
+    assert placed.faces(tag="small:u=0").size() == 1
+    assert placed.pointParts()[0].report.steps
+    assert pcq.point_solid("common_of_pipes", R=1).Volume() == pytest.approx(16 / 3, rel=1e-6)
+
+
+def test_a_variant_of_bodies(tmp_path):
+    task = Task(
+        CUBES.format(result="cut(big, small)"), "cubes", store=str(tmp_path), formats=("step",)
+    )
+    outcome = run_variant(task, Job("1", {"d": 1.5}))
+    assert outcome.status == BUILT, outcome.reason
+    assert outcome.figures["volume"] == pytest.approx(7.5)
+    assert (outcome.figures["evidence"], outcome.figures["faces"]) == ("sampled", 11)
