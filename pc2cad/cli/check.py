@@ -202,7 +202,7 @@ def _evidence(report: Report | BodiesReport, expected: Expectations) -> list[tup
         ("kernel tolerance", f"{report.kernel_tolerance:.2g} {units}"),
     ]
     if error and math.isfinite(error):
-        rows.append(("error of integrals", f"{error:.1e} (estimate, relative)"))
+        rows.append(("error estimate", f"{error:.1e} (estimate, relative)"))
     if isinstance(report, Report):
         rows += [
             ("solid", "valid in the kernel, closed, of the derived topology and right integrals"),
