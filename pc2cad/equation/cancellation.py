@@ -72,8 +72,7 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     done: dict[Expr, Expr] = {}
     for node in walk(roots):
         args = tuple(done[arg] for arg in node.args)
-        same = all(a is b for a, b in zip(args, node.args, strict=True))
-        done[node] = node if same else rebuild(node, args)
+        done[node] = node if args == node.args else rebuild(node, args)
         if node.op != "add" or not done[node].symbols:
             continue
         first, *others = (table[node] for table in tables)

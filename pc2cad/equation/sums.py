@@ -23,8 +23,7 @@ def cancel_terms(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     terms: dict[Expr, _Terms] = {}
     for node in walk(roots):
         args = tuple(done[arg] for arg in node.args)
-        same = all(a is b for a, b in zip(args, node.args, strict=True))
-        moved = node if same else rebuild(node, args)
+        moved = node if args == node.args else rebuild(node, args)
         if moved not in terms:
             moved = _record(moved, terms)
         done[node] = moved

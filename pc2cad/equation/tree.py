@@ -315,16 +315,9 @@ def program(roots: tuple[Expr, ...]) -> list[Expr]:
 
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     """Return the node's operation applied to other operands, folded anew."""
-    if node.op == "add":
-        return add(*args)
-    if node.op == "mul":
-        return mul(*args)
-    if node.op == "div":
-        return div(*args)
-    if node.op == "pow":
-        return power(*args)
-    if node.op == "neg":
-        return neg(*args)
+    build = _BUILDERS.get(node.op)
+    if build is not None:
+        return build(*args)
     if node.op == "pieces":
         breaks, width, smoothness, closed = node.payload
         rows = tuple(args[1 + i : 1 + i + width] for i in range(0, len(args) - 1, width))
@@ -332,22 +325,33 @@ def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     return call(node.op, *args)
 
 
+_BUILDERS: Final[dict[str, Callable[..., Expr]]] = {
+    "add": add, "mul": mul, "div": div, "pow": power, "neg": neg,
+}  # fmt: skip
+
+
 def walk(
-    roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] = lambda node: node.args
+    roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] | None = None
 ) -> Iterator[Expr]:
-    """Yield every node below `roots` once, operands before the node that uses them."""
-    seen: set[int] = set()
-    stack: list[tuple[Expr, bool]] = [(root, False) for root in reversed(roots)]
+    """Yield every node below `roots` once, operands before the node that uses them.
+
+    `below` gives the operands of a node to go on with, if these are not all.
+    """
+    seen: set[Expr] = set()
+    stack = list(reversed(roots))
     while stack:
-        node, expanded = stack.pop()
-        if id(node) in seen:
-            continue
-        if expanded or not node.args:
-            seen.add(id(node))
+        node = stack[-1]
+        if node not in seen:
+            args = node.args if below is None else below(node)
+            size = len(stack)
+            for arg in reversed(args):
+                if arg not in seen:
+                    stack.append(arg)
+            if len(stack) > size:
+                continue
+            seen.add(node)
             yield node
-        else:
-            stack.append((node, True))
-            stack.extend((arg, False) for arg in reversed(below(node)))
+        stack.pop()
 
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:
@@ -369,7 +373,6 @@ def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) ->
     done: dict[Expr, Expr] = {}
     for node in walk(roots):
         args = tuple(done[arg] for arg in node.args)
-        same = all(a is b for a, b in zip(args, node.args, strict=True))
-        moved = node if same else rebuild(node, args)
+        moved = node if args == node.args else rebuild(node, args)
         done[node] = change(moved) if moved.op == op else moved
     return tuple(done[root] for root in roots)
