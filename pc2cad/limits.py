@@ -8,7 +8,7 @@ section's own determinant), so that the first two are sharp; all values are foun
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -112,12 +112,17 @@ class _Channel:
         rows = [np.broadcast_to(c, shape) for c in columns]
         return [np.stack(rows[i : i + 3], axis=-1) for i in range(0, len(rows), 3)]
 
+    def _vectors(self, program: Program, u: Array, v: Array, w: Array) -> list[tuple[Array, ...]]:
+        """Return the same by coordinates, each as large as what it depends on asks for."""
+        columns = program({"u": u, "v": v, "w": w})
+        return [columns[i : i + 3] for i in range(0, len(columns), 3)]
+
     def _smallest(self, field: Field) -> tuple[float, tuple[float, float, float]]:
         """Return the smallest value of a field over the box, and where: a sweep, then zooms."""
         axes = list(self._axes)
         for _ in range(ZOOMS):
             u, v, w = np.ix_(*axes)
-            values = field(u, v, w)
+            values = np.broadcast_to(field(u, v, w), (u.size, v.size, w.size))
             values = np.where(np.isfinite(values), values, np.inf)
             index = [int(i) for i in np.unravel_index(int(np.argmin(values)), values.shape)]
             place = tuple(float(axis[i]) for axis, i in zip(axes, index, strict=True))
@@ -140,9 +145,9 @@ class _Channel:
     def is_perpendicular(self) -> bool:
         """Say whether M - N lies in the normal planes."""
         u, v, w = np.ix_(self._axes[0], self._axes[1][::4], self._axes[2])
-        tangent, q, *_ = self._run(self._section, u, v, w)
-        size = _norm(tangent) * _norm(q).max()
-        cosine = np.abs(_dot(tangent, q)) / size
+        tangent, q, *_ = self._vectors(self._section, u, v, w)
+        size = _length(tangent) * _length(q).max()
+        cosine = np.abs(_product(tangent, q)) / size
         return bool(np.isfinite(cosine).all() and cosine.max() <= PERPENDICULAR)
 
     # -- the limits ---------------------------------------------------------------------------
@@ -155,17 +160,18 @@ class _Channel:
         """
         ends = np.array([0.0, 1.0])
         u, v, w = np.ix_(self._axes[0], self._axes[1], ends)
-        _, q, *_ = self._run(self._section, u, v, w)
-        reach = _norm(q)
+        _, q, *_ = self._vectors(self._section, u, v, w)
+        reach = np.broadcast_to(_length(q), (u.size, v.size, 2))
         inner = 0 if reach[..., 0].sum() <= reach[..., 1].sum() else 1
         if reach[..., inner].max() <= 1e-9 * reach.max():
             return None  # the section is filled: its inner side is the guide
 
         def distance(u: Array, v: Array, w: Array) -> Array:
             first, last = (
-                self._run(self._section, u, v, np.full_like(w, x))[1] for x in (inner, 1 - inner)
+                self._vectors(self._section, u, v, np.full_like(w, x))[1]
+                for x in (inner, 1 - inner)
             )
-            return np.asarray(_dot(first, last) / _norm(last))
+            return _product(first, last) / _length(last)
 
         value, place = self._smallest(distance)
         holds = regular or value > 0
@@ -181,11 +187,13 @@ class _Channel:
         """Return the least sine between the wall's direction and the section."""
 
         def sine(u: Array, v: Array, w: Array) -> Array:
-            tangent, _, along, across = self._run(self._section, u, v, w)
-            area = _dot(np.cross(across, along), tangent)
-            return np.asarray(area / (_norm(tangent) * _norm(along) * _norm(across)))
+            tangent, _, along, across = self._vectors(self._section, u, v, w)
+            a, b, c = across
+            x, y, z = along
+            area = _product((b * z - c * y, c * x - a * z, a * y - b * x), tangent)
+            return area / (_length(tangent) * _length(along) * _length(across))
 
-        u, v, w = np.ix_(*self._axes)
+        u, v, w = np.ix_(self._axes[0][::4], self._axes[1][::4], self._axes[2])
         sign = 1.0 if np.nansum(sine(u, v, w)) >= 0 else -1.0
         value, place = self._smallest(lambda u, v, w: sign * sine(u, v, w))
         holds = value > -1e-9
@@ -203,8 +211,9 @@ class _Channel:
         """Return how far the section reaches towards the centre of curvature."""
 
         def room(u: Array, v: Array, w: Array) -> Array:
-            first, second, q = self._run(self._bend, u, v, w)
-            return np.asarray(1 - _dot(q, second) / _dot(first, first))
+            first, second, q = self._vectors(self._bend, u, v, w)
+            square = _product(first, first)
+            return 1 - _product(q, tuple(x / square for x in second))
 
         value, place = self._smallest(room)
         first, second, q = (x[0] for x in self._run(self._bend, *(np.array([x]) for x in place)))
@@ -321,6 +330,15 @@ def _axis(breaks: list[float]) -> Array:
         ends = np.where(share == 1.0, 1 - 1e-12, share) if high < 1 else share
         rows.append(low + (high - low) * ends)
     return np.unique(np.concatenate(rows))
+
+
+def _product(a: Sequence[Array], b: Sequence[Array]) -> Array:
+    """Return the scalar product of two vectors given by their coordinates."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _length(a: Sequence[Array]) -> Array:
+    return np.asarray(np.sqrt(_product(a, a)))
 
 
 def _dot(a: Array, b: Array) -> Array:
