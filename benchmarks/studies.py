@@ -50,7 +50,7 @@ def on_dask(folder: Path, count: int) -> dict[str, float]:
     """Run the study on a cluster of two workers, which is there before."""
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
         return measure(folder, count, 2, cluster)
 
 

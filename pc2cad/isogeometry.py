@@ -22,6 +22,7 @@ from pc2cad.geometry.refinement import Sampler, adapt, check_places
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.geometry.trigonometric import wave_in
 from pc2cad.geometry.trivariate import Axis, GridSampler, SplineVolume, fit_volume
+from pc2cad.proof import bound_volume
 from pc2cad.topology.cells import Cell, cell_name
 from pc2cad.topology.complex import BoundaryComplex
 
@@ -44,8 +45,15 @@ class Patch:
     cell: Cell
     volume: SplineVolume
     #: largest distance seen from the equation at equal parameters, and at how many places
-    deviation: float
+    sampled: float
     samples: int
+    #: an upper bound of it over the whole patch, None where none could be proved
+    bound: float | None = None
+
+    @property
+    def deviation(self) -> float:
+        """What is known best: the bound, or the largest distance seen."""
+        return self.sampled if self.bound is None else self.bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +69,8 @@ class VolumeModel:
     #: number of pieces of u, v and w
     pieces: tuple[int, int, int]
     boundary: BoundaryComplex
-    #: exact: polynomial or rational, coefficients rounded; sampled: deviation measured
+    #: exact: polynomial or rational, coefficients rounded; bounded: no place is further away than
+    #: the deviation, proved; sampled: deviation measured
     evidence: Evidence
     tolerance: float
 
@@ -122,17 +131,26 @@ def represent_volume(
                 exact[function.cell, d] or Axis(spaces[classes.owner((d, function.cell[d]))])
                 for d in directions
             ]
-            volume = fit_volume(_turned(function, directions), (axes[0], axes[1], axes[2]))
-            deviation, samples = _deviation(_turned(function, directions), volume)
-            patches.append(Patch(function.cell, volume, deviation, samples))
+            volume = fit_volume(turned(function, directions), (axes[0], axes[1], axes[2]))
+            deviation, samples = _deviation(turned(function, directions), volume)
+            patches.append(
+                Patch(
+                    function.cell,
+                    volume,
+                    deviation,
+                    samples,
+                    None if known else _proved(function, volume, directions),
+                )
+            )
         worst = max(patch.deviation for patch in patches)
         if known and worst > rounding:
             raise ToleranceNotReachedError(
                 f"the exact spline of the volume deviates by {worst:.3g}: its degree is too high "
                 "for double precision"
             )
-        if known or worst <= _ALL * tolerance:
-            evidence: Evidence = "exact" if known else "sampled"
+        proved = all(patch.bound is not None for patch in patches)
+        if known or worst <= (1.0 if proved else _ALL) * tolerance:
+            evidence: Evidence = "exact" if known else "bounded" if proved else "sampled"
             u, v, w = (len(span) for span in spans)
             return VolumeModel(
                 analysis.equation.name, analysis.equation.units, directions, tuple(patches),
@@ -145,7 +163,7 @@ def represent_volume(
     )
 
 
-def _turned(function: CellFunction, directions: tuple[int, int, int]) -> GridSampler:
+def turned(function: CellFunction, directions: tuple[int, int, int]) -> GridSampler:
     """Return the function with its arguments and axes in the order of `directions`."""
 
     def sample(x: Array, y: Array, z: Array) -> Array:
@@ -154,6 +172,14 @@ def _turned(function: CellFunction, directions: tuple[int, int, int]) -> GridSam
         return np.transpose(function(*local), (*directions, 3))
 
     return sample
+
+
+def _proved(
+    function: CellFunction, volume: SplineVolume, directions: tuple[int, int, int]
+) -> float | None:
+    """Return a proved bound of a patch's deviation, None where there is none."""
+    bound = bound_volume(function, volume, directions)
+    return bound.largest if bound is not None and np.isfinite(bound.largest) else None
 
 
 def _exact_axis(

@@ -1,10 +1,11 @@
-"""Proved deviations in place of sampled ones, for the faces and edges of a boundary model."""
+"""Proved deviations in place of sampled ones, for faces, edges and volumes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,10 @@ from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.equation.breaks import BreaksNotAlignedError
 from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, pieces, substitute, symbol
-from pc2cad.geometry.bernstein import bezier_knots
+from pc2cad.geometry.bernstein import bezier_knots, degree_in
 from pc2cad.geometry.carriers import Evidence, Plane, SplineCurve, SplineSurface
 from pc2cad.geometry.rational import Arcs, Course
+from pc2cad.geometry.trivariate import Axis, SplineVolume
 from pc2cad.model import ModelEdge, ModelFace
 
 #: degree in which the distance from a plane, which is zero, is looked at
@@ -32,7 +34,7 @@ def prove_edge(edge: ModelEdge, function: CellFunction, course: Course, known: K
     if not isinstance(carrier, SplineCurve):
         return edge
     try:
-        bound = _bound_spline(function, carrier, (course,), known)
+        bound = _bound_spline(*function.trees, carrier, (course,), known)
     except BreaksNotAlignedError:
         return replace(edge, sampled=edge.deviation, open=((0.0, 1.0),))
     evidence, deviation = _judge(bound)
@@ -57,7 +59,7 @@ def prove_face(
         if isinstance(face.carrier, Plane):
             bounds = [_from_plane(function, face.carrier, rounding) for function in functions]
         elif isinstance(face.carrier, SplineSurface):
-            bounds = [_bound_spline(functions[0], face.carrier, courses, known)]
+            bounds = [_bound_spline(*functions[0].trees, face.carrier, courses, known)]
         else:
             return face
     except BreaksNotAlignedError:
@@ -70,8 +72,87 @@ def prove_face(
     )  # fmt: skip
 
 
+def bound_volume(
+    function: CellFunction, volume: SplineVolume, directions: Sequence[int]
+) -> Bound | None:
+    """Bound the distance of M from a trivariate spline, None where no way to is known.
+
+    `directions` are those of u, v, w (0, 1, 2) along the spline's axes. Where both are polynomials
+    of one Bernstein basis B_k along an axis, M - S = Σ B_k (C_k - S_k), and since the basis is
+    positive and sums to 1, the distance is at most the largest of those of the surfaces C_k, S_k.
+    """
+    trees, names = function.trees
+    along = [names[d] for d in directions]
+    ruled = next((k for k in range(3) if _is_bernstein(volume.axes[k], trees, along[k])), None)
+    if ruled is None:
+        return None
+    others = [k for k in range(3) if k != ruled]
+    places = [
+        substitute(trees, {along[ruled]: number(Fraction(j, max(volume.degrees[ruled], 1)))})
+        for j in range(volume.degrees[ruled] + 1)
+    ]
+    known, bounds = Known(), []
+    try:
+        for k, shares in enumerate(_to_bernstein(volume.degrees[ruled])):
+            control = tuple(
+                sum((c * row[i] for c, row in zip(shares, places, strict=True) if c), ZERO)
+                for i in range(3)
+            )
+            surface = _control_surface(volume, ruled, k)
+            courses = [_course(volume.axes[axis]) for axis in others]
+            bounds.append(
+                _bound_spline(control, [along[axis] for axis in others], surface, courses, known)
+            )
+    except BreaksNotAlignedError:
+        return None
+    return max(bounds, key=lambda bound: bound.largest)
+
+
+def _is_bernstein(axis: Axis, trees: Sequence[Expr], name: str) -> bool:
+    """Say whether the spline's basis along an axis is one Bernstein basis, which holds M too."""
+    if axis.wave is not None or len(axis.space.points) > 2:
+        return False
+    degree = degree_in(trees, name)
+    return degree is not None and degree <= axis.space.degree
+
+
+def _control_surface(volume: SplineVolume, axis: int, index: int) -> SplineSurface:
+    first, second = (k for k in range(3) if k != axis)
+    weights = None if volume.weights is None else np.moveaxis(volume.weights, axis, 0)[index]
+    return SplineSurface(
+        (volume.degrees[first], volume.degrees[second]),
+        (volume.knots[first], volume.knots[second]),
+        np.moveaxis(volume.poles, axis, 0)[index], weights,
+    )  # fmt: skip
+
+
+def _course(axis: Axis) -> Course:
+    if axis.wave is None:
+        return Course(axis.space)
+    arcs = Arcs(abs(axis.wave.turn), axis.wave.arcs)
+    return Course(axis.space, arcs, axis.wave.order, exact=True)
+
+
+def _to_bernstein(degree: int) -> list[list[Fraction]]:
+    """Return the shares of values at even places in each Bernstein coefficient, exactly."""
+    n = max(degree, 1)
+    table = [[Fraction(comb(degree, k)) * Fraction(j, n) ** k * Fraction(n - j, n) ** (degree - k)
+              for k in range(degree + 1)] for j in range(degree + 1)]  # fmt: skip
+    size = degree + 1
+    rows = [[*row, *(Fraction(int(i == j)) for j in range(size))] for i, row in enumerate(table)]
+    for i in range(size):
+        pivot = next(r for r in range(i, size) if rows[r][i])
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [x / rows[i][i] for x in rows[i]]
+        for r in range(size):
+            if r != i and rows[r][i]:
+                rows[r] = [x - rows[r][i] * y for x, y in zip(rows[r], rows[i], strict=True)]
+    return [row[size:] for row in rows]
+
+
 def _bound_spline(
-    function: CellFunction,
+    trees: tuple[Expr, ...],
+    names: Sequence[str],
     carrier: SplineCurve | SplineSurface,
     courses: Sequence[Course],
     known: Known,
@@ -81,7 +162,6 @@ def _bound_spline(
     With the denominator W as a tree, ω as the spline of the weights and N = ω S, all over the
     spline's parameters, |M - S| = |ω M - N|/ω is at most (|W M - N| + |M| |W - ω|) / (W - |W - ω|).
     """
-    trees, names = function.trees
     weight = ONE
     lowest, amiss = 1.0, 0.0
     for name, course in zip(names, courses, strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import shutil
 import sys
 from pathlib import Path
@@ -65,9 +66,17 @@ def test_a_finer_mesh_is_nearer_to_lame() -> None:
 
 @needs_ccx
 @pytest.mark.slow
-def test_a_clamped_pipe_bends_as_a_beam() -> None:
+@pytest.mark.parametrize("name", ["cantilever", "cantilever_channel"])
+def test_clamped_tubes_bend_as_beams(name: str) -> None:
     # the clamp stiffens the root, which beam theory does not see
-    assert analyses.cantilever().error < 1e-2
+    assert getattr(analyses, name)().error < 1e-2
+
+
+def test_the_shear_share_of_a_thin_circle_is_a_half() -> None:
+    area, inertia, share = analyses._section(1.0, 1.0, 0.01)
+    assert area == pytest.approx(2 * math.pi * 0.01, rel=1e-12)
+    assert inertia == pytest.approx(math.pi / 4 * (1.005**4 - 0.995**4), rel=1e-12)
+    assert share == pytest.approx(0.5, rel=1e-3)
 
 
 def test_scikit_fem_reads_names_and_finds_the_heat_flow() -> None:

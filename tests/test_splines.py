@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 import pc2cad as pc
 from pc2cad.analysis import Analysis, analyse
 from pc2cad.cli.main import main
+from pc2cad.directions import CellFunction
+from pc2cad.equation.point_equation import point_equation
 from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, NotASolidError
 from pc2cad.export.patches import interfaces
@@ -19,10 +22,12 @@ from pc2cad.geometry.profile import spline_profile
 from pc2cad.geometry.trigonometric import wave_in
 from pc2cad.interior import locate
 from pc2cad.isogeometry import VolumeModel, represent_volume
+from pc2cad.proof import bound_volume
 from pc2cad.properties import integrate
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
-SAMPLED = {
+#: no exact form along some direction
+BOUNDED = {
     "channel_contour", "channel_ellipse", "channel_sine", "helical_channel", "simplex_hyperboloid",
 }  # fmt: skip
 Array = NDArray[np.float64]
@@ -49,14 +54,41 @@ def test_volumes_of_splines_are_the_equations(path: Path) -> None:
     analysis = analyse(read_template(path).bind({}))
     model = represent_volume(analysis)
     exact = integrate(analysis).volume
-    if path.stem in SAMPLED:
-        assert model.evidence == "sampled"
-        assert 0 < model.deviation <= model.tolerance
+    if path.stem in BOUNDED:
+        assert model.evidence == "bounded"
+        assert all(0 < patch.sampled <= patch.deviation for patch in model.patches)
+        assert model.deviation <= model.tolerance
         assert model.volume() == pytest.approx(exact, rel=1e-7)
     else:
         assert model.evidence == "exact"
         assert model.deviation <= 1e-14 * (analysis.size + analysis.magnitude)
         assert model.volume() == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(BOUNDED))
+def test_a_bound_holds_everywhere_and_notices_what_is_amiss(name: str) -> None:
+    analysis = analysis_of(name)
+    model = represent_volume(analysis)
+    (patch,) = model.patches
+    places = np.random.default_rng(1).random((500, 3))
+    found = np.array([patch.volume(*place[:, None])[0, 0, 0] for place in places])
+    gap = np.linalg.norm(found - truth(analysis, model, 0, places), axis=1).max()
+    assert 0.1 * patch.deviation < gap <= patch.deviation
+    # one pole moved by ten times the bound is seen, wherever it is
+    poles = patch.volume.poles.copy()
+    index = tuple(n // 2 for n in poles.shape[:2])
+    poles[index][-1, 0] += 10 * patch.deviation
+    spoilt = replace(patch.volume, poles=poles)
+    bound = bound_volume(CellFunction(analysis, patch.cell), spoilt, model.directions)
+    assert bound is not None
+    assert bound.largest > 2 * patch.deviation
+
+
+def test_what_is_a_polynomial_along_no_direction_stays_sampled() -> None:
+    bent = (pc.exp(u) * (2 + pc.sin(v * w)), v + pc.exp(v) + w / 9, w * pc.exp(u * w / 3 + v))
+    model = represent_volume(analyse(point_equation(bent, name="bent")), 1e-5)
+    assert model.evidence == "sampled"
+    assert 0 < model.deviation <= 1e-5
 
 
 def test_exact_splines_are_as_small_as_they_can_be() -> None:
@@ -90,7 +122,7 @@ def test_the_cubic_profile_has_neither_weights_nor_high_degrees() -> None:
     model = represent_volume(analysis, 1e-4, spline_profile(profile="cubic"))
     assert not model.rational
     assert max(model.patches[0].volume.degrees) <= 3
-    assert model.evidence == "sampled"
+    assert model.evidence == "bounded"
     assert model.deviation <= 1e-4
 
 

@@ -330,7 +330,7 @@ def test_dask_gives_the_same_rows(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     local = study(tmp_path / "local", [0.25, 0.5, 2.0, 0.75])
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0"
     ) as cluster:
         from pc2cad.studies.dask import DaskEngine
 
@@ -349,7 +349,7 @@ def test_a_dask_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> 
     distributed = pytest.importorskip("distributed")
     values = [0.05 * i for i in range(1, 13)]
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
+        n_workers=2, threads_per_worker=1, dashboard_address=":0"
     ) as cluster:
         from pc2cad.studies.dask import DaskEngine
 

@@ -52,7 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
             write_splines(model, output)
     if arguments.quiet:
         return 0
-    how = "exact" if model.evidence == "exact" else f"deviation {model.deviation:.2g} (sampled)"
+    known = f"deviation {model.deviation:.2g} ({model.evidence})"
+    how = "exact" if model.evidence == "exact" else known
     kind = "rational " if model.rational else ""
     for output in arguments.outputs:
         count = len(model.patches)
