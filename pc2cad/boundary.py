@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
 from pc2cad.courses import Courses, Strand
-from pc2cad.directions import CellFunction, DirectionClasses
+from pc2cad.directions import SAFE_DEGREE, CellFunction, DirectionClasses
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.geometry.bernstein import bernstein, bezier_knots, linear_span
@@ -26,7 +26,7 @@ from pc2cad.geometry.carriers import (
     fit_plane,
 )
 from pc2cad.geometry.profile import COMPACT, SplineProfile
-from pc2cad.geometry.rational import edge_deviation, face_deviation, fit_edge, fit_face
+from pc2cad.geometry.rational import Course, edge_deviation, face_deviation, fit_edge, fit_face
 from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
 from pc2cad.laying import axis_of, sides_on, whole_square
 from pc2cad.model import BoundaryModel, Layer, ModelEdge, ModelFace
@@ -310,7 +310,7 @@ class _Representation:
                 return ModelEdge(carrier, edge.start, edge.end, "exact", 0.0)
         course = self._courses.course(Strand(function, 0, self._bound[index]))
         exact = None if course.arcs else bernstein(*function.trees)
-        if exact is not None and max(exact.shape[:-1]) <= self._profile.exact + 1:
+        if exact is not None and len(exact) <= 1 + self._highest(course):
             exact[0], exact[-1] = ends
             bezier = Line(*ends) if len(exact) == 2 else _bezier(exact)
             return ModelEdge(bezier, edge.start, edge.end, "exact", 0.0)
@@ -353,7 +353,9 @@ class _Representation:
         square = whole_square(cell.uses)
         s, t = (self._courses.course(Strand(function, axis)) for axis in (0, 1))
         exact = None if s.arcs or t.arcs else bernstein(*function.trees)
-        if exact is not None and max(exact.shape[:-1]) <= self._profile.exact + 1:
+        if exact is not None and all(
+            n <= 1 + self._highest(course) for n, course in zip(exact.shape, (s, t), strict=False)
+        ):
             degrees = (exact.shape[0] - 1, exact.shape[1] - 1)
             knots = (bezier_knots(degrees[0]), bezier_knots(degrees[1]))
             return ModelFace(name, (index,), SplineSurface(degrees, knots, exact), cell.uses, (),
@@ -367,6 +369,10 @@ class _Representation:
         evidence: Evidence = "exact" if s.exact and t.exact else "sampled"
         return ModelFace(name, (index,), carrier, cell.uses, (), square, False, inward, evidence,
                          seen.largest, seen.samples)  # fmt: skip
+
+    def _highest(self, course: Course) -> int:
+        """Return the highest degree of an exact form that runs as a course does."""
+        return self._profile.exact if course.exact else min(self._profile.exact, SAFE_DEGREE)
 
     def _iso_curve(self, function: CellFunction, axis: int, level: float) -> SplineCurve:
         """Return the curve along one axis of a face, the other parameter fixed."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from pc2cad.equation.breaks import Break, resolve_pieces
 from pc2cad.equation.cancellation import cancel
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import Expr, number, substitute, symbol, walk
-from pc2cad.geometry.bernstein import degree_in
+from pc2cad.geometry.bernstein import chebyshev_nodes, degree_in, to_powers
 from pc2cad.geometry.profile import LARGEST_DEGREE
 from pc2cad.geometry.refinement import DirectionRules
 from pc2cad.geometry.separation import Separation, separate
@@ -27,6 +28,13 @@ from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import Cell, directions_of
 
 Array = NDArray[np.float64]
+
+#: unit of rounding of double precision
+UNIT = 2.0**-53
+#: polynomials up to this degree lose at most 1e-10 of their size
+SAFE_DEGREE = 8
+#: what rounding in the kernel may make of an exact form, relative to the part's size
+LARGEST_LOSS = 1e-9
 
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
@@ -205,17 +213,32 @@ def _piece(edge: Cell) -> Piece:
 
 
 def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> SplineSpace | None:
-    """Return a space that holds the function exactly along one of its axes, or None."""
+    """Return a space that holds the function exactly along one of its axes, or None.
+
+    None also where the kernel could not evaluate it: it goes by powers within a span, and those of
+    a Chebyshev polynomial of degree 15 lose nine digits, those of u^15 none.
+    """
+    trees, names = function.trees
+    inner = [b for b in breaks if 0 < b.position < 1]
+    points = [0.0, *(b.position for b in inner), 1.0]
     if axis not in function.degrees:
-        trees, names = function.trees
-        function.degrees[axis] = degree_in(trees, names[axis])
+        degree = degree_in(trees, names[axis])
+        if degree is not None and SAFE_DEGREE < degree <= function.largest:
+            lost = max(_loss(function, axis, degree, span) for span in pairwise(points))
+            degree = degree if lost <= LARGEST_LOSS * function.analysis.size else None
+        function.degrees[axis] = degree
     degree = function.degrees[axis]
     if degree is None or degree > function.largest:
         return None
-    trees, names = function.trees
-    inner = [b for b in breaks if 0 < b.position < 1]
     piecewise = any(n.op == "pieces" and names[axis] in n.symbols for n in walk(trees))
     if not inner or not piecewise:
         return bezier_space(degree)
-    points = [0.0, *(b.position for b in inner), 1.0]
     return SplineSpace(degree, points, [max(1, degree - b.smoothness) for b in inner])
+
+
+def _loss(function: CellFunction, axis: int, degree: int, span: tuple[float, float]) -> float:
+    """Return what rounding leaves open of a polynomial that is evaluated by powers on a span."""
+    places = [SECTIONS[::4]] * len(function.pieces)
+    places[axis] = span[0] + (span[1] - span[0]) * chebyshev_nodes(degree)
+    values = np.moveaxis(function(*places), axis, 0).reshape(degree + 1, -1)
+    return UNIT * float(np.abs(to_powers(degree) @ values).sum(axis=0).max())

@@ -11,13 +11,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pc2cad.enclosure.cells import chebyshev, conversion_loss, halving, to_bernstein
+from pc2cad.enclosure.cells import conversion_loss, halving, to_bernstein
 from pc2cad.enclosure.evaluate import enclose
 from pc2cad.enclosure.models import Place
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.sums import cancel_terms
 from pc2cad.equation.tree import Expr, ValueDomainError, call, number, pieces, power, symbol, walk
+from pc2cad.geometry.bernstein import chebyshev_nodes
 
 Array = NDArray[np.float64]
 U, V = symbol("u"), symbol("v")
@@ -178,7 +179,7 @@ def test_terms_that_cancel_are_taken_out() -> None:
 
 @pytest.mark.parametrize("degree", [0, 1, 4, 7, 9, 15])
 def test_coefficients_give_back_the_values(degree: int) -> None:
-    nodes = chebyshev(degree)
+    nodes = chebyshev_nodes(degree)
     values = np.random.default_rng(degree).uniform(-1, 1, degree + 1)
     coefficients = to_bernstein(degree) @ values
     work = np.repeat(coefficients[None], degree + 1, axis=0)

@@ -12,6 +12,7 @@ from consumers.step_file import check_step
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
@@ -435,3 +436,30 @@ def test_a_template_states_its_carriers(tmp_path):
 def test_the_report_holds_radii():
     faces = template("elbow_pipe").report.to_dict()["faces"]
     assert faces[1]["figures"] == {"major radius": 3.0, "minor radius": 0.5}
+
+
+def chebyshev(degree, x):
+    before, last = 1, x
+    for _ in range(degree - 1):
+        before, last = last, 2 * x * last - before
+    return last
+
+
+@pytest.mark.parametrize(("degree", "evidence"), [(9, "exact"), (15, "bounded"), (20, "bounded")])
+def test_polynomials_that_the_kernel_cannot_evaluate_are_approximated(degree, evidence):
+    """T_15(2u - 1) by powers of u has coefficients of 1e11; what is off is seen on the kernel's."""
+    part = pc.compile_part((3 * U, V, W * (2 + chebyshev(degree, 2 * U - 1) * V / 20)))
+    (face,) = (f for f in part.report.faces if f.name == "w=1")
+    assert face.evidence == evidence
+    surface = BRepAdaptor_Surface(part.faces["w=1"])
+    for a in np.linspace(0.01, 0.99, 41):
+        p = surface.Value(float(a), 0.71)
+        u, v = p.X() / 3, p.Y()
+        height = 2 + np.cos(degree * np.arccos(2 * u - 1)) * v / 20
+        assert abs(p.Z() - height) <= max(face.deviation, 1e-11)
+
+
+def test_high_powers_stay_exact():
+    part = pc.compile_part((3 * U, V, W * (2 + U**25 * V)))
+    assert {face.evidence for face in part.report.faces} == {"exact"}
+    assert part.report.solid.volume == pytest.approx(6 + 3 / 52, rel=1e-13)

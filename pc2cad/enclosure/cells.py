@@ -14,6 +14,8 @@ from math import comb, log, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.geometry.bernstein import chebyshev_nodes
+
 Array = NDArray[np.float64]
 
 
@@ -42,7 +44,7 @@ class Cells:
         a, b = self.points[first:last, None], self.points[first + 1 : last + 1, None]
         if self.degree == 0:
             return np.asarray(a[:, 0])
-        inner = a + (b - a) * chebyshev(self.degree)[:-1]
+        inner = a + (b - a) * chebyshev_nodes(self.degree)[:-1]
         return np.append(inner.ravel(), b[-1])
 
     @cached_property
@@ -54,12 +56,6 @@ class Cells:
         """Return the partition with some cells halved."""
         middles = (self.points[:-1] + self.points[1:]) / 2
         return Cells(np.sort(np.concatenate((self.points, middles[which]))), self.degree)
-
-
-@lru_cache(maxsize=64)
-def chebyshev(degree: int) -> Array:
-    """Return the Chebyshev-Lobatto nodes on [0, 1]."""
-    return np.asarray((1 - np.cos(pi * np.arange(degree + 1) / max(degree, 1))) / 2)
 
 
 @lru_cache(maxsize=64)

@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 SHARP = 1.3
 #: share of the largest sample that the remainder may have before cells are made smaller
 REMAINDER_SHARE = 0.25
+#: polynomials of a higher degree are interpolated: their own coefficients are ill-conditioned
+HIGHEST_EXACT = 13
 #: halvings of cells for the coefficients' sake
 SHARPEST = 6
 #: nodes whose values are held at once: few enough for a processor's own memory
@@ -155,6 +157,8 @@ def _direction(
 ) -> Direction:
     name, knots, degree = names[axis], spline.knots[axis], spline.degrees[axis]
     known = degree_in(trees, name)
+    if known is not None and known > max(degree, HIGHEST_EXACT):
+        known = None
     # two degrees more than the spline's hold all of an error that converges
     nodes = degree + 2 if known is None else max(degree, known)
     points = np.unique(knots)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -156,3 +157,28 @@ def linear_span(roots: Sequence[Expr]) -> Array | None:
             if key:
                 rows.setdefault(key, [0.0] * len(roots))[column] += value
     return np.array(list(rows.values())).reshape(-1, len(roots))
+
+
+@lru_cache(maxsize=64)
+def chebyshev_nodes(degree: int) -> Array:
+    """Return the Chebyshev-Lobatto nodes on [0, 1]."""
+    return np.asarray((1 - np.cos(np.pi * np.arange(degree + 1) / max(degree, 1))) / 2)
+
+
+@lru_cache(maxsize=64)
+def to_powers(degree: int) -> Array:
+    """Return the matrix from values at the nodes to coefficients of the powers of t.
+
+    By way of Chebyshev coefficients; those of T_k(2t - 1) are whole numbers.
+    """
+    rows: list[list[int]] = [[1], [-1, 2]]
+    for _ in range(2, degree + 1):
+        last, before = rows[-1], [*rows[-2], 0, 0]
+        shifted = [0, *(4 * c for c in last)]
+        own = [*(-2 * c for c in last), 0]
+        rows.append([a + b - c for a, b, c in zip(shifted, own, before, strict=True)])
+    powers = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        powers[: k + 1, k] = rows[k]
+    basis = np.polynomial.chebyshev.chebvander(2 * chebyshev_nodes(degree) - 1, degree)
+    return np.asarray(powers @ np.linalg.inv(basis))
