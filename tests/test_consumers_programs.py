@@ -220,6 +220,28 @@ print(taken.volume, taken.is_valid, cq.Shape.cast(taken.wrapped).Volume(), len(t
     assert (valid, faces) == ("True", "4")
 
 
+@needs(find_spec("nbclient") and find_spec("ipykernel"), "nbclient with ipykernel")
+def test_jupyter_shows_a_point_solid_and_says_what_is_wrong():
+    import nbformat
+    from nbclient import NotebookClient
+
+    cells = [
+        "import cadquery as cq, pc2cad.cadquery as pcq",
+        "cq.Workplane().pointSolid('pyramid')",
+        "pcq.point_solid('pyramid_cut', p=0.3)",
+        "pcq.point_solid('pyramid_cut', p=3)",
+    ]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(c) for c in cells])
+    NotebookClient(notebook, timeout=120, allow_errors=True).execute()
+    chain, solid, wrong = (cell.outputs for cell in notebook.cells[1:])
+    for outputs in (chain, solid):
+        (shown,) = (o for o in outputs if o.output_type == "execute_result")
+        drawn = shown.data.get("application/javascript") or shown.data["text/html"]
+        assert "vtk" in drawn
+        assert len(drawn) > 5000  # the triangles are in it
+    assert wrong[0].ename == "ParameterRangeError"
+
+
 SCRIPT = """
 import cadquery as cq
 import pc2cad.cadquery

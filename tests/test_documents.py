@@ -13,12 +13,16 @@ from pc2cad.compiler import compile_equation
 from pc2cad.equation.template_file import parse_template
 
 ROOT = Path(__file__).parent.parent
+#: read from top to bottom, each block needing those before it
+TUTORIAL = ROOT / "docs" / "tutorial.md"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def snippets(language: str) -> list[tuple[str, str]]:
     found = []
     for path in DOCUMENTS:
+        if path == TUTORIAL:
+            continue
         blocks = re.findall(rf"^```{language}\n(.*?)^```", path.read_text(), re.M | re.S)
         found += [(f"{path.name} {i}", block) for i, block in enumerate(blocks, start=1)]
     return found
@@ -70,6 +74,35 @@ def test_commands_succeed(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 0
+
+
+def test_the_tutorial_from_top_to_bottom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```(sh|toml|python)\n(.*?)^```", TUTORIAL.read_text(), re.M | re.S)
+    assert len(blocks) == 12
+    for language, text in blocks:
+        if language == "toml":
+            Path(text.partition("\n")[0].removeprefix("# ")).write_text(text)
+        elif language == "python":
+            exec(compile(text, TUTORIAL.name, "exec"), {})
+        else:
+            for line in text.splitlines():
+                code = re.search(r"# exit code (\d)", line)
+                arguments = shlex.split(line, comments=True)[1:]
+                assert main(arguments) == int(code.group(1) if code else 0), line
+    # the words of the text
+    report = compile_equation(parse_template(Path("vase.toml").read_text(), "vase").bind()).report
+    fates = {side.name: side.fate for side in report.sides}
+    assert [name for name, fate in fates.items() if fate == "interface"] == ["v=0", "v=1"]
+    assert sorted(face.carrier for face in report.faces) == ["plane"] * 2 + ["revolution"] * 2
+    assert report.evidence == "exact"
+
+
+def test_the_reference_is_that_of_the_docstrings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    from make_api import FILE, reference
+
+    assert FILE.read_text(encoding="utf-8") == reference(), "python docs/make_api.py makes it anew"
 
 
 def test_pictures_that_are_shown_exist() -> None:
