@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from pc2cad import library
-from pc2cad.cli.main import main
+from pc2cad.cli.main import VERBS, main
 
 COMMAND = [sys.executable, "-m", "pc2cad.cli.main"]
 HEAVY = ("OCP", "cadquery", "sympy", "numpy", "scipy")
@@ -302,3 +302,33 @@ def test_an_installed_package_holds_its_templates_itself(tmp_path):
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.stdout.strip() == str(tmp_path / "pc2cad" / "templates" / "pyramid.toml")
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("pc2cad re", {"render"}),
+        ("pc2cad build chan", {"channel_contour", "channel_ellipse", "channel_sine"}),
+        ("pc2cad build pipe", {"pipe_cross"}),
+        ("pc2cad build pyramid --col", {"--colours"}),
+        ("pc2cad mesh ball --tetra", {"--tetrahedra"}),
+    ],
+)
+def test_the_shell_completes(words, offered, capsys, tmp_path):
+    assert main(["completion", "bash"]) == 0
+    array = " ".join(words.split())
+    script = (
+        f"{capsys.readouterr().out}\nCOMP_WORDS=({array})\n"
+        f"COMP_CWORD={len(words.split()) - 1}\n_pc2cad\nprintf '%s\\n' \"${{COMPREPLY[@]}}\""
+    )
+    done = subprocess.run(
+        ["bash", "-c", script], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert set(done.stdout.split()) == offered
+
+
+def test_fish_completes_every_verb(capsys):
+    assert main(["completion", "fish"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for verb in VERBS:
+        assert any(f"-a {verb} -d " in line for line in lines)

@@ -35,6 +35,7 @@ VERBS: Final = {
     "show": "show the point equation and its coordinate-wise system",
     "templates": "list the shipped templates",
     "new": "write a commented template to start from",
+    "completion": "print a script that completes verbs, options and templates in a shell",
 }
 
 
