@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -85,16 +85,18 @@ class CellFunction:
     @cached_property
     def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
         """The coordinate trees in local parameters, and the names of those."""
-        values: dict[str, Expr] = {}
+        spans, limits = [], {}
         for d, name in enumerate(PARAMETERS):
-            low, high = self.analysis.span(d, self.cell[d])
-            here = symbol(name) if self.cell[d] % 2 else number(0)
-            values[name] = number(low) + number(high - low) * here
+            position, last = self.cell[d], 2 * len(self.analysis.bounds[d]) - 3
+            piece = position if position % 2 else min(position + 1, last)
+            spans.append(self.analysis.span(d, piece))
+            if position % 2 == 0:
+                limits[name] = number(int(position > piece))
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        whole = substitute(self.analysis.map.coordinates, values)
-        trees = resolve_pieces(whole)
+        trees, single = _in_piece(self.analysis.map.coordinates, tuple(spans))
+        restricted = substitute(trees, limits)
         # what one piece alone makes of a root or a quotient could not be seen before
-        return (trees if trees == whole else cancel(trees)), names
+        return (cancel(restricted) if single else restricted), names
 
     @cached_property
     def form(self) -> Separation | None:
@@ -121,6 +123,23 @@ class CellFunction:
             return _flat_rank(self(SECTIONS[::2])[1:], self(np.zeros(1))) < 2
         values = self(SECTIONS[::2], SECTIONS[::2])
         return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
+
+
+@lru_cache(maxsize=256)
+def _in_piece(
+    coordinates: tuple[Expr, ...], spans: tuple[tuple[float, float], ...]
+) -> tuple[tuple[Expr, ...], bool]:
+    """Return trees in the local parameters of a piece of the box, and whether it is one of several.
+
+    All faces and edges of the piece take their trees from these: many have the parts of all pieces.
+    """
+    local = {
+        name: number(low) + (number(high) - number(low)) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, spans, strict=True)
+    }
+    whole = substitute(coordinates, local)
+    trees = resolve_pieces(whole)
+    return trees, trees != whole
 
 
 class DirectionClasses:

@@ -370,8 +370,8 @@ def _bounds(form: NormalForm) -> tuple[float, float]:
 
 def _order(*forms: NormalForm) -> Callable[[Monomial], _Rank]:
     """Return a key that orders monomials: by degree, then by the exponents of their atoms."""
-    names = {a: repr(a) for form in forms for m in form for a, _ in m if a.op != "number"}
-    atoms = sorted(names, key=lambda a: (not a.symbols, names[a]))
+    found = {a for form in forms for m in form for a, _ in m if a.op != "number"}
+    atoms = sorted(found, key=lambda a: (not a.symbols, a.rank))
 
     def key(monomial: Monomial) -> _Rank:
         exponents = dict(monomial)
