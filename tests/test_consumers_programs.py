@@ -13,6 +13,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,11 +27,14 @@ from consumers.freecad_reader import freecad, read_in_freecad
 from consumers.gmsh_reader import read_all_in_gmsh
 from consumers.netgen_reader import read_in_netgen
 from consumers.step_edits import move, pole, read_instances, without_face
-from consumers.step_file import StepDefect, check_step
+from consumers.step_file import StepDefect, check_solids, check_step
 from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
+from shipped import LONG
 
 import pc2cad as pc
+from pc2cad.export.kernel import subshapes
 from pc2cad.library import bodies_paths, template_paths
 from pc2cad.part import Solid
 
@@ -68,6 +72,15 @@ def plain_mm3(part: Solid) -> float:
     return found.Mass() * in_mm3(part) / part.report.solid.volume
 
 
+def counts(part: Solid) -> tuple[int, int, int]:
+    """The solids, shells and faces that a STEP file of the part holds."""
+    bodies = part.exportable().bodies
+    shells, faces = (
+        sum(len(subshapes(body, kind)) for body in bodies) for kind in (TopAbs_SHELL, TopAbs_FACE)
+    )
+    return len(bodies), shells, faces
+
+
 @pytest.fixture(scope="session")
 def files(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("files")
@@ -84,16 +97,19 @@ def files(tmp_path_factory) -> Path:
     return folder
 
 
-def wrong_at_the_end(files: Path) -> list[Path]:
-    """Return the files of all templates, then one that is torn and one with a pole moved."""
-    return [files / f"{name}.step" for name in (*TEMPLATES, "torn", "moved")]
+def wrong_at_the_end(files: Path, templates: Sequence[str] = TEMPLATES) -> list[Path]:
+    """Return the files of templates, then one that is torn and one with a pole moved."""
+    return [files / f"{name}.step" for name in (*templates, "torn", "moved")]
 
 
 @pytest.mark.parametrize("template", template_paths())
 def test_a_reader_without_a_kernel(template, files):
-    found = check_step(files / f"{template}.step")
-    assert found.volume_mm3 == pytest.approx(in_mm3(part_of(template)), rel=1e-9)
-    assert found.shells == part_of(template).report.shells
+    part, path = part_of(template), files / f"{template}.step"
+    several = counts(part)[0] > 1
+    found = list(check_solids(path).values()) if several else [check_step(path)]
+    assert sum(one.volume_mm3 for one in found) == pytest.approx(in_mm3(part), rel=1e-9)
+    shells, faces = (sum(x) for x in zip(*((o.shells, len(o.faces)) for o in found), strict=True))
+    assert (len(found), shells, faces) == counts(part)
 
 
 def test_the_reader_without_a_kernel_finds_what_is_wrong(files):
@@ -109,23 +125,25 @@ def test_gmsh_reads_every_template_without_healing(files):
     assert moved["volume"] != pytest.approx(plain_mm3(part_of(MOVED)), rel=1e-4)
     for template, one in zip(TEMPLATES, found, strict=True):
         part = part_of(template)
-        assert (one["volumes"], one["surfaces"]) == (1, len(part.report.faces)), template
+        solids, _, faces = counts(part)
+        assert (one["volumes"], one["surfaces"]) == (solids, faces), template
         assert one["volume"] == pytest.approx(plain_mm3(part), rel=1e-9), template
 
 
 @needs(freecad(), "FreeCAD")
 def test_freecad_reads_every_template_as_valid_with_its_strictest_check(files):
-    *found, torn, moved = read_in_freecad(wrong_at_the_end(files), files)
+    # its check compares all faces with all others, for minutes where they are long tubes
+    templates = [name for name in TEMPLATES if name not in LONG or name == "layered_pipe"]
+    *found, torn, moved = read_in_freecad(wrong_at_the_end(files, templates), files)
     assert not torn["valid"] or torn["solids"] != 1
     assert moved["volume"] != pytest.approx(plain_mm3(part_of(MOVED)), rel=1e-4)
-    for template, one in zip(TEMPLATES, found, strict=True):
+    for template, one in zip(templates, found, strict=True):
         part = part_of(template)
         if any(edge.deviation > 1e-7 for edge in part.report.curves) and template in BODIES:
             # an edge where bodies meet is the kernel's, and its reader takes it for better
             one["valid"] |= set(one["complaint"].split("; ")) <= INEXACT
         assert one["valid"], f"{template}: {one['complaint']}"
-        counts = (1, part.report.shells, len(part.report.faces))
-        assert (one["solids"], one["shells"], one["faces"]) == counts, template
+        assert (one["solids"], one["shells"], one["faces"]) == counts(part), template
         assert one["volume"] == pytest.approx(plain_mm3(part), rel=1e-9), template
 
 
@@ -137,7 +155,8 @@ def test_netgen_reads_every_template_and_meshes_without_healing(files):
     assert moved["volume"] != pytest.approx(in_mm3(part_of(MOVED)), rel=1e-4)
     for template, one in zip(TEMPLATES, found, strict=True):
         part = part_of(template)
-        assert (one["solids"], one["faces"]) == (1, len(part.report.faces)), template
+        solids, _, faces = counts(part)
+        assert (one["solids"], one["faces"]) == (solids, faces), template
         plane = all(face.carrier == "plane" for face in part.report.faces)
         assert one["volume"] == pytest.approx(in_mm3(part), rel=1e-12 if plane else 5e-7), template
     flat, ring = (found[TEMPLATES.index(path.stem)] for path in meshed)

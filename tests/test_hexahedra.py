@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shipped import every_template
 
 import pc2cad as pc
 from pc2cad.analysis import Analysis, analyse
@@ -66,7 +67,7 @@ def check_conforming(mesh: VolumeMesh) -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: path.stem)
+@every_template
 def test_templates_mesh_conforming_and_upright(path: Path, order: int) -> None:
     analysis = analyse(read_template(path).bind({}))
     properties = integrate(analysis)

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.stats import kstest
+from shipped import every_template
 
 import pc2cad as pc
 from pc2cad.analysis import Analysis, analyse
@@ -31,7 +32,7 @@ def analysis_of(name: str) -> Analysis:
     return analyse(read_template(path).bind({}))
 
 
-@pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: path.stem)
+@every_template
 def test_samples_have_the_centroid_and_are_found_inside(path: Path) -> None:
     analysis = analyse(read_template(path).bind({}))
     points = sample_uniform(analysis, 4000, seed=5)

@@ -17,6 +17,7 @@ import pytest
 from consumers.fresh_kernel import read_in_fresh_process
 from consumers.step_file import check_step
 from scipy.special import ellipeinc, ellipkinc
+from shipped import LONG
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
@@ -390,7 +391,7 @@ def test_every_shipped_template_binds(template):
 @pytest.mark.parametrize(
     "template",
     [
-        name
+        pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
         for name in template_paths()
         if name not in SUITE_TEMPLATES and not name.startswith(("pyramid", "channel_"))
     ],
