@@ -3,59 +3,64 @@
 A polynomial lies in the convex hull of its Bernstein coefficients: when those of det J are all of
 one sign, and not all zero, det J cannot vanish inside the box. Where they are not, the box is
 halved a few times; what is then still open is left to others. With coordinates N/D the sign is that
-of the determinant of N_j D - N D_j, provided that the denominators keep theirs. The coefficients of
-N and D are taken by interpolation of their known degrees, and those of the determinant follow by
-exact rules; their rounding, some 1e-15 of the largest, is allowed for.
+of the determinant of N_j D - N D_j, provided that the denominators keep theirs.
+
+All of it is done in whole numbers, without any rounding: coordinates are multiplied by the common
+denominator of their coefficients, and what is kept are the coefficients of t^k (1-t)^(n-k), which
+are the Bernstein coefficients times positive binomials.
 """
 
 from __future__ import annotations
 
-from math import comb
+from math import comb, lcm
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.equation.evaluation import Program
+from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import ONE, Expr, walk
-from pc2cad.geometry.bernstein import degree_in
-from pc2cad.mapping import Mapping3, open_grid
+from pc2cad.mapping import Mapping3
 
-Array = NDArray[np.float64]
+#: whole numbers of any size, one axis per parameter
+Wholes = NDArray[np.object_]
 
-#: a coefficient nearer to zero than this share of the largest is taken for zero
-ROUNDING = 1e-13
-#: halvings of the box, boxes looked at, and degree of M, beyond which the proof is given up
+_RATIONAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
+#: halvings of the box, boxes looked at, degree of M, terms of a coordinate and products of
+#: coefficients beyond which the proof is given up
 DEEPEST = 5
-MOST_BOXES = 2000
+MOST_BOXES = 500
 LARGEST_DEGREE = 8
+MOST_TERMS = 300
+MOST_PRODUCTS = 200_000
 
 
 def sign_from_coefficients(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
-    if any(node.op == "pieces" for node in walk(mapping.coordinates)):
-        return 0  # one polynomial per piece, not one
-    numerators, denominators = zip(*fractions(mapping.coordinates), strict=True)
-    above, below = _control(numerators), _control(denominators)
-    if above is None or below is None:
+    if any(node.op not in _RATIONAL for node in walk(mapping.coordinates)):
         return 0
-    largest = np.abs(below).max(axis=(0, 1, 2))
-    if ((below < -ROUNDING * largest).any(axis=(0, 1, 2)) & (below > 0).any(axis=(0, 1, 2))).any():
-        return 0
-    tangents = [_numerator_of_derivative(above, below, d) for d in range(3)]
-    if any(m.size == 0 or max(m.shape[:3]) > 2 * LARGEST_DEGREE for m in tangents):
+    columns = []
+    for pair in fractions(mapping.coordinates):
+        above, below = (_control(tree) for tree in pair)
+        if above is None or below is None or below.min() < 0 < below.max():
+            return 0
+        columns.append([_numerator_of_derivative(above, below, d) for d in range(3)])
+    tangents = [[row[d] for row in columns] for d in range(3)]
+    shapes = [m.shape for column in tangents for m in column]
+    sizes = [np.prod(np.max([m.shape for m in column], axis=0)) for column in tangents]
+    if max(max(shape) for shape in shapes) > 2 * LARGEST_DEGREE or np.prod(sizes) > MOST_PRODUCTS:
         return 0
     coefficients = _determinant(tangents)
-    bound = ROUNDING * float(np.prod([np.abs(m).max() for m in tangents]))
     sign = 1 if coefficients.sum() > 0 else -1
     boxes = [sign * coefficients]
-    if boxes[0].max() <= bound:
+    if not boxes[0].any():
         return 0
     for _ in range(DEEPEST + 1):
-        boxes = [box for box in boxes if box.min() < -bound]
+        boxes = [box for box in boxes if box.min() < 0]
         if not boxes:
             return sign
-        if len(boxes) * 8 > MOST_BOXES:
+        if len(boxes) * 8 > MOST_BOXES or len(boxes) * 8 * boxes[0].size > MOST_PRODUCTS:
             break
         boxes = [part for box in boxes for part in _halve(box)]
     return 0
@@ -87,95 +92,98 @@ def _fraction(node: Expr, args: list[tuple[Expr, Expr]]) -> tuple[Expr, Expr]:
     return node, ONE
 
 
-def _control(roots: tuple[Expr, ...]) -> Array | None:
-    """Return Bernstein coefficients (l, m, n, 3) of three polynomials; None where one is none."""
-    degrees = [degree_in(roots, name) for name in PARAMETERS]
-    if any(n is None or n > LARGEST_DEGREE for n in degrees):
+def _control(tree: Expr) -> Wholes | None:
+    """Return the coefficients of a polynomial times a positive number; None where it is none."""
+    form = normal_form(tree, MOST_TERMS)
+    if form is None or any(atom.op != "symbol" for m in form for atom, _ in m):
         return None
-    nodes = [(1 - np.cos(np.pi * np.arange(n + 1) / max(n, 1))) / 2 for n in map(int, degrees)]  # type: ignore[arg-type]
-    grid = open_grid(*nodes)
-    rows = Program(roots)(dict(zip(PARAMETERS, grid, strict=True)))
-    shape = tuple(len(t) for t in nodes)
-    control = np.stack([np.broadcast_to(row, shape) for row in rows], axis=-1)
-    if not np.isfinite(control).all():
+    table = {
+        tuple(dict((a.payload, e) for a, e in m).get(name, 0) for name in PARAMETERS): c
+        for m, c in form.items()
+    }
+    degrees = np.max([*table, (0, 0, 0)], axis=0)
+    if degrees.max() > LARGEST_DEGREE:
         return None
-    for axis, t in enumerate(nodes):
-        control = np.moveaxis(
-            np.tensordot(np.linalg.inv(_basis(t)), control, axes=(1, axis)), 0, axis
-        )
+    common = lcm(*(c.denominator for c in table.values()))
+    control = np.zeros(degrees + 1, dtype=object)
+    for powers, c in table.items():
+        control[powers] = int(c * common)
+    for axis, n in enumerate(degrees.tolist()):
+        # t^j = t^j (t + 1-t)^(n-j)
+        rise = [[comb(n - j, k - j) if k >= j else 0 for j in range(n + 1)] for k in range(n + 1)]
+        control = _along(np.array(rise, dtype=object), control, axis)
     return control
 
 
-def _numerator_of_derivative(above: Array, below: Array, d: int) -> Array:
-    """Return the Bernstein coefficients of N_d D - N D_d, coordinate by coordinate."""
-    up, down = ((control.shape[d] - 1) * np.diff(control, axis=d) for control in (above, below))
-    columns = []
-    for i in range(3):
-        top: Array | float = 0.0
-        if up.size:
-            top = _product(up[..., i], below[..., i])
-        if down.size:
-            top = top - _product(above[..., i], down[..., i])
-        columns.append(np.asarray(top))
-    return np.stack(columns, axis=-1) if up.size or down.size else np.empty((0, 0, 0, 3))
+def _along(matrix: Wholes, coefficients: Wholes, axis: int) -> Wholes:
+    return np.moveaxis(np.tensordot(matrix, coefficients, axes=(1, axis)), 0, axis)
 
 
-def _basis(t: Array) -> Array:
-    """Return the Bernstein polynomials of degree len(t) - 1 at t, (len(t), len(t))."""
-    n = len(t) - 1
-    return np.array([[comb(n, k) * x**k * (1 - x) ** (n - k) for k in range(n + 1)] for x in t])
+def _numerator_of_derivative(above: Wholes, below: Wholes, d: int) -> Wholes:
+    """Return the coefficients of N_d D - N D_d."""
+    up, down = _slope(above, d), _slope(below, d)
+    return _difference(_product(up, below), _product(above, down))
 
 
-def _determinant(tangents: list[Array]) -> Array:
-    """Return Bernstein coefficients of det J from those of M_u, M_v, M_w, (l, m, n, 3) each."""
+def _slope(coefficients: Wholes, d: int) -> Wholes:
+    """Return the coefficients of a derivative, of the degree below (0 where it is 0 already)."""
+    work = np.moveaxis(coefficients, d, 0)
+    n = len(work) - 1
+    if not n:
+        return np.zeros_like(coefficients)
+    shape = (n,) + (1,) * (work.ndim - 1)
+    up = np.array([k + 1 for k in range(n)], dtype=object).reshape(shape)
+    down = np.array([n - k for k in range(n)], dtype=object).reshape(shape)
+    return np.moveaxis(up * work[1:] - down * work[:-1], 0, d)
+
+
+def _determinant(tangents: list[list[Wholes]]) -> Wholes:
+    """Return the coefficients of det J from those of the coordinates of M_u, M_v and M_w."""
     a, b, c = tangents
-    total: Array | float = 0.0
+    total: Any = 0
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        minor = _product(b[..., j], c[..., k]) - _product(b[..., k], c[..., j])
-        total = total + _product(a[..., i], minor)
+        minor = _difference(_product(b[j], c[k]), _product(b[k], c[j]))
+        term = _product(a[i], minor)
+        total = term if i == 0 else _difference(total, -term)
     return np.asarray(total)
 
 
-def _product(p: Array, q: Array) -> Array:
-    """Return the Bernstein coefficients of a product, of the sum of the degrees."""
-    left, right = _scaled(p, 1), _scaled(q, 1)
-    shape = tuple(a + b - 1 for a, b in zip(p.shape, q.shape, strict=True))
-    result = np.zeros(shape)
+def _difference(p: Wholes, q: Wholes) -> Wholes:
+    """Return p - q, both raised to the higher degrees."""
+    shape = np.maximum(p.shape, q.shape)
+    return np.asarray(_raised(p, shape) - _raised(q, shape))
+
+
+def _raised(coefficients: Wholes, shape: NDArray[np.int_]) -> Wholes:
+    """Return the coefficients in higher degrees: those of the product with (t + 1-t)^m."""
+    for axis, (have, want) in enumerate(zip(coefficients.shape, shape.tolist(), strict=True)):
+        row = [comb(want - have, k) for k in range(want - have + 1)]
+        one = [1] * coefficients.ndim
+        one[axis] = len(row)
+        if len(row) > 1:
+            coefficients = _product(coefficients, np.array(row, dtype=object).reshape(one))
+    return coefficients
+
+
+def _product(p: Wholes, q: Wholes) -> Wholes:
+    """Return the coefficients of a product, of the sum of the degrees."""
+    result = np.zeros([a + b - 1 for a, b in zip(p.shape, q.shape, strict=True)], dtype=object)
     for index in np.ndindex(*p.shape):
-        window = tuple(slice(i, i + n) for i, n in zip(index, q.shape, strict=True))
-        result[window] += left[index] * right
-    return _scaled(result, -1)
-
-
-def _scaled(coefficients: Array, power: int) -> Array:
-    """Multiply (power 1) or divide (-1) by the binomials, per axis."""
-    result = coefficients
-    for axis, n in enumerate(coefficients.shape):
-        row = np.ones(n)
-        for k in range(1, n):
-            row[k] = row[k - 1] * (n - k) / k
-        shape = [1] * coefficients.ndim
-        shape[axis] = n
-        result = result * row.reshape(shape) ** power
+        if p[index]:
+            window = tuple(slice(i, i + n) for i, n in zip(index, q.shape, strict=True))
+            result[window] += p[index] * q
     return result
 
 
-def _halve(box: Array) -> list[Array]:
-    """Return the coefficients on the eight halves (de Casteljau at 1/2 along each axis)."""
+def _halve(box: Wholes) -> list[Wholes]:
+    """Return the coefficients on the eight halves, times powers of 2."""
     parts = [box]
     for axis in range(3):
-        parts = [half for part in parts for half in _halve_along(part, axis)]
+        n = box.shape[axis] - 1
+        # on t = s/2 the polynomial t^k (1-t)^(n-k) is s^k (s + 2(1-s))^(n-k) / 2^n
+        left = np.array([
+            [comb(n - k, i - k) * 2 ** (n - i) if i >= k else 0 for k in range(n + 1)]
+            for i in range(n + 1)
+        ], dtype=object)  # fmt: skip
+        parts = [_along(half, part, axis) for part in parts for half in (left, left[::-1, ::-1])]
     return parts
-
-
-def _halve_along(box: Array, axis: int) -> tuple[Array, Array]:
-    work = np.moveaxis(box, axis, 0)
-    low, high = [work[0]], [work[-1]]
-    while len(work) > 1:
-        work = (work[:-1] + work[1:]) / 2
-        low.append(work[0])
-        high.append(work[-1])
-    return (
-        np.moveaxis(np.array(low), 0, axis),
-        np.moveaxis(np.array(high[::-1]), 0, axis),
-    )
