@@ -64,15 +64,16 @@ class DaskEngine:
     def run(self, jobs: Iterable[Job]) -> Iterator[Sequence[Outcome]]:
         """Yield the outcomes of all jobs, those together that ended together."""
         source = iter(jobs)
-        (task,) = self._client.scatter([self._task], broadcast=True, hash=False)
         waiting: dict[Any, Job] = {}
 
         def submit(count: int) -> list[Any]:
             """Send the next jobs in one message, which costs the scheduler far less than many."""
             jobs = list(islice(source, count))
             futures = self._client.map(
-                _guarded, jobs, task=task, limits=self._limits, pure=False, retries=2
-            )
+                # with each job, a few kB: data that is spread over the workers beforehand is lost
+                # with them, and a worker that comes later has none
+                _guarded, jobs, task=self._task, limits=self._limits, pure=False, retries=2,
+            )  # fmt: skip
             waiting.update(zip(futures, jobs, strict=True))
             return list(futures)
 
