@@ -9,8 +9,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -22,7 +23,7 @@ from pc2cad.studies.local import Limits, LocalEngine, WorkerNotStartedError
 from pc2cad.studies.plan import Plan, PlanError, grid, read_axis, read_table, sample
 from pc2cad.studies.run import NothingBuiltError, StudyResult, run_study
 from pc2cad.studies.table import rows
-from pc2cad.studies.variant import Outcome, Task
+from pc2cad.studies.variant import Job, Outcome, Task
 
 FAULTY = str(Path(__file__).parent / "faulty_worker.py")
 BRICK = """
@@ -369,6 +370,46 @@ def test_a_dask_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> 
     assert result.counts == {"built": 12}
     lines = (tmp_path / "journal.jsonl").read_text().splitlines()[1:]
     assert len({json.loads(line)["key"] for line in lines}) == len(lines) == 12
+
+
+def test_an_outcome_that_is_lost_with_its_worker_is_waited_for(tmp_path: Path) -> None:
+    """Its future ends twice: lost at first, and finished when it was worked out again."""
+    pytest.importorskip("distributed")
+    from pc2cad.studies.dask import DaskEngine
+
+    class Future:
+        def __init__(self, job: Job) -> None:
+            self.job, self.status = job, "finished"
+
+        def result(self) -> Outcome:
+            assert self.status == "finished"
+            return Outcome(self.job.key, "built")
+
+    class Ended:
+        def __init__(self, futures: list[Future]) -> None:
+            self.futures = futures
+            futures[0].status = "lost"
+
+        def update(self, futures: list[Future]) -> None:
+            self.futures = [*self.futures, *futures]
+
+        def batches(self) -> Iterator[list[Future]]:
+            while self.futures:
+                batch, self.futures = self.futures, []
+                yield batch
+                batch[0].status = "finished"
+
+    engine = DaskEngine.__new__(DaskEngine)
+    client = SimpleNamespace(
+        nthreads=lambda: {"worker": 1}, map=lambda run, jobs, **_: [Future(job) for job in jobs]
+    )
+    engine._client, engine._task, engine._limits = client, task(tmp_path), Limits()
+    engine._distributed = SimpleNamespace(as_completed=Ended)
+    ended = [
+        outcome.key for batch in engine.run(Job(str(i), {}) for i in range(7)) for outcome in batch
+    ]
+    assert sorted(ended) == [str(i) for i in range(7)]
+    assert ended[0] != "0"
 
 
 def test_a_cluster_that_is_not_there_is_one_sentence(

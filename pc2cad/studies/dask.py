@@ -80,13 +80,14 @@ class DaskEngine:
         threads = max(1, sum(self._client.nthreads().values()))
         ended = self._distributed.as_completed(submit(AHEAD * threads))
         for futures in ended.batches():
+            # an outcome that was lost with its worker is being worked out again
+            lost = [future for future in futures if future.status == "lost"]
+            here = [future for future in futures if future not in lost]
             # the next jobs go out before anybody looks at these outcomes
-            ended.update(submit(len(futures)))
-            yield [self._result(future, waiting.pop(future)) for future in futures]
+            ended.update([*lost, *submit(len(here))])
+            yield [self._result(future, waiting.pop(future)) for future in here]
 
     def _result(self, future: Any, job: Job) -> Outcome:
-        if future.status == "lost":
-            raise ClusterLostError("the Dask cluster has ended; go on with --resume")
         try:
             outcome: Outcome = future.result()
         except Exception as error:  # what the cluster raises is the fate of this variant
