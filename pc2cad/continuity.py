@@ -62,11 +62,11 @@ def _check(sheet: Sheet, axis: int, places: Integers) -> None:
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         amid = sheet.function.at(*middle.T)
-        left = _lengths(amid - ends[0]) > _lengths(ends[1] - amid)
-        low, high = np.where(left[:, None], low, middle), np.where(left[:, None], middle, high)
-        ends = [
-            np.where(left[:, None], ends[0], amid), np.where(left[:, None], amid, ends[1])
-        ]  # fmt: skip
+        known = np.isfinite(amid).all(axis=1)  # right at a jump there may be no value
+        left = known & (_lengths(amid - ends[0]) > _lengths(ends[1] - amid))
+        right = known & ~left
+        low[right], ends[0][right] = middle[right], amid[right]
+        high[left], ends[1][left] = middle[left], amid[left]
         jumps = np.flatnonzero(_lengths(ends[1] - ends[0]) > LEFT * first)
         if len(jumps) == 0:
             return

@@ -40,6 +40,8 @@ REMAINDER_SHARE = 0.25
 HIGHEST_EXACT = 13
 #: halvings of cells for the coefficients' sake
 SHARPEST = 6
+#: cells of another face serve again where they are at most so many times the knot intervals
+MOST_REUSED = 4
 #: nodes whose values are held at once: few enough for a processor's own memory
 SLAB = 40_000
 
@@ -134,7 +136,7 @@ def _bound(
 ) -> Bound:
     trees = cancel_terms(trees)
     coarse = [_direction(trees, names, spline, axis) for axis in range(len(names))]
-    directions = [d.on(known.finer.get(d.key, d.cells.points)) for d in coarse]
+    directions = [_reused(d, known.finer.get(d.key)) for d in coarse]
     function = function_of(trees, names, known)
     expected = _first_look(function, spline, directions)
     allowed = max(REMAINDER_SHARE * expected, 4 * spline.rounding, floor)
@@ -150,6 +152,13 @@ def _bound(
     directions, rest = found
     known.finer |= {d.key: x.cells.points for d, x in zip(coarse, directions, strict=True)}
     return _Survey(function, spline, directions).conclude(rest, floor)
+
+
+def _reused(direction: Direction, finer: Array | None) -> Direction:
+    """Return the direction with the cells that another face asked for, where they are not many."""
+    if finer is None or len(finer) > MOST_REUSED * len(direction.cells.points):
+        return direction
+    return direction.on(finer)
 
 
 def _direction(

@@ -123,17 +123,19 @@ def _turning(x: Model, cycle: tuple[Array, ...], order: int) -> Model:
 
 def hyperbolic_sine(x: Model, order: int) -> Model:
     """Return sinh(x)."""
-    return _growing(x, (np.sinh(x.centre), np.cosh(x.centre)), order)
+    s, c = np.sinh(x.centre), np.cosh(x.centre)
+    return _growing(x, (s, c), c, order)
 
 
 def hyperbolic_cosine(x: Model, order: int) -> Model:
     """Return cosh(x)."""
-    return _growing(x, (np.cosh(x.centre), np.sinh(x.centre)), order)
+    s, c = np.sinh(x.centre), np.cosh(x.centre)
+    return _growing(x, (c, s), c, order)
 
 
-def _growing(x: Model, cycle: tuple[Array, Array], order: int) -> Model:
+def _growing(x: Model, cycle: tuple[Array, Array], size: Array, order: int) -> Model:
     series = [cycle[k % 2] / factorial(k) for k in range(order + 1)]
-    size, r = np.cosh(x.centre), x.reach
+    r = x.reach
     return compose(x, series, _factorial_tail(size, r, order), size * np.exp(r), order, LIBRARY)
 
 
@@ -145,7 +147,9 @@ def tangent(x: Model, order: int) -> Model:
 
 def hyperbolic_tangent(x: Model, order: int) -> Model:
     """Return tanh(x)."""
-    model = divide(hyperbolic_sine(x, order), hyperbolic_cosine(x, order), order)
+    # sinh and cosh over cosh of the centre, which alone would overflow
+    t, one = np.tanh(x.centre), np.ones_like(x.centre)
+    model = divide(_growing(x, (t, one), one, order), _growing(x, (one, t), one, order), order)
     return _one_call(model, x, 1 + model.largest**2)
 
 
