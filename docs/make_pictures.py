@@ -33,6 +33,8 @@ PICTURES: dict[str, list[str]] = {
     "limit_faces": ["pyramid_cut", *PYRAMID, "--colours", "--labels", "--explode", "0.35"],
     "limit_faces_channel": ["channel_ellipse", *CHANNEL, "--labels", "--explode", "0.3"],
     "parameter_lines": ["turned_ring", "--size", "640x520", "--colours", "--isolines", "9"],
+    "bodies": ["pipe_cross", "--size", "640x520", "--colours", "--labels"],
+    "bodies_apart": ["pipe_cross", "--size", "640x520", "--colours", "--explode", "0.3"],
     "deviation": ["channel_ellipse", "--view", "1.6,-0.35,1.0", "--map", "deviation"],
     "thickness": ["channel_sine", "--view", "1.7,-0.25,0.9", "--map", "thickness"],
 }
