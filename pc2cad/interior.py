@@ -28,7 +28,7 @@ _MARGIN = 1.25
 #: candidates per point of blue noise
 _CANDIDATES = 8
 #: points of the box from which the inversion starts, per direction
-_SEEDS = 21
+_SEEDS = 32
 _MOST_STEPS = 60
 #: starts round a collapsed side: values of the parameters ignored there, and distances from it
 _ROUND = np.arange(0.5, 12) / 12
@@ -259,7 +259,7 @@ def _seed_points(analysis: Analysis) -> tuple[Array, Array]:
         inner = [b.position for b in analysis.breaks[d] if 0 < b.position < 1]
         grid = analysis.map.points(*open_grid(*_line(d)))
         steps = np.sqrt((np.diff(grid.reshape(-1, 3), axis=0) ** 2).sum(axis=1)).sum()
-        many = int(np.clip(_SEEDS * steps / max(analysis.size, 1e-300), _SEEDS / 3, 6 * _SEEDS))
+        many = int(np.clip(_SEEDS * steps / max(analysis.size, 1e-300), 3, 40 * _SEEDS))
         nodes.append(np.unique(np.concatenate((np.linspace(0, 1, many), inner))))
     places = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)
     return places, analysis.map.points(*places.T)
@@ -309,7 +309,8 @@ class _Inverse:
         best = np.empty_like(targets)
         residual = np.full(len(targets), np.inf)
         asked = np.arange(len(targets))
-        # a few starts for everyone, more for those that are not met
+        # a few starts for everyone, more for those that are not met: the first ones may end on a
+        # face of another strand or wall
         for starts in (range(2), range(2, 6), range(6, 14)):
             ranks = [rank + 1 for rank in starts]
             _, nearest = self._tree.query(targets[asked], k=ranks)
@@ -322,7 +323,8 @@ class _Inverse:
             on_face = ((best[asked] == self._limits[:, None]) & self._faces[:, None]).any(
                 axis=(0, 2)
             )
-            asked = asked[~on_face & (residual[asked] > self.tolerance**2)]
+            missed = residual[asked] > self.tolerance**2
+            asked = asked[missed & ~on_face] if starts[0] else asked[missed]
             if not len(asked):
                 break
         for direction, limit, ignored in self._collapsed:

@@ -71,7 +71,9 @@ def check_conforming(mesh: VolumeMesh) -> None:
 def test_templates_mesh_conforming_and_upright(path: Path, order: int) -> None:
     analysis = analyse(read_template(path).bind({}))
     properties = integrate(analysis)
-    mesh = hexahedra(analysis, make_grid(analysis, size=properties.volume ** (1 / 3) / 4), order)
+    fine = 16 if path.stem == "spring" else 4  # of long parts the volume says little
+    size = properties.volume ** (1 / 3) / fine
+    mesh = hexahedra(analysis, make_grid(analysis, size=size), order)
     check_conforming(mesh)
     quality = measure(mesh)
     assert quality.scaled_jacobian > 0
