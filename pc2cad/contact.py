@@ -126,32 +126,35 @@ class _Descent:
         parts = self._cells(leaf, rows)
         for depth in range(DEEPEST):
             pairs = self._unparted(parts, pairs)
-            few = len(pairs) <= 4 * FIRST
-            if len(pairs) and (few or depth % 3 == 0):
-                contact = self._dive(parts, pairs)
+            if len(pairs) == 0:
+                break
+            if len(pairs) <= 4 * FIRST or depth % 3 == 0:
+                contact, all_parted = self._dive(parts, pairs)
                 if contact is not None:
                     return contact
-            if few:
-                break
-            if len(pairs) > MOST_PAIRS:
+                if all_parted:
+                    break
+            if len(pairs) > MOST_PAIRS or depth + 1 == DEEPEST:
                 return float(self._distances(parts, pairs).max())
             parts, pairs = self._finer(parts, pairs)
         return self.touching
 
-    def _dive(self, parts: _Parts, pairs: Integers) -> Contact | None:
-        """Follow the nearest pairs only, to the end."""
+    def _dive(self, parts: _Parts, pairs: Integers) -> tuple[Contact | None, bool]:
+        """Follow the nearest pairs to the end; say whether that parted all there were."""
+        complete = True
         for _ in range(DEEPEST):
             if len(pairs) > 4 * FIRST:
+                complete = False
                 pairs = pairs[np.argsort(self._distances(parts, pairs))[:FIRST]]
             extent = np.abs(parts.samples - parts.samples[:, 1:2, 1:2]).max(axis=(1, 2, 3))
             small = extent[pairs].max(axis=1) <= self.touching
             if small.any():
-                return self._contact(parts, pairs[small.argmax()])
+                return self._contact(parts, pairs[small.argmax()]), False
             parts, pairs = self._finer(parts, pairs)
             pairs = self._unparted(parts, pairs)
             if len(pairs) == 0:
-                return None
-        return None
+                return None, complete
+        return None, False
 
     def _contact(self, parts: _Parts, pair: Integers) -> Contact:
         a, b = (int(x) for x in pair)

@@ -70,6 +70,12 @@ def touching_pitch(R: float, rho: float) -> float:
     return low
 
 
+def test_overlaps_of_every_depth_are_seen():
+    """However many pairs of cells are left when the nearest of them have been parted."""
+    for share in (0.986, 0.99, 0.992, 0.994, 0.9985):
+        assert contact(helix(3, share * touching_pitch(3, 0.5), 2, W / 2)) is not None, share
+
+
 @pytest.mark.parametrize("share", [0.9, 0.96, 0.99, 0.999, 0.9999, 1.0001, 1.001, 1.01, 1.1])
 def test_turns_of_a_rod_at_their_touching_pitch(share):
     found = contact(helix(4, share * touching_pitch(4, 1), 2, W))
