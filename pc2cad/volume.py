@@ -13,7 +13,7 @@ Tetrahedra are made of the kernel's solid instead, which is compiled as usual.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -207,9 +207,14 @@ def report_on(
 
 def _areas(analysis: Analysis, properties: Properties) -> dict[str, float]:
     """Return the equation's area of every side, and of every patch of a creased one."""
+    names = [analysis.boundary.name(face.patch) for face in analysis.boundary.faces]
+    return _summed(zip(names, properties.face_areas, strict=True))
+
+
+def _summed(named: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Return areas by name, and those of whole sides where they come in pieces."""
     areas: dict[str, float] = {}
-    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
-        name = analysis.boundary.name(face.patch)
+    for name, area in named:
         for key in {name, name.partition(" (")[0]}:
             areas[key] = areas.get(key, 0.0) + area
     return areas
@@ -228,8 +233,8 @@ def _tetrahedra(
     mesh = tetrahedra(part.shape, part.faces, size, options.order,
                       name=equation.name, units=equation.units)  # fmt: skip
     outer = [part.model.faces[i] for i in part.model.outer]
-    areas = {f.name: sum(properties.face_areas[c] for c in f.cells) for f in outer}
-    return mesh, areas
+    areas = ((f.name, sum(properties.face_areas[c] for c in f.cells)) for f in outer)
+    return mesh, _summed(areas)
 
 
 class _Clock:

@@ -19,6 +19,8 @@ from pc2cad.equation import along
 from pc2cad.equation.frames import Frame, FrameError, ReferenceAlongTangentError
 from pc2cad.equation.guides import Guide, GuideError
 from pc2cad.equation.points import Combination
+from pc2cad.equation.template_file import parse_template
+from pc2cad.errors import InputError
 from pc2cad.properties import Properties, integrate
 
 u, v, w = pc.parameters()
@@ -361,6 +363,19 @@ def test_composite_of_a_line_an_arc_and_a_spline():
         pc.composite(line, line)
     with pytest.raises(GuideError, match="parts 1 and 2 of the guide meet in a corner"):
         pc.composite(line, pc.guide(pc.point(10, u, 0)))
+
+
+def test_mitred_composite_of_a_template():
+    text = 'title = "t"\n[guide]\nkind = "composite"\nparts = [{ N = "[4*u, 0, 0]" }, '
+    text += '{ kind = "polyline", points = [[4, 0, 0], [4, 3, 0]] }]\nCORNERS\n[frame]\n[solid]\n'
+    text += 'M = "N + (R-N)*v + (Q-N)*w"\n'
+    with pytest.raises(InputError, match="meet in a corner of 90 degrees"):
+        parse_template(text.replace("CORNERS", ""), "t")
+    equation = parse_template(text.replace("CORNERS", 'corners = "mitre"'), "t").bind()
+    report = compile_equation(equation).report
+    assert {face.carrier for face in report.faces} == {"plane"}
+    # the square's centre runs half a unit beside the guide, round the corner's in- or outside
+    assert min(abs(report.solid.volume - x) for x in (6, 7, 8)) < 1e-12
 
 
 # -- refusals --------------------------------------------------------------------------------------

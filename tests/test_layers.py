@@ -170,6 +170,13 @@ def test_gmsh_meshes_the_layers_as_they_are(lagged, tmp_path):
     assert (brep["surfaces"], step["surfaces"]) == (18, 24)
 
 
+@pytest.mark.interop
+def test_tetrahedra_of_creased_sides_fill_the_whole(lagged):
+    mesh = lagged.mesh(size=1.0, order=2, shape="tetrahedra")
+    assert mesh.volume() == pytest.approx(lagged.report.equation.volume, rel=0.01)
+    assert {"u=0", "w=1", "w=1 (piece 2 of u)", "u=0 (piece 1 of w)"} <= mesh.sides.keys()
+
+
 def test_walls_that_change():
     """Between r and r + δ(u) a layer has the area π(2rδ + δ²): V = 5π·∫(4δ + δ²) du."""
     wall = {"a": 0.2 * (1 + u), "b": 0.3 + 0.1 * pc.cos(4 * pi * v)}

@@ -152,7 +152,11 @@ def _mesh(
         side: _facets(block, np.searchsorted(used, rows)) for side, rows in triangles.items()
     }
     kind = TETRAHEDRON.name
-    sides = {side: (Facets(kind, elements, faces),) for side, (elements, faces) in on_side.items()}
+    sides: dict[str, tuple[Facets, ...]] = {}
+    for side, (elements, faces) in on_side.items():
+        # a side in pieces is one set as well
+        for key in dict.fromkeys((side.partition(" (")[0], side)):
+            sides[key] = (*sides.get(key, ()), Facets(kind, elements, faces))
     mesh = VolumeMesh(name, units, order, points, {kind: block}, sides, {})
     sets = {side: np.unique(mesh.facet_nodes(side)["triangle"]) for side in sides}
     return VolumeMesh(name, units, order, points, {kind: block}, sides, sets)
