@@ -151,7 +151,7 @@ def _bound(
         found = function.remainders(directions, reach, size or 1.0, allowed)
     directions, rest = found
     known.finer |= {d.key: x.cells.points for d, x in zip(coarse, directions, strict=True)}
-    return _Survey(function, spline, directions).conclude(rest, floor)
+    return _Survey(function, spline, directions, rest, max(expected, floor / SHARP)).bound()
 
 
 def _reused(direction: Direction, finer: Array | None) -> Direction:
@@ -222,14 +222,23 @@ class _Survey:
     """Samples of the difference on all cells, and the coefficients of its interpolants."""
 
     def __init__(
-        self, function: Whole | Products, spline: _Spline, directions: Sequence[Direction]
+        self,
+        function: Whole | Products,
+        spline: _Spline,
+        directions: Sequence[Direction],
+        rest: Remainders,
+        expected: float,
     ) -> None:
+        """Look at all cells; coefficients need not be sharper than about `expected` allows."""
         self._function, self._spline, self._directions = function, spline, directions
         point = Cells(np.array([0.0, 1.0]), 0)
         self._s = directions[0].cells
         self._t = directions[1].cells if len(directions) > 1 else point
+        self._interpolation = rest.interpolation
+        self._data = (rest.rounding + spline.rounding) * self._s.lebesgue * self._t.lebesgue
+        known = self._data[np.isfinite(self._data)]
+        self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
         self._sizes = np.zeros((self._s.count, self._t.count))
-        self._coarse: list[tuple[Array, Array]] = []
         self.sampled, self.samples = 0.0, 0
         across = self._t.count * max(self._t.degree, 1)
         step = max(1, SLAB // (across * max(self._s.degree, 1)))
@@ -245,19 +254,16 @@ class _Survey:
         coefficients = _windows(coefficients, 3, self._t.degree) @ to_bernstein(self._t.degree).T
         squares = np.einsum("csitj,csitj->sitj", coefficients, coefficients)
         sizes = np.sqrt(squares.max(axis=3).max(axis=1))
+        goal = max(self._goal, SHARP * self.sampled)
+        i, j = np.nonzero(sizes > goal)
+        if len(i):
+            sizes[i, j] = self._sharpened(coefficients[:, i, :, j], goal)
         self._sizes[first:last] = sizes
-        i, j = np.nonzero(sizes > SHARP * self.sampled)
-        self._coarse.append((
-            np.column_stack((i + first, j)), coefficients[:, i, :, j]
-        ))  # fmt: skip
 
-    def conclude(self, rest: Remainders, floor: float) -> Bound:
-        """Return the bound, the coefficients made sharp where they are not."""
-        data = (rest.rounding + self._spline.rounding) * self._s.lebesgue * self._t.lebesgue
-        known = data[np.isfinite(data)]
-        self._sharpen(max(SHARP * self.sampled, float(known.max(initial=floor))))
+    def bound(self) -> Bound:
+        """Return the bound."""
         loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
-        bound = (self._sizes + loss + rest.interpolation + data) * (1 + 1e-9)
+        bound = (self._sizes + loss + self._interpolation + self._data) * (1 + 1e-9)
         largest = float(bound.max())
         if np.isfinite(largest):
             return Bound(max(largest, self.sampled), self.sampled, self.samples)
@@ -271,21 +277,25 @@ class _Survey:
             ranges.append((float(points[which[0]]), float(points[which[-1] + 1])))
         return tuple(ranges)
 
-    def _sharpen(self, goal: float) -> None:
-        """Halve the cells whose coefficients are above the goal: the halves' are nearer to it."""
+    def _sharpened(self, work: Array, goal: float) -> Array:
+        """Return the sizes of cells (n, 3, i, j) from the coefficients of their parts.
+
+        Parts above the goal are halved: the coefficients of the halves are nearer to the values.
+        """
         halves_s, halves_t = halving(self._s.degree), halving(self._t.degree)
-        cells = np.concatenate([c for c, _ in self._coarse])
-        work = np.concatenate([b for _, b in self._coarse])
+        cells = np.arange(len(work))
+        result = np.zeros(len(work))
         for depth in range(SHARPEST + 1):
             sizes = np.sqrt((work * work).sum(axis=1).max(axis=(1, 2)))
             keep = sizes > goal
-            if depth == 0:
-                self._sizes[tuple(cells[keep].T)] = goal
-            elif depth == SHARPEST or not keep.any():
-                np.maximum.at(self._sizes, tuple(cells.T), sizes)
-                return
+            if depth == SHARPEST:
+                keep[:] = False
+            np.maximum.at(result, cells[~keep], sizes[~keep])
             cells, work = cells[keep], work[keep]
+            if not len(cells):
+                break
             work = np.einsum("xij,ncjk->nxcik", halves_s, work)
             work = np.einsum("ykl,nxcil->nxycik", halves_t, work)
             work = work.reshape(-1, *work.shape[3:])
-            cells = np.repeat(cells, 4, axis=0)
+            cells = np.repeat(cells, 4)
+        return result
