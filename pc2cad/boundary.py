@@ -52,7 +52,7 @@ def represent(
 ) -> BoundaryModel:
     """Return the boundary model within `tolerance` of the equation (a length, model units).
 
-    The default is 1e-7 of the part's size. Raises ToleranceNotReachedError.
+    For its default see `check_tolerance`. Raises ToleranceNotReachedError.
     """
     tolerance = check_tolerance(analysis, tolerance)
     work = _Representation(analysis, tolerance, _rounding(analysis), profile)
