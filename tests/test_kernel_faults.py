@@ -70,7 +70,7 @@ def test_an_exception_of_the_kernel_is_a_sentence(
     ("change", "words"),
     [
         ({"valid": False}, "invalid"),
-        ({"free_edges": 2}, "2 edges do not bound exactly two faces"),
+        ({"free_edges": 2}, "2 edges of the kernel's solid do not bound exactly two faces"),
         ({"shells": 2}, "where the equation has"),
         ({"faces": 3}, "where the equation has"),
         ({"euler": 0}, "where the equation has"),
@@ -133,7 +133,7 @@ def test_a_file_that_reads_back_as_another_solid_is_refused(
     change: dict[str, Any], words: str
 ) -> None:
     part = compile_equation(read_template(template_paths()["pyramid"]).bind({})).exportable()
-    good = census(part)
-    check_read_back(part.solid, good, "STEP text")
+    (good,) = census(part)
+    check_read_back(part.solid, [good], "STEP text")
     with pytest.raises(KernelError, match=words):
-        check_read_back(part.solid, replace(good, **change), "STEP text")
+        check_read_back(part.solid, [replace(good, **change)], "STEP text")

@@ -11,6 +11,7 @@ from pc2cad.cli.typeset import definition_latex
 from pc2cad.coordinates import coordinate_system
 from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.language import read_expression
+from pc2cad.equation.layers import depth
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.template import Template
 from pc2cad.equation.template_file import parse_template, read_template
@@ -50,7 +51,7 @@ def parsed(text: str) -> Template:
 def coordinates(template: Template) -> dict[str, Expr]:
     """Return the trees that the names of rows stand for, from the template itself."""
     trees: dict[str, Expr] = {}
-    for definition in (*template.points, *template.lets):
+    for definition in (*template.points, *template.carried, *template.lets):
         if isinstance(definition.value, Expr):
             trees[definition.name] = definition.value
         else:
@@ -72,7 +73,10 @@ def evaluate_row(text: str, template: Template, trees: dict[str, Expr], values) 
         text = text[: match.start()] + name + text[match.end() :]
     names = {name: symbol(name) for name in (*known, *values)}
     numbers = {name: evaluate(tree, values) for name, tree in known.items()}
-    return evaluate(read_expression(text, names, template.curves), values | numbers)
+    functions = dict(template.curves)
+    if template.layers:
+        functions["depth"] = depth([layer.value for layer in template.layers])
+    return evaluate(read_expression(text, names, functions), values | numbers)
 
 
 def check_rows(template: Template) -> None:

@@ -57,7 +57,8 @@ def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[s
             f"  {p.name} = {equation.parameters[p.name]:.12g}{_meaning(p)}"
             for p in template.parameters
         )
-    yield f"\nPoints ({template.units})"
+    if template.points:
+        yield f"\nPoints ({template.units})"
     for point in template.points:
         assert isinstance(point.value, Combination)
         coordinates = ", ".join(as_text(c) for c in point.value.coordinates)
