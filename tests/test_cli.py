@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -192,20 +193,44 @@ def test_an_interruption_is_one_sentence(delay, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_progress_on_a_terminal_only(tmp_path):
+def on_a_terminal(lines: str, folder: Path) -> str:
+    """Run lines on a `Progress` called p, whose patience is short; return what it showed."""
     ours, theirs = pty.openpty()
     done = subprocess.run(
-        [sys.executable, "-c", "import pc2cad.cli.output as o, time; o.PATIENCE = 0.05\n"
-         "with o.Progress() as p:\n p('analyse'); time.sleep(0.4)\n p('quick')"],
-        cwd=tmp_path, stderr=theirs, stdout=subprocess.PIPE,
+        [sys.executable, "-c", "import pc2cad.cli.output as o, sys, time; o.PATIENCE = 0.05\n"
+         f"with o.Progress() as p:\n {lines}\nprint('rich' in sys.modules)"],
+        cwd=folder, stderr=theirs, stdout=subprocess.PIPE, env=os.environ | {"TERM": "xterm"},
     )  # fmt: skip
     os.close(theirs)
-    shown = os.read(ours, 1000).decode()
+    shown = b""
+    with suppress(OSError):  # the end, to some systems
+        while part := os.read(ours, 65536):
+            shown += part
     os.close(ours)
-    assert done.stdout == b""
+    return shown.decode() + done.stdout.decode()
+
+
+def test_a_bar_for_what_takes_long(tmp_path):
+    shown = on_a_terminal(
+        "p('analyse'); time.sleep(0.6); p('represent'); time.sleep(0.3)", tmp_path
+    )
     assert "analyse" in shown
-    assert "quick" not in shown
-    assert shown.endswith("\r\x1b[K")
+    assert "represent" in shown
+    # the line is cleared at the end, and the cursor was never hidden
+    assert shown.endswith("\x1b[2KTrue\n")
+    assert "\x1b[?25l" not in shown
+    shown = on_a_terminal("time.sleep(0.1); p.update('2 of 3 variants', 2, 3)", tmp_path)
+    assert "2 of 3 variants" in shown
+
+
+def test_no_bar_for_what_is_quick_or_piped(tmp_path):
+    assert on_a_terminal("p('quick')", tmp_path) == "False\n"
+    done = subprocess.run(
+        [sys.executable, "-c", "import pc2cad.cli.output as o, time; o.PATIENCE = 0.05\n"
+         "with o.Progress() as p:\n p('analyse'); time.sleep(0.3)"],
+        cwd=tmp_path, capture_output=True,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == (b"", b"")
 
 
 def test_an_unexpected_error_is_one_sentence_too(capsys, monkeypatch):

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from threading import Lock, Timer
 from types import TracebackType
-from typing import Final, TextIO
+from typing import Any, Final, TextIO
 
 #: a message longer than this is cut: it quotes something that nobody wrote by hand
 LONGEST_MESSAGE: Final = 1200
@@ -69,36 +69,40 @@ def table(rows: Sequence[tuple[str, ...]], indent: str = "  ") -> str:
 
 
 class Progress:
-    """Shows the name of a stage that takes long, on one line of a terminal that is rewritten.
+    """Shows on a terminal what takes long, as a bar (drawn by rich) that is gone at the end.
 
-    Call it with the name of each stage as it begins; as a context manager it clears the line at
-    the end. Without a terminal, or when it must be quiet, it shows nothing.
+    Call it with the name of each stage as it begins; use it as a context manager. What is over
+    soon, piped or quiet shows nothing, and loads nothing.
     """
 
     def __init__(self, quiet: bool = False, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
         self._active = not quiet and self._stream is not None and self._stream.isatty()
-        self._shown = False
         self._timer: Timer | None = None
         self._lock = Lock()
         self._due = time.monotonic() + PATIENCE
+        self._bar: Any = None
 
-    def update(self, state: str) -> None:
-        """Show how far a long stage is, a few times a second at most."""
+    def update(self, state: str, finished: int, total: int) -> None:
+        """Show how far a long stage is."""
         if self._active and time.monotonic() >= self._due:
-            self._due = time.monotonic() + PATIENCE / 4
             with self._lock:
-                self._shown = True
-                self._write(f"\r\x1b[K{state}")
+                self._draw(state, finished, total)
 
     def __call__(self, stage: str) -> None:
         """Begin a stage."""
         if not self._active:
             return
-        self._end_stage()
-        self._timer = Timer(PATIENCE, self._show, (stage,))
-        self._timer.daemon = True
-        self._timer.start()
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
+            if self._bar is not None:
+                self._draw(stage)
+                return
+            self._timer = Timer(PATIENCE, self._show, (stage,))
+            self._timer.daemon = True
+            self._timer.start()
 
     def __enter__(self) -> Progress:
         return self
@@ -109,25 +113,37 @@ class Progress:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if self._active:
-            self._end_stage()
-
-    def _show(self, stage: str) -> None:
-        with self._lock:
-            if self._timer is not None:
-                self._shown = True
-                self._write(f"\r\x1b[K{stage} …")
-
-    def _end_stage(self) -> None:
         with self._lock:
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
-            if self._shown:
-                self._shown = False
-                self._write("\r\x1b[K")
+            if self._bar is not None:
+                with suppress(OSError, ValueError):
+                    self._bar.stop()
 
-    def _write(self, text: str) -> None:
+    def _show(self, stage: str) -> None:
+        with self._lock:
+            if self._timer is not None:
+                self._draw(stage)
+
+    def _draw(self, text: str, finished: int = 0, total: int | None = None) -> None:
+        """Show a stage; the bar moves to and fro where nothing is counted."""
         with suppress(OSError, ValueError):
-            self._stream.write(text)
-            self._stream.flush()
+            if self._bar is None:
+                self._bar = _bar(self._stream)
+                self._bar.add_task(text, total=total)
+                self._bar.start()
+            self._bar.update(0, description=text, completed=finished, total=total)
+
+
+def _bar(stream: TextIO) -> Any:
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    class Screen(Console):
+        def show_cursor(self, show: bool = True) -> bool:
+            return False  # it stays: a process that is killed could not bring it back
+
+    columns = (BarColumn(24), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+    return Bar(*columns, console=Screen(file=stream), transient=True)

@@ -95,7 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
         def show(state: State) -> None:
             left = state.remaining
             rest = "" if left is None else f", about {_duration(left)} left"
-            progress.update(f"{state.finished} of {state.total} variants{rest}")
+            words = f"{state.finished} of {state.total} variants{rest}"
+            progress.update(words, state.finished, state.total)
 
         result = study(
             arguments.template,
