@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from scipy.interpolate import BSpline
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.integer]
@@ -27,21 +28,25 @@ def flux(points: Array, normals: Array, weights: Array) -> Array:
 def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
     """Return the nodes and weights of a Gauss rule on every span between knots."""
     spans = np.unique(knots)
-    x, weight = _legendre(count)
+    x, weight = legendre(count)
     half = np.diff(spans)[:, None] / 2
     nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
     return nodes.ravel(), (half * weight).ravel()
 
 
-def design(t: Array, knots: Array, degree: int, order: int) -> csr_array:
-    """Return values (order 0) or first derivatives of the basis at t, (len(t), n)."""
-    if order == 0:
-        return csr_array(BSpline.design_matrix(t, knots, degree))
-    # the derivative's control points are p (P_i+1 - P_i) / (t_i+p+1 - t_i+1)
-    n = len(knots) - degree - 1
-    scale = degree / (knots[degree + 1 : degree + n] - knots[1:n])
-    difference = diags_array([-scale, scale], offsets=[0, 1], shape=(n - 1, n))
-    return csr_array(BSpline.design_matrix(t, knots[1:-1], degree - 1) @ difference)
+def spline_jet(knots: Array, poles: Array, degree: int) -> Callable[[Array], tuple[Array, Array]]:
+    """Return a function of t, (n,), that gives a spline's values and first derivatives, (n, k)."""
+    value = BSpline.construct_fast(knots, poles, degree)
+    slope = value.derivative()
+    return lambda t: (value(t), slope(t))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a × b of vectors (…, 3), coordinate by coordinate: np.cross is slower."""
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return result
 
 
 def project(value: Array, *slopes: Array) -> list[Array]:
@@ -63,9 +68,12 @@ class SplineCurveData:
 
     def jet(self, t: Array) -> tuple[Array, Array]:
         """Return points and first derivatives, (len(t), 3) each."""
-        value, slope = (design(t, self.knots, self.degree, k) @ self.poles for k in (0, 1))
-        point, along = project(value, slope)
+        point, along = project(*self._jet(t))
         return point, along
+
+    @cached_property
+    def _jet(self) -> Callable[[Array], tuple[Array, Array]]:
+        return spline_jet(self.knots, self.poles, self.degree)
 
 
 def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
@@ -239,10 +247,7 @@ class Patch:
             _tensor(slope[0], differences[0], basis[1]),
             _tensor(basis[0], differences[1], slope[1]),
         )
-        normal = np.empty_like(ds)
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            normal[..., i] = self.sign * (ds[..., j] * dt[..., k] - ds[..., k] * dt[..., j])
-        return point, normal
+        return point, self.sign * cross(ds, dt)
 
 
 def _support(t: Array, knots: Array, degree: int) -> tuple[IntArray, Array]:
@@ -259,13 +264,14 @@ def _sum(a: tuple[IntArray, Array], poles: Array, b: tuple[IntArray, Array]) -> 
 
 def _gauss(panels: Array, order: int) -> tuple[Array, Array]:
     """Return the nodes and weights of a Gauss rule on every panel (n, 2), panel by panel."""
-    x, weight = _legendre(order)
+    x, weight = legendre(order)
     half = (panels[:, 1] - panels[:, 0])[:, None] / 2
     return (panels.mean(axis=1)[:, None] + half * x).ravel(), (half * weight).ravel()
 
 
 @lru_cache(maxsize=64)
-def _legendre(order: int) -> tuple[Array, Array]:
+def legendre(order: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on [-1, 1], read-only."""
     x, weight = np.polynomial.legendre.leggauss(order)
     x.flags.writeable = weight.flags.writeable = False
     return x, weight

@@ -38,11 +38,13 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 from pc2cad.brep.patches import (
     Array,
     SplineCurveData,
-    design,
+    cross,
     flux,
     gauss_on,
+    legendre,
     read_curve,
     read_patch,
+    spline_jet,
 )
 from pc2cad.errors import KernelError
 
@@ -52,7 +54,7 @@ STEP = np.pi / 3
 ACCURACY = 1e-13
 #: the same on splines, whose trimming curves are the kernel's and no better
 TRIMMED_ACCURACY = 1e-9
-MOST_NODES = 200
+FEWEST_NODES, MOST_NODES = 8, 200
 
 Jet = tuple[Array, Array, Array]
 
@@ -73,7 +75,7 @@ def trimmed_flux(surface: Geom_Surface, face: TopoDS_Face, sign: float, origin: 
     data = _read_surface(surface, origin)
     paths = [(path, _cuts(data.breaks, path)) for path in _paths(face)]
     level = float(np.mean([path.ends[:, 1].mean() for path, _ in paths]))
-    count, total = 4, np.full(5, np.nan)
+    count, total = FEWEST_NODES, np.full(5, np.nan)
     while count <= MOST_NODES:
         before = total
         total = np.sum([_along(data, *path, level, count, sign) for path in paths], axis=0)
@@ -142,12 +144,7 @@ def _plane_curve(curve: Geom2d_Curve) -> tuple[Callable[[Array], tuple[Array, Ar
     poles = np.array([(p.X(), p.Y()) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))])
     knots = np.repeat([curve.Knot(i + 1) for i in range(curve.NbKnots())],
                       [curve.Multiplicity(i + 1) for i in range(curve.NbKnots())])  # fmt: skip
-    degree = curve.Degree()
-
-    def spline(t: Array) -> tuple[Array, Array]:
-        return design(t, knots, degree, 0) @ poles, design(t, knots, degree, 1) @ poles
-
-    return spline, np.unique(knots)
+    return spline_jet(knots, poles, curve.Degree()), np.unique(knots)
 
 
 def _along(
@@ -165,7 +162,7 @@ def _along(
     used = both != 0.0
     a = np.broadcast_to(place[:, :1], nodes.shape)[used]
     point, along_a, along_b = data.jet(a, nodes[used])
-    normal = sign * np.cross(along_a, along_b)
+    normal = sign * cross(along_a, along_b)
     return flux(point, normal, both[used])
 
 
@@ -207,7 +204,7 @@ def _inner(breaks: Array | None, level: float, to: Array, count: int) -> tuple[A
         # span by span of the surface: what lies outside a span has no length in it
         starts, ends = np.append(-np.inf, breaks[1:-1]), np.append(breaks[1:-1], np.inf)
         low, high = np.clip(level, starts, ends)[None], np.clip(to[:, None], starts, ends)
-    x, weight = np.polynomial.legendre.leggauss(count)
+    x, weight = legendre(count)
     half = ((high - low) / 2)[..., None]
     nodes = ((high + low) / 2)[..., None] + half * x
     return nodes.reshape(len(to), -1), (half * weight).reshape(len(to), -1)
@@ -295,13 +292,14 @@ def _extrusion(surface: Geom_SurfaceOfLinearExtrusion, origin: Array) -> _Surfac
 def _revolution(surface: Geom_SurfaceOfRevolution, origin: Array) -> _Surface:
     basis, centre = _basis(surface.BasisCurve(), origin), _vector(surface.Location()) - origin
     axis = _vector(surface.Direction())
+    quarter = np.cross(axis, np.eye(3))  # v @ quarter is axis × v
 
     def jet(a: Array, b: Array) -> Jet:
         cos, sin = np.cos(a)[:, None], np.sin(a)[:, None]
 
         def turned(vectors: Array) -> tuple[Array, Array]:
             height = (vectors @ axis)[:, None] * axis
-            out, side = vectors - height, np.cross(axis, vectors)
+            out, side = vectors - height, vectors @ quarter
             return height + cos * out + sin * side, cos * side - sin * out
 
         point, slope = basis.jet(b)
