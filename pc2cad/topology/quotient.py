@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import combinations
 
 from pc2cad.equation.identity import Verdict
 from pc2cad.errors import NotASolidError
@@ -102,8 +102,11 @@ def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> t
         folded = _partner(patch, patch, questions, labels)
         if folded:
             fates[patch] = folded
+    places = _corner_classes(candidates, questions)
     for first, second in combinations(candidates, 2):
-        glued = _partner(first, second, questions, labels)
+        # sides that coincide have the same corners: others need not be asked about
+        same = places[first] == places[second]
+        glued = _partner(first, second, questions, labels) if same else None
         if glued is None:
             continue
         if fates[first] or fates[second]:
@@ -114,6 +117,17 @@ def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> t
         fates[first] = glued
         fates[second] = _partner(second, first, questions, labels) or glued
     return tuple(fates[p] or SideFate(p, "face", Verdict.PROVED) for p in patches)
+
+
+def _corner_classes(patches: list[Cell], questions: Questions) -> dict[Cell, list[int]]:
+    """Return, for each patch, the ascending numbers of the places where its corners lie."""
+    # the two edges along s end in all four corners
+    corners = {
+        patch: [corner for edge in patch_edges(patch)[::2] for corner in edge_ends(edge.cell)]
+        for patch in patches
+    }
+    _, place_of = _vertices(sorted({c for row in corners.values() for c in row}), questions)
+    return {patch: sorted(place_of[c] for c in row) for patch, row in corners.items()}
 
 
 def _collapse(patch: Cell, questions: Questions) -> SideFate | None:
@@ -172,17 +186,23 @@ def _edges(
     """Return the edge classes and, per edge cell, its class (None: collapsed) and direction."""
     classes: list[list[EdgeMember]] = []
     found: dict[Cell, tuple[int | None, bool]] = {}
+    # one edge, the same ends: others need not be asked about
+    by_ends: dict[tuple[int, int], list[int]] = {}
     for cell in cells:
         if questions.is_point(cell):
             found[cell] = (None, False)
             continue
-        for (index, members), reverse in product(enumerate(classes), (False, True)):
-            if questions.same_edge(members[0].cell, cell, reverse):
-                members.append(EdgeMember(cell, reverse))
+        start, end = (vertex_of[corner] for corner in edge_ends(cell))
+        asked = [(i, False) for i in by_ends.get((start, end), ())]
+        asked += [(i, True) for i in by_ends.get((end, start), ())]
+        for index, reverse in sorted(asked):
+            if questions.same_edge(classes[index][0].cell, cell, reverse):
+                classes[index].append(EdgeMember(cell, reverse))
                 found[cell] = (index, reverse)
                 break
         else:
             found[cell] = (len(classes), False)
+            by_ends.setdefault((start, end), []).append(len(classes))
             classes.append([EdgeMember(cell, False)])
     edges = []
     for members in classes:
