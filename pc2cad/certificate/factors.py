@@ -16,17 +16,15 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.certificate.determinant import determinant
+from pc2cad.certificate.wholes import Wholes, sign_inside
 from pc2cad.equation.intervals import IntervalProgram, interval
 from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import PI, Expr
 from pc2cad.mapping import Mapping3
 
-#: whole numbers of any size, one axis per atom
-Wholes = NDArray[np.object_]
 Range = tuple[Fraction, Fraction]
 
 #: terms of det J, Bernstein coefficients, and halvings beyond which the proof is left to others
@@ -50,7 +48,9 @@ def sign_from_factors(mapping: Mapping3) -> int:
     if not all(ranges):
         return 0
     control = _bernstein(rest, atoms, degrees, [r for r in ranges if r is not None])
-    return sign * _sign(control, [atom.op == "symbol" for atom in atoms])
+    # inside the box parameters stay clear of their limits; other atoms may be at theirs
+    clear = tuple(axis for axis, atom in enumerate(atoms) if atom.op == "symbol")
+    return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * MOST_COEFFICIENTS)
 
 
 def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
@@ -134,7 +134,7 @@ def _enclosure(atom: Expr) -> Range | None:
 def _bernstein(
     form: NormalForm, atoms: list[Expr], degrees: list[int], ranges: list[Range]
 ) -> Wholes:
-    """Return the Bernstein coefficients over the ranges, all times one positive number."""
+    """Return the coefficients over the ranges (see `wholes`), times a positive number."""
     rows = [_powers(degree, limits) for degree, limits in zip(degrees, ranges, strict=True)]
     common = math.lcm(*(c.denominator for c in form.values()))
     total: Any = np.zeros([n + 1 for n in degrees], dtype=object)
@@ -153,64 +153,21 @@ def _exponents(monomial: Monomial, atoms: list[Expr]) -> list[int]:
 
 
 def _powers(degree: int, limits: Range) -> list[Wholes]:
-    """Return Bernstein coefficients of 1, x … x^degree over limits, all times one whole number.
+    """Return the coefficients of 1, x … x^degree over limits, all times one whole number.
 
-    Coefficient i of x^k is its polar form at i times the upper and else the lower limit.
+    On them x is high·t + low·(1-t); its powers are raised by those of t + (1-t).
     """
     low, high = limits
     rows = [
         [
             sum(
-                (comb(i, j) * comb(degree - i, k - j) * high**j * low ** (k - j)
-                 for j in range(max(0, k - degree + i), min(i, k) + 1)),
+                (comb(k, j) * high**j * low ** (k - j) * comb(degree - k, i - j)
+                 for j in range(max(0, k + i - degree), min(i, k) + 1)),
                 start=Fraction(0),
-            ) / comb(degree, k)
+            )
             for i in range(degree + 1)
         ]
         for k in range(degree + 1)
     ]  # fmt: skip
     common = math.lcm(*(x.denominator for row in rows for x in row))
     return [np.array([int(x * common) for x in row], dtype=object) for row in rows]
-
-
-def _sign(control: Wholes, parameters: list[bool]) -> int:
-    """Return the sign of a polynomial inside a box, from its Bernstein coefficients.
-
-    Inside, parameters stay clear of their limits; other atoms may be at theirs.
-    """
-    sign = 1 if control.sum() > 0 else -1
-    boxes = [np.asarray(sign * control, dtype=object)]
-    along = tuple(axis for axis, is_parameter in enumerate(parameters) if is_parameter)
-    for _ in range(DEEPEST + 1):
-        boxes = [box for box in boxes if not _positive(box, along)]
-        if not boxes:
-            return sign
-        if len(boxes) * 2**control.ndim > MOST_BOXES or not control.ndim:
-            return 0
-        boxes = [part for box in boxes for part in _halves(box)]
-    return 0
-
-
-def _positive(box: Wholes, along: tuple[int, ...]) -> bool:
-    sums = np.asarray(box.sum(axis=along) if along else box, dtype=object)
-    return bool(box.min() >= 0 and sums.min() > 0)
-
-
-def _halves(box: Wholes) -> list[Wholes]:
-    """Return multiples of the coefficients on the halves along every axis (de Casteljau)."""
-    parts = [box]
-    for axis in range(box.ndim):
-        parts = [half for part in parts for half in _halves_along(part, axis)]
-    return parts
-
-
-def _halves_along(box: Wholes, axis: int) -> tuple[Wholes, Wholes]:
-    work = np.moveaxis(box, axis, 0)
-    scale = 2 ** (len(work) - 1)
-    low, high = [work[0] * scale], [work[-1] * scale]
-    while len(work) > 1:
-        work = work[:-1] + work[1:]
-        scale //= 2
-        low.append(work[0] * scale)
-        high.append(work[-1] * scale)
-    return np.moveaxis(np.array(low), 0, axis), np.moveaxis(np.array(high[::-1]), 0, axis)

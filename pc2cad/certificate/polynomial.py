@@ -18,13 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.certificate.wholes import Wholes, along, sign_inside
 from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import ONE, Expr, walk
 from pc2cad.mapping import Mapping3
-
-#: whole numbers of any size, one axis per parameter
-Wholes = NDArray[np.object_]
 
 _RATIONAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
 #: halvings of the box, boxes looked at, degree of M, terms of a coordinate and products of
@@ -51,19 +49,8 @@ def sign_from_coefficients(mapping: Mapping3) -> int:
     sizes = [np.prod(np.max([m.shape for m in column], axis=0)) for column in tangents]
     if max(max(shape) for shape in shapes) > 2 * LARGEST_DEGREE or np.prod(sizes) > MOST_PRODUCTS:
         return 0
-    coefficients = _determinant(tangents)
-    sign = 1 if coefficients.sum() > 0 else -1
-    boxes = [sign * coefficients]
-    if not boxes[0].any():
-        return 0
-    for _ in range(DEEPEST + 1):
-        boxes = [box for box in boxes if box.min() < 0]
-        if not boxes:
-            return sign
-        if len(boxes) * 8 > MOST_BOXES or len(boxes) * 8 * boxes[0].size > MOST_PRODUCTS:
-            break
-        boxes = [part for box in boxes for part in _halve(box)]
-    return 0
+    limits = DEEPEST, MOST_BOXES, MOST_PRODUCTS
+    return sign_inside(_determinant(tangents), (0, 1, 2), *limits)
 
 
 def fractions(roots: tuple[Expr, ...]) -> list[tuple[Expr, Expr]]:
@@ -111,12 +98,8 @@ def _control(tree: Expr) -> Wholes | None:
     for axis, n in enumerate(degrees.tolist()):
         # t^j = t^j (t + 1-t)^(n-j)
         rise = [[comb(n - j, k - j) if k >= j else 0 for j in range(n + 1)] for k in range(n + 1)]
-        control = _along(np.array(rise, dtype=object), control, axis)
+        control = along(np.array(rise, dtype=object), control, axis)
     return control
-
-
-def _along(matrix: Wholes, coefficients: Wholes, axis: int) -> Wholes:
-    return np.moveaxis(np.tensordot(matrix, coefficients, axes=(1, axis)), 0, axis)
 
 
 def _numerator_of_derivative(above: Wholes, below: Wholes, d: int) -> Wholes:
@@ -173,17 +156,3 @@ def _product(p: Wholes, q: Wholes) -> Wholes:
             window = tuple(slice(i, i + n) for i, n in zip(index, q.shape, strict=True))
             result[window] += p[index] * q
     return result
-
-
-def _halve(box: Wholes) -> list[Wholes]:
-    """Return the coefficients on the eight halves, times powers of 2."""
-    parts = [box]
-    for axis in range(3):
-        n = box.shape[axis] - 1
-        # on t = s/2 the polynomial t^k (1-t)^(n-k) is s^k (s + 2(1-s))^(n-k) / 2^n
-        left = np.array([
-            [comb(n - k, i - k) * 2 ** (n - i) if i >= k else 0 for k in range(n + 1)]
-            for i in range(n + 1)
-        ], dtype=object)  # fmt: skip
-        parts = [_along(half, part, axis) for part in parts for half in (left, left[::-1, ::-1])]
-    return parts
