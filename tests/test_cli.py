@@ -169,30 +169,77 @@ def test_a_broken_pipe_ends_quietly(tmp_path):
     assert (done.returncode, done.stderr) == (141, b"")
 
 
-@pytest.mark.parametrize("delay", [0.05, 0.5, 1.1])
-def test_an_interruption_is_one_sentence(delay, tmp_path):
-    # the slowest build of the shipped ones, so that it is still going on
-    arguments = ("build", "channel_sine", "--tolerance", "1e-11", "-o", "c.step")
-    # before its first line runs, nobody can catch an interruption; a shell's background jobs, as
-    # this test may be one of, ignore it
-    started = (
-        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler);"
-        "from pc2cad.cli.main import main; print('started', flush=True);"
-        "sys.exit(main(sys.argv[1:]))"
-    )
+#: main() as the console script calls it. Before its first line runs, nobody can catch an
+#: interruption; a shell's background jobs, as this test may be one of, ignore it
+STARTED = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from pc2cad.cli.main import main
+print('started', flush=True)
+{first}
+sys.exit(main())
+"""
+#: the slowest build of the shipped ones, so that it is still going on
+SLOW = ("build", "channel_sine", "--tolerance", "1e-11", "-o", "c.step")
+
+
+def interrupted(folder: Path, delay: float, group: bool, first: str = "") -> tuple[int, str, float]:
+    """Interrupt a build; return its exit code, its sentence and how long it took to end."""
     child = subprocess.Popen(
-        [sys.executable, "-c", started, *arguments],
-        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-c", STARTED.format(first=first), *SLOW], start_new_session=True,
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert child.stdout is not None
     assert child.stdout.readline() == "started\n"
     time.sleep(delay)
-    child.send_signal(signal.SIGINT)
+    begun = time.monotonic()
+    (os.killpg if group else os.kill)(child.pid, signal.SIGINT)
     _, stderr = child.communicate(timeout=60)
-    # -2: interrupted in an extension module; the interpreter then ends itself by the signal
-    assert child.returncode in (130, -signal.SIGINT)
-    assert "interrupted" in only_sentence(stderr)
-    assert list(tmp_path.iterdir()) == []
+    assert list(folder.iterdir()) == []
+    return child.returncode, only_sentence(stderr), time.monotonic() - begun
+
+
+# Ctrl-C reaches every process of a terminal, `kill -INT` the one that was started
+@pytest.mark.parametrize("group", [True, False], ids=["Ctrl-C", "kill"])
+@pytest.mark.parametrize("delay", [0.05, 0.5, 1.1])
+def test_an_interruption_is_one_sentence(delay, group, tmp_path):
+    code, sentence, _ = interrupted(tmp_path, delay, group)
+    assert code == 130
+    assert "interrupted" in sentence
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        # an interruption that the code in between forgets, as extension modules do
+        """
+from pc2cad.cli import build
+def forgetful(*_, **__):
+    try:
+        while True:
+            pass
+    except BaseException:
+        pass
+    while True:
+        pass
+build.run = forgetful
+""",
+        # C code that does not let go of the interpreter
+        """
+from pc2cad.cli import build
+def deaf(*_, **__):
+    import ctypes
+    ctypes.PyDLL(None).sleep(60)
+build.run = deaf
+""",
+    ],
+    ids=["forgotten", "in C"],
+)
+def test_an_interruption_is_not_lost(first, tmp_path):
+    code, sentence, seconds = interrupted(tmp_path, 1.5, True, first)
+    assert code == 130
+    assert "interrupted" in sentence
+    assert seconds < 20.0
 
 
 def on_a_terminal(lines: str, folder: Path) -> str:

@@ -14,6 +14,7 @@ import signal
 import time
 from contextlib import suppress
 from pathlib import Path
+from types import FrameType
 from typing import NoReturn
 
 from pc2cad.errors import InputError, KernelError
@@ -21,8 +22,14 @@ from pc2cad.processes import end_with_parent, how_it_ended, resident_memory
 
 #: seconds between two looks at the time and the memory
 WATCH = 0.2
+#: seconds after which a child still at work is told of an interruption: Ctrl-C reaches it by
+#: itself, `kill -INT` does not
+TOLD = 0.3
+#: seconds that an interrupted command has to tidy up
+GRACE = 5.0
 #: signals that somebody sends to end the command: the child gets them, and its fate is ours
 ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT")
+INTERRUPTED = "interrupted"
 _KEPT = "what was being written is as it was before"
 
 
@@ -51,8 +58,8 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
 def guard(arguments: argparse.Namespace) -> int | None:
     """Fork; return None in the child, which does the work, and its exit code in the parent.
 
-    Raises LimitReachedError or CrashedError in the parent. Returns None at once where there is
-    nothing to guard or no fork.
+    Raises LimitReachedError, CrashedError or KeyboardInterrupt in the parent. Returns None at once
+    where there is nothing to guard or no fork.
     """
     if not getattr(arguments, "guarded", False) or not hasattr(os, "fork"):
         return None
@@ -63,8 +70,11 @@ def guard(arguments: argparse.Namespace) -> int | None:
         seconds = 0.0  # a server ends when its user says so
     reading, writing = os.pipe()
     parent = os.getpid()
+    # until each of the two is ready for it, an interruption waits
+    free = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     child = os.fork()
     if child == 0:
+        signal.pthread_sigmask(signal.SIG_SETMASK, free)
         os.close(reading)  # the other end closes when this process ends, which wakes the parent
         end_with_parent()
         if os.getppid() != parent:
@@ -72,12 +82,16 @@ def guard(arguments: argparse.Namespace) -> int | None:
         return None
     os.close(writing)
     try:
-        reason, code = _watch(child, reading, seconds, memory)
+        signals = _Signals(child)
+        signal.pthread_sigmask(signal.SIG_SETMASK, free)
+        reason, code = _watch(child, reading, signals, seconds, memory)
     finally:
         os.close(reading)
     if code >= 0 and not reason:
         return code
     _sweep(arguments, child)
+    if code == -signal.SIGINT or reason is INTERRUPTED:
+        raise KeyboardInterrupt
     if reason:
         raise LimitReachedError(f"{arguments.template}: {reason}; {_KEPT}")
     if -code in {getattr(signal, name) for name in ENDING}:
@@ -88,19 +102,40 @@ def guard(arguments: argparse.Namespace) -> int | None:
     )
 
 
-def _watch(child: int, reading: int, seconds: float, memory: float) -> tuple[str, int]:
-    """Wait for the child; return the limit that it broke ('' for none) and its exit code."""
-    with suppress(ValueError):  # not in the main thread: then signals are not ours to pass on
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the child gets Ctrl-C as well, and tells
-        for name in ENDING:
-            signal.signal(getattr(signal, name), lambda number, _: os.kill(child, number))
+class _Signals:
+    """Passes on to the child what ends a command, and notes when it was interrupted.
+
+    Attributes:
+        interrupted: the time of the first interruption, infinite before
+
+    """
+
+    def __init__(self, child: int) -> None:
+        self.interrupted = float("inf")
+        with suppress(ValueError):  # not in the main thread: then signals are not ours to pass on
+            if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+                signal.signal(signal.SIGINT, self._note)
+            for name in ENDING:
+                signal.signal(getattr(signal, name), lambda number, _: os.kill(child, number))
+
+    def _note(self, _: int, __: FrameType | None) -> None:
+        self.interrupted = min(self.interrupted, time.monotonic())
+
+
+def _watch(
+    child: int, reading: int, signals: _Signals, seconds: float, memory: float
+) -> tuple[str, int]:
+    """Wait for the child; return what it was ended for ('' for nothing) and its exit code."""
     end = time.monotonic() + seconds if seconds else float("inf")
     reason = ""
     while True:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
             return reason, os.waitstatus_to_exitcode(status)
-        if time.monotonic() >= end:
+        now = time.monotonic()
+        if now >= signals.interrupted + GRACE:
+            reason = INTERRUPTED
+        elif now >= end:
             reason = f"stopped at the time limit of {seconds:g} s (--time-limit)"
         elif memory and resident_memory(child) > memory * 1024**3:
             reason = f"stopped at the memory limit of {memory:g} GiB (--memory-limit)"
@@ -108,6 +143,8 @@ def _watch(child: int, reading: int, seconds: float, memory: float) -> tuple[str
             os.kill(child, signal.SIGKILL)
             _, status = os.waitpid(child, 0)
             return reason, os.waitstatus_to_exitcode(status)
+        if now >= signals.interrupted + TOLD:
+            os.kill(child, signal.SIGINT)
         if select.select([reading], [], [], WATCH)[0]:
             _, status = os.waitpid(child, 0)
             return reason, os.waitstatus_to_exitcode(status)

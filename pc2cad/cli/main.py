@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import Any, Final, NoReturn
 
 from pc2cad.cli.guard import add_limits, guard
+from pc2cad.cli.interruption import ignore_interruptions, insistent
 from pc2cad.cli.output import complain, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
 
@@ -120,6 +121,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_stdout()
         return BROKEN_PIPE
     except (KeyboardInterrupt, Exception) as error:
+        if argv is None:
+            ignore_interruptions()
         if os.environ.get("PC2CAD_DEBUG") == "1":
             traceback.print_exc()
         sentence, code = _verdict(error)
@@ -132,9 +135,13 @@ def _run(argv: Sequence[str] | None) -> int:
         arguments = make_parser().parse_args(argv)
     except SystemExit as leaving:  # --help and --version
         return int(leaving.code or 0)
-    # within a program that calls `main`, the process is not ours to fork
-    ended = guard(arguments) if argv is None else None
-    return int(arguments.run(arguments)) if ended is None else ended
+    if argv is not None:  # within a program that calls `main`, the process is not ours
+        return int(arguments.run(arguments))
+    ended = guard(arguments)
+    if ended is not None:
+        return ended
+    with insistent():
+        return int(arguments.run(arguments))
 
 
 def _verdict(error: BaseException) -> tuple[str, int]:
