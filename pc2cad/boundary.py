@@ -31,7 +31,7 @@ from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
 from pc2cad.laying import axis_of, sides_on, whole_square
 from pc2cad.model import BoundaryModel, Layer, ModelEdge, ModelFace
 from pc2cad.planar import coplanar_groups, join_straight_edges, plane_face
-from pc2cad.proof import prove_edge, prove_face
+from pc2cad.proof import Side, prove_edge, prove_face
 from pc2cad.topology.cells import directions_of, outward_sign
 from pc2cad.topology.complex import EdgeUse, Shell
 
@@ -170,17 +170,19 @@ class _Representation:
         self, edges: list[ModelEdge], faces: list[ModelFace]
     ) -> tuple[list[ModelEdge], list[ModelFace]]:
         """Return edges and faces with proved deviations where those can be had."""
-        proved_edges = [
-            prove_edge(edge, f, self._courses.course(Strand(f, 0, bound)), self._known)
+        proved_faces, sides = [], []
+        for face in faces:
+            proved, own = self._proved_face(face) if face.evidence == "sampled" else (face, [])
+            proved_faces.append(proved)
+            sides += own
+        return [
+            prove_edge(edge, f, self._courses.course(Strand(f, 0, bound)), sides, self._known)
             if edge.evidence == "sampled"
             else edge
             for edge, f, bound in zip(edges, self._edges, self._bound, strict=True)
-        ]
-        return proved_edges, [
-            self._proved_face(face) if face.evidence == "sampled" else face for face in faces
-        ]
+        ], proved_faces
 
-    def _proved_face(self, face: ModelFace) -> ModelFace:
+    def _proved_face(self, face: ModelFace) -> tuple[ModelFace, list[Side]]:
         functions = [self._faces[i] for i in face.cells]
         courses = []
         if isinstance(face.carrier, SplineSurface):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import comb
 
@@ -20,21 +20,72 @@ from pc2cad.geometry.carriers import Evidence, Plane, SplineCurve, SplineSurface
 from pc2cad.geometry.rational import Arcs, Course
 from pc2cad.geometry.trivariate import Axis, SplineVolume
 from pc2cad.model import ModelEdge, ModelFace
+from pc2cad.topology.cells import Cell
+
+Array = NDArray[np.float64]
 
 #: degree in which the distance from a plane, which is zero, is looked at
 _FLAT_DEGREE = 7
 
 
-def prove_edge(edge: ModelEdge, function: CellFunction, course: Course, known: Known) -> ModelEdge:
+#: a bound on a side of a face that is wider of the samples is not as good as an edge's own
+_WIDEST = 1.9
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A side of a proved face: its cell, knots and poles, and how far it is from the equation."""
+
+    cell: Cell
+    knots: Array
+    poles: Array
+    bound: Bound
+
+    def carries(self, cell: Cell, carrier: SplineCurve) -> bool:
+        """Say whether it is an edge, pole for pole, and known about as well as that could be."""
+        return (
+            cell == self.cell
+            and carrier.weights is None
+            and np.array_equal(carrier.knots, self.knots)
+            and np.array_equal(carrier.poles, self.poles)
+            and self.bound.largest <= _WIDEST * self.bound.sampled
+        )
+
+
+def _sides_of(face: ModelFace, function: CellFunction, bound: Bound) -> list[Side]:
+    """Return the sides of a face that are bounded with it."""
+    surface = face.carrier
+    if not isinstance(surface, SplineSurface) or surface.weights is not None:
+        return []
+    rows = (surface.poles[0], surface.poles[-1], surface.poles[:, 0], surface.poles[:, -1])
+    found = []
+    for k, (row, part) in enumerate(zip(rows, bound.sides, strict=False)):
+        direction, position = function.pieces[k // 2]
+        cell = list(function.cell)
+        cell[direction] = position + (1 if k % 2 else -1)
+        found.append(Side((cell[0], cell[1], cell[2]), surface.knots[1 - k // 2], row, part))
+    return found
+
+
+def prove_edge(
+    edge: ModelEdge,
+    function: CellFunction,
+    course: Course,
+    sides: Sequence[Side],
+    known: Known,
+) -> ModelEdge:
     """Return the edge with a proved deviation, where one can be had; it is no exact one.
 
+    `sides` are those of proved faces: where the edge is one of them, it is proved with the face.
     What is `known` of the equation's parts is used, and added to.
     """
     carrier = edge.carrier
     if not isinstance(carrier, SplineCurve):
         return edge
+    bound = next((s.bound for s in sides if s.carries(function.cell, carrier)), None)
     try:
-        bound = _bound_spline(*function.trees, carrier, (course,), known)
+        if bound is None:
+            bound = _bound_spline(*function.trees, carrier, (course,), known)
     except BreaksNotAlignedError:
         return replace(edge, sampled=edge.deviation, open=((0.0, 1.0),))
     evidence, deviation = _judge(bound)
@@ -49,11 +100,12 @@ def prove_face(
     courses: Sequence[Course],
     rounding: float,
     known: Known,
-) -> ModelFace:
+) -> tuple[ModelFace, list[Side]]:
     """Return the face with a proved deviation, where one can be had; it is no exact one.
 
-    `functions` are those of the patches that it covers, `courses` those along a spline's axes, and
-    `rounding` is the length below which places of the part cannot be told apart.
+    With it come its sides, as far as they are bounded. `functions` are those of the patches that it
+    covers, `courses` those along a spline's axes, and `rounding` is the length below which places
+    of the part cannot be told apart.
     """
     try:
         if isinstance(face.carrier, Plane):
@@ -61,15 +113,16 @@ def prove_face(
         elif isinstance(face.carrier, SplineSurface):
             bounds = [_bound_spline(*functions[0].trees, face.carrier, courses, known)]
         else:
-            return face
+            return face, []
     except BreaksNotAlignedError:
-        return replace(face, sampled=face.deviation, open=((0.0, 1.0), (0.0, 1.0)))
+        return replace(face, sampled=face.deviation, open=((0.0, 1.0), (0.0, 1.0))), []
     bound = max(bounds, key=lambda b: b.largest)
     evidence, deviation = _judge(bound)
-    return replace(
+    proved = replace(
         face, evidence=evidence, deviation=deviation, sampled=bound.sampled,
         samples=sum(b.samples for b in bounds), open=bound.open,
     )  # fmt: skip
+    return proved, _sides_of(face, functions[0], bound)
 
 
 def bound_volume(
@@ -191,10 +244,10 @@ def _bound_spline(
     # rounding of the products of poles and weights, and of the places
     size = float(np.sqrt((carrier.poles**2).sum(axis=-1)).max())
     extra = (size + bound.largest) * (amiss + 1e-15)
-    return replace(bound, largest=(bound.largest + extra) / (lowest - amiss))
+    return replace(bound, largest=(bound.largest + extra) / (lowest - amiss), sides=())
 
 
-def _numerators(carrier: SplineCurve | SplineSurface) -> NDArray[np.float64]:
+def _numerators(carrier: SplineCurve | SplineSurface) -> Array:
     assert carrier.weights is not None
     return np.asarray(carrier.poles * carrier.weights[..., None])
 

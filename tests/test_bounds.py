@@ -89,6 +89,13 @@ def test_bounds_of_channels_hold_samples_and_are_within_twice(name: str, count: 
         seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
         assert max(seen, bound.sampled) <= bound.largest <= min(2 * bound.sampled, 1e-6)
         assert not bound.open
+        ends, places = np.array([0.0, 1.0]), np.sort(rng.uniform(0, 1, count))
+        across = _values(carrier, ends, places).transpose(1, 0, 2) - function(ends, places)
+        along = _values(carrier, places, ends).transpose(1, 0, 2) - function(places, ends)
+        on_sides = (*across, *along.transpose(1, 0, 2))
+        for gap, side in zip(on_sides, bound.sides, strict=True):
+            seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
+            assert max(seen, side.sampled) <= side.largest <= 2 * side.sampled
 
 
 HARD: dict[str, tuple[Expr, Expr, Expr]] = {

@@ -31,7 +31,7 @@ ALLOWED = {
     "planar": {"geometry", "model", "topology", "numpy"},
     "courses": {"directions", "equation", "geometry", "numpy"},
     "laying": {"geometry", "model", "topology", "numpy"},
-    "proof": {"directions", "enclosure", "equation", "geometry", "model", "numpy"},
+    "proof": {"directions", "enclosure", "equation", "geometry", "model", "topology", "numpy"},
     "boundary": {
         "analysis", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
         "planar", "proof", "topology", "numpy",

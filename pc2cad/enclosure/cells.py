@@ -110,7 +110,12 @@ def conversion_loss(first: int, second: int) -> float:
 
 @lru_cache(maxsize=64)
 def halving(degree: int) -> Array:
-    """Return the matrices (2, n, n) from coefficients on a cell to those on its two halves."""
+    """Return the matrices (2, n, n) from coefficients on a cell to those on its two halves.
+
+    A constant has one coefficient on the whole cell: there is nothing to halve.
+    """
+    if degree == 0:
+        return np.ones((1, 1, 1))
     left = np.array([
         [comb(i, k) / 2.0**i if k <= i else 0.0 for k in range(degree + 1)]
         for i in range(degree + 1)

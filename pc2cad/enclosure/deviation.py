@@ -57,6 +57,8 @@ class Bound:
     samples: int
     #: where no bound could be had: the range of each parameter, else empty
     open: tuple[tuple[float, float], ...] = ()
+    #: of a surface: the bounds on its sides, where s = 0, s = 1, t = 0, t = 1
+    sides: tuple[Bound, ...] = ()
 
 
 def bound_surface(
@@ -234,12 +236,14 @@ class _Survey:
         point = Cells(np.array([0.0, 1.0]), 0)
         self._s = directions[0].cells
         self._t = directions[1].cells if len(directions) > 1 else point
-        self._interpolation = rest.interpolation
+        self._rest = rest
         self._data = (rest.rounding + spline.rounding) * self._s.lebesgue * self._t.lebesgue
         known = self._data[np.isfinite(self._data)]
         self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
         self._sizes = np.zeros((self._s.count, self._t.count))
         self.sampled, self.samples = 0.0, 0
+        #: of each side: coefficients (3, cells, nodes) and differences (3, places), in parts
+        self._sides: tuple[list[tuple[Array, Array]], ...] = ([], [], [], [])
         across = self._t.count * max(self._t.degree, 1)
         step = max(1, SLAB // (across * max(self._s.degree, 1)))
         for first in range(0, self._s.count, step):
@@ -252,22 +256,49 @@ class _Survey:
         self.samples += gap[0].size
         coefficients = to_bernstein(self._s.degree) @ _windows(gap, 1, self._s.degree)
         coefficients = _windows(coefficients, 3, self._t.degree) @ to_bernstein(self._t.degree).T
+        if len(self._directions) == 2:
+            if first == 0:
+                self._sides[0].append((coefficients[:, 0, 0], gap[:, 0]))
+            if last == self._s.count:
+                self._sides[1].append((coefficients[:, -1, -1], gap[:, -1]))
+            for side, end in ((2, 0), (3, -1)):
+                self._sides[side].append((coefficients[:, :, :, end, end], gap[:, :, end]))
         squares = np.einsum("csitj,csitj->sitj", coefficients, coefficients)
         sizes = np.sqrt(squares.max(axis=3).max(axis=1))
         goal = max(self._goal, SHARP * self.sampled)
         i, j = np.nonzero(sizes > goal)
         if len(i):
-            sizes[i, j] = self._sharpened(coefficients[:, i, :, j], goal)
+            parts = coefficients[:, i, :, j]
+            sizes[i, j] = _sharpened(parts, goal, halving(self._s.degree), halving(self._t.degree))
         self._sizes[first:last] = sizes
 
     def bound(self) -> Bound:
         """Return the bound."""
         loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
-        bound = (self._sizes + loss + self._interpolation + self._data) * (1 + 1e-9)
+        bound = (self._sizes + loss + self._rest.interpolation + self._data) * (1 + 1e-9)
         largest = float(bound.max())
         if np.isfinite(largest):
-            return Bound(max(largest, self.sampled), self.sampled, self.samples)
+            sides = tuple(self._side(k) for k in range(4)) if self._sides[0] else ()
+            return Bound(max(largest, self.sampled), self.sampled, self.samples, sides=sides)
         return Bound(np.inf, self.sampled, self.samples, self._ranges(~np.isfinite(bound)))
+
+    def _side(self, side: int) -> Bound:
+        """Return the bound on a side, where nodes lie: interpolation across it is off by nothing.
+
+        There the first or last coefficients across are the side's own.
+        """
+        axis, end = 1 - side // 2, -(side % 2)
+        along, data = (np.take(x, end, axis=1 - axis) for x in (self._rest.along[axis], self._data))
+        parts = self._sides[side]
+        work = np.concatenate([part.transpose(1, 0, 2) for part, _ in parts])[..., None]
+        gaps = [np.sqrt((gap * gap).sum(axis=0)) for _, gap in parts]
+        sampled = max(float(gap.max()) for gap in gaps)
+        degree = self._directions[axis].cells.degree
+        goal = max(SHARP * sampled, float(data.max()))
+        sizes = _sharpened(work, goal, halving(degree), halving(0))
+        loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
+        largest = float(((sizes + loss + along + data) * (1 + 1e-9)).max())
+        return Bound(max(largest, sampled), sampled, sum(gap.size for gap in gaps))
 
     def _ranges(self, bad: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
         ranges = []
@@ -277,25 +308,25 @@ class _Survey:
             ranges.append((float(points[which[0]]), float(points[which[-1] + 1])))
         return tuple(ranges)
 
-    def _sharpened(self, work: Array, goal: float) -> Array:
-        """Return the sizes of cells (n, 3, i, j) from the coefficients of their parts.
 
-        Parts above the goal are halved: the coefficients of the halves are nearer to the values.
-        """
-        halves_s, halves_t = halving(self._s.degree), halving(self._t.degree)
-        cells = np.arange(len(work))
-        result = np.zeros(len(work))
-        for depth in range(SHARPEST + 1):
-            sizes = np.sqrt((work * work).sum(axis=1).max(axis=(1, 2)))
-            keep = sizes > goal
-            if depth == SHARPEST:
-                keep[:] = False
-            np.maximum.at(result, cells[~keep], sizes[~keep])
-            cells, work = cells[keep], work[keep]
-            if not len(cells):
-                break
-            work = np.einsum("xij,ncjk->nxcik", halves_s, work)
-            work = np.einsum("ykl,nxcil->nxycik", halves_t, work)
-            work = work.reshape(-1, *work.shape[3:])
-            cells = np.repeat(cells, 4)
-        return result
+def _sharpened(work: Array, goal: float, halves_s: Array, halves_t: Array) -> Array:
+    """Return the sizes of cells (n, 3, i, j) from the coefficients of their parts.
+
+    Parts above the goal are halved: the coefficients of the halves are nearer to the values.
+    """
+    cells = np.arange(len(work))
+    result = np.zeros(len(work))
+    for depth in range(SHARPEST + 1):
+        sizes = np.sqrt((work * work).sum(axis=1).max(axis=(1, 2)))
+        keep = sizes > goal
+        if depth == SHARPEST:
+            keep[:] = False
+        np.maximum.at(result, cells[~keep], sizes[~keep])
+        cells, work = cells[keep], work[keep]
+        if not len(cells):
+            break
+        work = np.einsum("xij,ncjk->nxcik", halves_s, work)
+        work = np.einsum("ykl,nxcil->nxycik", halves_t, work)
+        work = work.reshape(-1, *work.shape[3:])
+        cells = np.repeat(cells, len(halves_s) * len(halves_t))
+    return result
