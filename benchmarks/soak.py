@@ -96,27 +96,32 @@ def main() -> None:
         return
     dice = random.Random(arguments.seed)
     end = time.monotonic() + 60 * arguments.minutes
-    early, refused = None, 0
-    built: list[tuple[str, dict[str, float], dict[str, object]]] = []
+    again = set(dice.sample(range(arguments.count), min(arguments.again, arguments.count)))
+    sample: list[tuple[str, dict[str, float], dict[str, object]]] = []
+    built, refused = 0, 0
+    early: tuple[float, float] | None = None
+    print("| built | resident | allocated | growth |\n|---|---|---|---|", flush=True)
     for name, given in variants(dice):
-        if len(built) == arguments.count or time.monotonic() > end:
+        if built == arguments.count or time.monotonic() > end:
             break
         try:
-            built.append((name, given, build(name, given)))
+            figures = build(name, given)
         except PointCadError as error:
             refused += 1
-            print(f"{name} {given}: {error}", flush=True)
-        if len(built) == arguments.count // 10 and early is None:
-            early = memory()
-    late = memory()
-    assert early is not None, "the time was over before a tenth was built"
-    growth = [f"{100 * (b / a - 1):+.1f} %" for a, b in zip(early, late, strict=True)]
-    print(f"built {len(built)} of {arguments.count}, {refused} draws refused")
-    print("| | after a tenth | at the end | growth |\n|---|---|---|---|")
-    for title, a, b, more in zip(("resident", "allocated"), early, late, growth, strict=True):
-        print(f"| {title} | {a:.1f} MiB | {b:.1f} MiB | {more} |")
+            print(f"{name} {given}: {error}", file=sys.stderr, flush=True)
+            continue
+        if built in again:
+            sample.append((name, given, figures))
+        built += 1
+        if built % max(1, arguments.count // 10) == 0:
+            now = memory()
+            early = early or now
+            growth = ", ".join(
+                f"{100 * (b / a - 1):+.1f} %" for a, b in zip(early, now, strict=True)
+            )
+            print(f"| {built} | {now[0]:.1f} MiB | {now[1]:.1f} MiB | {growth} |", flush=True)
+    print(f"\nbuilt {built} of {arguments.count}, {refused} draws refused")
     same = 0
-    sample = dice.sample(built, min(arguments.again, len(built)))
     for name, given, figures in sample:
         fresh = subprocess.run(
             [sys.executable, __file__, "--one", name, json.dumps(given)],

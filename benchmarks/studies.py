@@ -22,6 +22,12 @@ import pc2cad as pc
 from pc2cad.studies.run import Progress
 
 TEMPLATE = "channel_ellipse"
+#: docs/studies.md: a cluster on the processors that also work
+QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
 #: how long all stages take together, in times of the first one
 STAGES = 2.8
 
@@ -48,8 +54,10 @@ def measure(folder: Path, count: int, workers: int, cluster: object = None) -> d
 
 def on_dask(folder: Path, count: int) -> dict[str, float]:
     """Run the study on a cluster of two workers, which is there before."""
+    import dask
     from distributed import LocalCluster
 
+    dask.config.set(QUIET)
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
         return measure(folder, count, 2, cluster)
 

@@ -8,8 +8,18 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+from pc2cad.errors import KernelError
+
 #: number of Linux' prctl option that sends a signal when the parent ends
 _PR_SET_PDEATHSIG = 1
+
+
+class LimitReachedError(KernelError):
+    """The work took more time or memory than it was given."""
+
+
+class CrashedError(KernelError):
+    """The process that did the work was ended by the system or by a fault of the kernel."""
 
 
 def resident_memory(process: int) -> int:

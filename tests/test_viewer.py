@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import http.client
 import json
+import os
 import re
 import threading
 from contextlib import closing, contextmanager
@@ -18,12 +19,15 @@ import pytest
 
 import pc2cad as pc
 from pc2cad.cli.main import main
-from pc2cad.errors import InputError, NotASolidError
+from pc2cad.errors import InputError, KernelError, NotASolidError
 from pc2cad.library import template_paths
 from pc2cad.part import Part
+from pc2cad.processes import CrashedError, LimitReachedError
 from pc2cad.viewer.page import Slider, Variant, page
 from pc2cad.viewer.payload import payload
+from pc2cad.viewer.recompute import Recompute
 from pc2cad.viewer.serve import PortTakenError, server
+from tests.faulty_part import work
 
 TYPES = {"f4": "<f4", "u4": "<u4", "i1": "i1", "u1": "u1"}
 ASSETS = Path(pc.__file__).parent / "viewer" / "assets"
@@ -176,6 +180,32 @@ def test_the_server_gives_page_parts_and_reasons_to_this_machine_only():
         assert ask(port, "/", host=f"localhost:{port}")[0] == 200
         with pytest.raises(PortTakenError, match="cannot listen"):
             server(b"", build, port)
+
+
+def test_parts_are_made_in_one_other_process_and_their_errors_come_back():
+    with Recompute(work, 0.0, 0.0) as recompute:
+        kept = recompute({})
+        assert int(kept) != os.getpid()
+        with pytest.raises(NotASolidError, match="the map folds"):
+            recompute({"do": "refuse"})
+        with pytest.raises(KernelError, match="unexpected error: ZeroDivisionError"):
+            recompute({"do": "fail"})
+        assert recompute({}) == kept
+
+
+@pytest.mark.parametrize(
+    ("do", "seconds", "memory", "error", "words"),
+    [
+        ("hang", 2.0, 0.0, LimitReachedError, "time limit of 2 s"),
+        ("grow", 60.0, 0.3 * 1024**3, LimitReachedError, "memory limit of 0.3 GiB"),
+        ("crash", 60.0, 0.0, CrashedError, "SIGABRT"),
+    ],
+)
+def test_a_part_that_goes_wrong_does_not_take_the_page_along(do, seconds, memory, error, words):
+    with Recompute(work, seconds, memory) as recompute:
+        with pytest.raises(error, match=words):
+            recompute({"do": do})
+        assert int(recompute({})) != os.getpid()
 
 
 def test_errors_of_the_server_are_input_errors():

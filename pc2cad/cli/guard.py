@@ -17,8 +17,14 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from pc2cad.errors import InputError, KernelError
-from pc2cad.processes import end_with_parent, how_it_ended, resident_memory
+from pc2cad.errors import InputError
+from pc2cad.processes import (
+    CrashedError,
+    LimitReachedError,
+    end_with_parent,
+    how_it_ended,
+    resident_memory,
+)
 
 #: seconds between two looks at the time and the memory
 WATCH = 0.2
@@ -31,14 +37,6 @@ GRACE = 5.0
 ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT")
 INTERRUPTED = "interrupted"
 _KEPT = "what was being written is as it was before"
-
-
-class LimitReachedError(KernelError):
-    """The command took more time or memory than it was given."""
-
-
-class CrashedError(KernelError):
-    """The process that did the work was ended by the system or by a fault of the kernel."""
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
@@ -59,15 +57,15 @@ def guard(arguments: argparse.Namespace) -> int | None:
     """Fork; return None in the child, which does the work, and its exit code in the parent.
 
     Raises LimitReachedError, CrashedError or KeyboardInterrupt in the parent. Returns None at once
-    where there is nothing to guard or no fork.
+    where there is nothing to guard or no fork, and for a server, which guards each part.
     """
-    if not getattr(arguments, "guarded", False) or not hasattr(os, "fork"):
+    if not getattr(arguments, "guarded", False):
         return None
     seconds, memory = arguments.time_limit, arguments.memory_limit
     if not (seconds >= 0.0 and memory >= 0.0):
         raise InputError("--time-limit and --memory-limit take positive numbers, or 0 for none")
-    if getattr(arguments, "serve", False):
-        seconds = 0.0  # a server ends when its user says so
+    if getattr(arguments, "serve", False) or not hasattr(os, "fork"):
+        return None
     reading, writing = os.pipe()
     parent = os.getpid()
     # until each of the two is ready for it, an interruption waits

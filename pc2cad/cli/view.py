@@ -20,8 +20,7 @@ from pc2cad.cli.output import Progress, say, shown
 from pc2cad.errors import InputError, PointCadError
 
 if TYPE_CHECKING:
-    from pc2cad.equation.template import Parameter, Template
-    from pc2cad.equation.template_bodies import BodiesTemplate
+    from pc2cad.equation.template import Parameter
     from pc2cad.viewer.page import Slider, Variant
 
 #: a page holds every combination of its sliders' values
@@ -54,30 +53,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the page, or serve it until it is interrupted."""
-    template, _ = load(arguments)
-    points = None if arguments.points is None else read_triple("--points", arguments.points, ",")
-    maker = _Maker(template, arguments, points)
+    maker = _Maker(arguments)
     return _serve(maker, arguments) if arguments.serve else _write(maker, arguments)
 
 
 class _Maker:
     """Compiles the template at some values of its parameters into a payload."""
 
-    def __init__(
-        self,
-        template: Template | BodiesTemplate,
-        arguments: argparse.Namespace,
-        points: tuple[int, int, int] | None,
-    ) -> None:
-        self.template = template
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self._arguments = arguments
+        self.template, _ = load(arguments)
         self.settings = read_settings(arguments.settings)
-        self.opening = template.bind(self.settings).parameters
+        self.opening = self.template.bind(self.settings).parameters
         self._tolerance = read_length("--tolerance", arguments.tolerance)
-        self._points = points
-        if points is not None:
+        self._points: tuple[int, int, int] | None = None
+        if arguments.points is not None:
             from pc2cad.picture.style import Style
 
-            Style(points=points)  # refuses what is too much
+            self._points = read_triple("--points", arguments.points, ",")
+            Style(points=self._points)  # refuses what is too much
+
+    def __reduce__(self) -> tuple[type[_Maker], tuple[argparse.Namespace]]:
+        return _Maker, (self._arguments,)  # templates hold functions, which do not pickle
 
     def payload(self, values: Mapping[str, str]) -> bytes:
         """Return the payload at these values; raise PointCadError for what is no solid."""
@@ -133,24 +130,26 @@ def _variant(maker: _Maker, values: Mapping[str, str], alone: bool) -> Variant:
 
 def _serve(maker: _Maker, arguments: argparse.Namespace) -> int:
     from pc2cad.viewer.page import Variant, page
+    from pc2cad.viewer.recompute import Recompute
     from pc2cad.viewer.serve import server
 
     sliders = [_live(text, maker) for text in arguments.sliders] or [
         _offered(p, maker) for p in maker.template.parameters
     ]
-    with Progress(arguments.quiet) as progress, named(arguments.template):
-        progress("compile")
-        first = Variant(maker.payload({}))
-    content = page(maker.template.title, sliders, [first], live=True)
-    with server(content, maker.payload, arguments.port) as running:
-        if not arguments.quiet:
-            say(
-                f"http://127.0.0.1:{running.server_address[1]}/ (interrupt with Ctrl-C)", flush=True
-            )
-        try:
-            running.serve_forever()
-        except KeyboardInterrupt:
-            return 0
+    memory = arguments.memory_limit * 1024**3
+    with Recompute(maker.payload, arguments.time_limit, memory) as recompute:
+        with Progress(arguments.quiet) as progress, named(arguments.template):
+            progress("compile")
+            first = Variant(recompute({}))
+        content = page(maker.template.title, sliders, [first], live=True)
+        with server(content, recompute, arguments.port) as running:
+            if not arguments.quiet:
+                address = f"http://127.0.0.1:{running.server_address[1]}/"
+                say(f"{address} (interrupt with Ctrl-C)", flush=True)
+            try:
+                running.serve_forever()
+            except KeyboardInterrupt:
+                return 0
     return 0
 
 
