@@ -16,8 +16,9 @@ import pc2cad as pc
 from pc2cad.analysis import analyse
 from pc2cad.compiler import compile_equation
 from pc2cad.equation import along
-from pc2cad.equation.frames import Frame, FrameError, ReferenceAlongTangentError
+from pc2cad.equation.frames import Frame
 from pc2cad.equation.guides import Guide, GuideError
+from pc2cad.equation.normals import FrameError, ReferenceAlongTangentError
 from pc2cad.equation.points import Combination
 from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError

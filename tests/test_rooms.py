@@ -86,7 +86,16 @@ ALLOWED = {
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays, and what is made along a
 #: guide by numbers: quadrature, frames, interpolating splines
-NUMPY_IN_EQUATION = {"centred", "evaluation", "intervals", "along", "frames", "interpolation"}
+NUMPY_IN_EQUATION = {
+    "centred",
+    "evaluation",
+    "intervals",
+    "along",
+    "frames",
+    "minimising",
+    "normals",
+    "interpolation",
+}
 #: what topology takes from the equation room: the three-valued answer, nothing else
 TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
 OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "lib3mf", "vtk", "vtkmodules"}

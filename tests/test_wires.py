@@ -23,8 +23,8 @@ from pc2cad.analysis import analyse
 from pc2cad.compiler import compile_equation
 from pc2cad.equation import along
 from pc2cad.equation.breaks import find_breaks
-from pc2cad.equation.frames import FrameError
 from pc2cad.equation.guides import Guide, GuideError
+from pc2cad.equation.normals import FrameError
 from pc2cad.mapping import local_map, open_grid
 from pc2cad.properties import integrate
 from pc2cad.wires import WireError
