@@ -60,8 +60,8 @@ Moved = str | Combination | Sequence[Expr | Number]
 
 
 @dataclass(frozen=True)
-class Template:
-    """A template as read: every expression is a tree in its parameters and u, v, w."""
+class Header:
+    """What every template has: its words, its unit, its parameters and its points."""
 
     name: str
     title: str
@@ -70,6 +70,37 @@ class Template:
     units: str
     parameters: tuple[Parameter, ...]
     points: tuple[Definition, ...]
+
+    def values(self, values: Mapping[str, Any] | None) -> tuple[dict[str, Expr], dict[str, Moved]]:
+        """Return the value of every parameter and what moves points, checked as `bind` does."""
+        moved, rest = self.split(values or {})
+        given = {name: _constant(name, value) for name, value in rest.items()}
+        known = [p.name for p in self.parameters]
+        self._check_names(given, [*known, *(p.name for p in self.points)], "parameter")
+        bound = {p.name: given.get(p.name, p.default) for p in self.parameters}
+        for parameter in self.parameters:
+            _check_range(parameter, bound[parameter.name])
+        return bound, moved
+
+    def split(self, values: Mapping[str, Any]) -> tuple[dict[str, Moved], dict[str, Any]]:
+        """Return what moves points and what sets parameters, told apart by the names."""
+        points = {p.name for p in self.points}
+        moved = {name: value for name, value in values.items() if name in points}
+        return moved, {name: value for name, value in values.items() if name not in points}
+
+    def _check_names(self, given: Mapping[str, Any], known: list[str], what: str) -> None:
+        for name in given:
+            if name not in known:
+                listed = ", ".join(known) or "none"
+                raise InputError(
+                    f"{self.name} has no {what} '{name}' (it has: {listed}){nearest(name, known)}"
+                )
+
+
+@dataclass(frozen=True)
+class Template(Header):
+    """A template as read: every expression is a tree in its parameters and u, v, w."""
+
     curves: Mapping[str, Any]
     guide: Guide | None
     frame: Frame | None
@@ -110,31 +141,6 @@ class Template:
         """
         bound, moved = self.values(values)
         return self._again(bound, moved)._equation(bound, partial(self._bind_moved, values or {}))
-
-    def values(self, values: Mapping[str, Any] | None) -> tuple[dict[str, Expr], dict[str, Moved]]:
-        """Return the value of every parameter and what moves points, checked as `bind` does."""
-        moved, rest = self.split(values or {})
-        given = {name: _constant(name, value) for name, value in rest.items()}
-        known = [p.name for p in self.parameters]
-        self._check_names(given, [*known, *(p.name for p in self.points)], "parameter")
-        bound = {p.name: given.get(p.name, p.default) for p in self.parameters}
-        for parameter in self.parameters:
-            _check_range(parameter, bound[parameter.name])
-        return bound, moved
-
-    def split(self, values: Mapping[str, Any]) -> tuple[dict[str, Moved], dict[str, Any]]:
-        """Return what moves points and what sets parameters, told apart by the names."""
-        points = {p.name for p in self.points}
-        moved = {name: value for name, value in values.items() if name in points}
-        return moved, {name: value for name, value in values.items() if name not in points}
-
-    def _check_names(self, given: Mapping[str, Any], known: list[str], what: str) -> None:
-        for name in given:
-            if name not in known:
-                listed = ", ".join(known) or "none"
-                raise InputError(
-                    f"{self.name} has no {what} '{name}' (it has: {listed}){nearest(name, known)}"
-                )
 
     def _bind_moved(self, values: Mapping[str, Any], points: Mapping[str, Moved]) -> PointEquation:
         self._check_names(points, [p.name for p in self.points], "point")

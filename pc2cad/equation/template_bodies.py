@@ -14,7 +14,7 @@ from typing import Any, Final, Literal, cast
 from pc2cad.equation.language import nearest
 from pc2cad.equation.point_equation import Expectations, PointEquation
 from pc2cad.equation.syntax import CallNode, ExpressionSyntaxError, NameNode, Node, parse
-from pc2cad.equation.template import Definition, Moved, Parameter, Template, expectations
+from pc2cad.equation.template import Header, Moved, Template, expectations
 from pc2cad.equation.template_reader import TABLES, TEXTS, Reader, read_tables
 from pc2cad.equation.template_tables import Tables, shown
 from pc2cad.equation.tree import Expr
@@ -57,16 +57,9 @@ class Bodies:
 
 
 @dataclass(frozen=True)
-class BodiesTemplate:
+class BodiesTemplate(Header):
     """A template of several bodies as read."""
 
-    name: str
-    title: str
-    about: str
-    source: str
-    units: str
-    parameters: tuple[Parameter, ...]
-    points: tuple[Definition, ...]
     #: each a template of its own, with the parameters and points of all
     bodies: tuple[Template, ...]
     result: Operation
@@ -83,10 +76,6 @@ class BodiesTemplate:
             )
         return found[name]
 
-    def split(self, values: Mapping[str, Any]) -> tuple[dict[str, Moved], dict[str, Any]]:
-        """Return what moves points and what sets parameters, told apart by the names."""
-        return self.bodies[0].split(values)
-
     def move(self, points: Mapping[str, Moved]) -> BodiesTemplate:
         """Return the template with some of its points replaced, as `Template.move` does."""
         moved = tuple(body.move(points) for body in self.bodies)
@@ -96,7 +85,7 @@ class BodiesTemplate:
         """Return the bodies with these parameter values, as `Template.bind` does."""
         equations = {body.name: body.bind(values) for body in self.bodies}
         given = next(iter(equations.values())).parameters
-        bound, moved = self.bodies[0].values(values)
+        bound, moved = self.values(values)
         expected = expectations(self._expected(bound, moved)["expected"])
         return Bodies(
             equations, self.result, self.name, self.title, self.about, self.units, given, expected
