@@ -40,7 +40,13 @@ _PLACES = 16
 #: knot distances grow at most by this share from one interval to the next
 _GROWTH = 0.5
 #: corrections of a degree's knots by its measured errors, and what they aim at
-_ROUNDS, _AIM = 5, 0.9
+_ROUNDS, _AIM = 4, 0.9
+#: a degree is tried where its estimated poles are at most so many times those of the best so far
+_DOUBT = 1.08
+#: a space no smaller than the best so far has lost where its error is so many times the target
+_CLEARLY = 1.25
+#: share of what one wave of a mix's mean frequency would cost that the mix costs
+_MIXED = 0.9
 #: before errors fall as h^(p+1) they fall faster: the order that a correction reckons with
 _STEEPER = 1.3
 #: share of an interval's error that its neighbours answer for
@@ -87,9 +93,9 @@ def adapt(sample: Sampler, rules: DirectionRules, target: float, floor: float) -
         plans.append((rules.space(degree, distances.knots(rules)).size, degree, distances))
     best: SplineSpace | None = None
     for size, degree, distances in sorted(plans, key=lambda plan: plan[:2]):
-        if best is None or size < best.size:
-            space = _settle(portrait, rules, degree, distances, target)
-            if best is None or (space.size, degree) < (best.size, best.degree):
+        if best is None or size <= _DOUBT * best.size:
+            space = _settle(portrait, rules, degree, distances, target, best)
+            if space and (best is None or (space.size, degree) < (best.size, best.degree)):
                 best = space
     assert best is not None
     return best
@@ -189,23 +195,39 @@ class _Portrait:
         return result
 
     def distances(self, degree: int, target: float, rules: DirectionRules) -> _Distances:
-        """Return how far apart the knots of a degree may be for an error of `target`."""
+        """Return how far apart the knots of a degree may be for an error of `target`.
+
+        On equal knots, h apart, a wave of frequency ω is off by c |f^(p+1)| h^(p+1) for small h,
+        by 1/(1 - ωh/2π)^(p+1) times that for larger ones. So the distance that suits small ones is
+        divided by 1 + ωh/2π.
+        """
         order = degree + 1
         lengths = np.diff(self.limits)
         edges = np.append(
             (self.limits[:-1, None] + lengths[:, None] * np.arange(_PLACES) / _PLACES).ravel(), 1.0
         )
-        count = self.coefficients.shape[1]
-        size = np.zeros((len(lengths), _PLACES))
-        if order < count:
-            n, _, columns, _ = self.coefficients.shape
-            flat = self.coefficients.transpose(1, 0, 2, 3).reshape(count, -1)
-            derivative = (_derivatives(order, count) @ flat).reshape(_PLACES, n, columns, 3)
-            size = np.sqrt((derivative**2).sum(axis=-1)).max(axis=-1).T
-            size = size * (2 / lengths[:, None]) ** order
-        with np.errstate(divide="ignore"):
-            h = (target / (smallest_error(degree) * size.ravel())) ** (1 / order)
-        return _Distances(edges, np.minimum(h, 1.0)).regular(rules)
+        sizes, before = self._derivative(order), self._derivative(order - 2)
+        largest = sizes.max(axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            h = np.minimum((target / (smallest_error(degree) * largest)) ** (1 / order), 1.0)
+            frequency = np.sqrt(_mean(sizes) / _mean(before))[:, None]
+        waves = np.nan_to_num(frequency * h / (2 * np.pi), posinf=1.0)
+        h = h / (1 + _MIXED * np.minimum(waves, 1.0))
+        return _Distances(edges, h.ravel()).regular(rules)
+
+    def _derivative(self, order: int) -> Array:
+        """Return the sizes of a derivative at the middles of equal parts, (n, _PLACES, columns)."""
+        n, count, columns, _ = self.coefficients.shape
+        if not 0 <= order < count:
+            return np.zeros((n, _PLACES, columns))
+        flat = self.coefficients.transpose(1, 0, 2, 3).reshape(count, -1)
+        values = (_derivatives(order, count) @ flat).reshape(_PLACES, n, columns, 3)
+        sizes = np.sqrt((values**2).sum(axis=-1)).transpose(1, 0, 2)
+        return np.asarray(sizes * (2 / np.diff(self.limits)[:, None, None]) ** order)
+
+
+def _mean(sizes: Array) -> Array:
+    return np.asarray(np.sqrt((sizes**2).mean(axis=(1, 2))))
 
 
 @lru_cache
@@ -281,27 +303,41 @@ def _interval_errors(portrait: _Portrait, space: SplineSpace) -> Array:
 
 
 def _settle(
-    portrait: _Portrait, rules: DirectionRules, degree: int, distances: _Distances, target: float
-) -> SplineSpace:
-    """Return the smallest space of a degree that a few corrections of its knots lead to."""
+    portrait: _Portrait,
+    rules: DirectionRules,
+    degree: int,
+    distances: _Distances,
+    target: float,
+    rival: SplineSpace | None = None,
+) -> SplineSpace | None:
+    """Return the smallest space of a degree that a few corrections of its knots lead to.
+
+    None as soon as it is seen not to become smaller than that of a `rival`.
+    """
     best: SplineSpace | None = None
     rounds = 0
+    measured, largest, errors = np.zeros(0), np.inf, np.zeros(0)
     while best is None or rounds < _ROUNDS:
         points = distances.knots(rules)
         nearest = int(np.argmin(np.diff(points)))
         if len(points) > MOST_INTERVALS or points[nearest + 1] - points[nearest] < FINEST_INTERVAL:
-            if best is None:
+            if best is None and rival is None:
                 raise _not_reached(len(points) - 1, target, points[nearest])
             break
         space = rules.space(degree, points)
         if best is not None and space.size >= best.size:
             break
-        errors = _interval_errors(portrait, space)
-        if errors.max() <= target:
+        if not np.array_equal(points, measured):
+            errors = _interval_errors(portrait, space)
+            measured, largest = points, float(errors.max())
+            # a knot's place matters to its neighbours' errors as well
+            beside = np.concatenate((errors[:1], errors, errors[-1:]))
+            errors = np.maximum(errors, _NEIGHBOUR * np.maximum(beside[:-2], beside[2:]))
+        if largest <= target:
             best = space
-        # a knot's place matters to its neighbours' errors as well
-        beside = np.concatenate((errors[:1], errors, errors[-1:]))
-        errors = np.maximum(errors, _NEIGHBOUR * np.maximum(beside[:-2], beside[2:]))
+        elif rounds and rival and space.size >= rival.size and largest > _CLEARLY * target:
+            # the first knots are guesses, later ones are not
+            break
         with np.errstate(divide="ignore"):
             factors = (_AIM * target / errors) ** (1 / (_STEEPER * (degree + 1)))
         # from the third round on the worst interval speaks for all
