@@ -71,6 +71,15 @@ class SideMeasure:
 
 
 @dataclass(frozen=True)
+class LayerMeasure:
+    """A layer of the solid: its elements against the equation (volumes in model units cubed)."""
+
+    elements: int
+    volume: float
+    equation_volume: float
+
+
+@dataclass(frozen=True)
 class MeshReport:
     """What a mesh is, how good its elements are, and how it compares with the equation."""
 
@@ -85,6 +94,7 @@ class MeshReport:
     volume: float
     equation_volume: float
     sides: Mapping[str, SideMeasure]
+    layers: Mapping[str, LayerMeasure] = field(default_factory=dict)
     times: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -137,7 +147,7 @@ def mesh_equation(
             cells = grid.cells
             mesh = hexahedra(analysis, grid, options.order)
     clock("quality")
-    report = report_on(mesh, measure(mesh), properties.volume, areas, cells)
+    report = report_on(mesh, measure(mesh), properties, areas, cells)
     clock("")
     return mesh, MeshReport(**{**vars(report), "times": clock.times})
 
@@ -189,19 +199,23 @@ def mesh_part(
 def report_on(
     mesh: VolumeMesh,
     quality: Quality,
-    volume: float,
+    properties: Properties,
     areas: Mapping[str, float],
     cells: tuple[int, int, int] | None,
 ) -> MeshReport:
-    """Return the report on a mesh; `volume` and the sides' `areas` are the equation's."""
+    """Return the report on a mesh; `properties` and the sides' `areas` are the equation's."""
     sides = {
         side: SideMeasure(sum(len(f.elements) for f in facets), mesh.area(side), areas[side])
         for side, facets in mesh.sides.items()
     }
+    layers = {
+        name: LayerMeasure(sum(map(len, layer.values())), quality.layers[name], volume)
+        for (name, layer), (volume, _) in zip(mesh.layers.items(), properties.layers, strict=False)
+    }
     return MeshReport(
         mesh.name, mesh.units, mesh.order, cells, len(mesh.points),
         {kind: len(block) for kind, block in mesh.blocks.items()},
-        quality, mesh.volume(), volume, sides,
+        quality, mesh.volume(), properties.volume, sides, layers,
     )  # fmt: skip
 
 

@@ -125,6 +125,35 @@ def test_meshio_reads_the_same_nodes_and_cells(tmp_path: Path, ending: str) -> N
         assert {"u_0", "v_0", "v_1", "w_0", "w_1"} <= set(content.point_sets)
 
 
+@pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh", ".vtk", ".med"])
+def test_layers_are_sets_of_elements_by_name(tmp_path: Path, ending: str) -> None:
+    meshio = pytest.importorskip("meshio")
+    mesh = make("layered_pipe", (10, 8, 6), 1)
+    assert list(mesh.layers) == ["inner", "pipe", "outer"]
+    path = tmp_path / f"part{ending}"
+    write_mesh(mesh, path)
+    content = meshio.read(path)
+    cells = content.cells_dict["hexahedron"]
+    found = {}
+    if ending == ".inp":
+        found = {name: cells[content.cell_sets_dict[name]["hexahedron"]] for name in mesh.layers}
+    else:
+        data = {".med": "cell_tags", ".msh": "gmsh:physical"}.get(ending, "layer")
+        number = content.cell_data_dict[data]["hexahedron"].ravel()
+        for k, name in enumerate(mesh.layers, start=1):
+            if ending == ".med":
+                (k,) = (tag for tag, names in content.cell_tags.items() if names == [name])
+            elif ending == ".msh":
+                k = content.field_data[name][0]
+            elif ending == ".vtu":
+                assert content.field_data[name] == [k]
+            found[name] = cells[number == k]
+    for name, layer in mesh.layers.items():
+        expected = np.sort(mesh.blocks["hexahedron"][layer["hexahedron"]], axis=1)
+        # MED numbers the corners otherwise, so that sets are compared
+        assert np.array_equal(np.sort(found[name], axis=1), expected)
+
+
 def test_names_of_sides_in_abaqus_files_are_plain_and_different() -> None:
     names = plain_names(["u=0", "u=-1", "u=1", "w=1 (piece 2 of v)", "v=1/2", "v=1.2", "u=0"])
     assert names == {

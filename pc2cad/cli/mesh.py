@@ -159,6 +159,15 @@ def _paragraphs(report: MeshReport) -> Iterator[str]:
     if report.cells is not None:
         rows.insert(0, ("cells", "x".join(map(str, report.cells)), "along u, v, w"))
     yield table(rows)
+    if report.layers:
+        yield table(
+            [("layer", "elements", "volume", "difference")]
+            + [
+                (name, str(layer.elements), f"{layer.volume:.10g} {report.units}^3",
+                 f"{layer.volume / layer.equation_volume - 1:+.1e}")
+                for name, layer in report.layers.items()
+            ]
+        )  # fmt: skip
     yield table(
         [("side", "facets", "area", "difference")]
         + [

@@ -137,7 +137,7 @@ def number(value: Number) -> Expr:
     if isinstance(value, float):
         if not math.isfinite(value):
             raise ValueDomainError(f"{value} is not a finite number")
-        value = Fraction(repr(value))
+        value = Fraction(repr(float(value)))
     value = Fraction(value)
     if abs(value) > LARGEST_CONSTANT or 0 < abs(value) < 1 / LARGEST_CONSTANT:
         raise ValueDomainError("a constant is outside the range 1e-60 to 1e60")

@@ -27,14 +27,15 @@ _CHUNK = 1 << 18
 
 
 def write(mesh: VolumeMesh, path: Path) -> None:
-    """Write the mesh; the physical volume is called ``solid``."""
+    """Write the mesh; physical volumes are the layers, or one called ``solid``."""
     sides = whole_sides(mesh.sides)
-    volume = len(sides) + 1
     names = [f'2 {k} "{name}"' for k, name in enumerate(sides, start=1)]
+    volumes = enumerate(mesh.layers or ["solid"], start=len(sides) + 1)
+    names += [f'3 {k} "{name}"' for k, name in volumes]
     blocks = cell_blocks(mesh)
     with open(path, "wb") as stream:
         stream.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
-        listed = "\n".join([str(volume), *names, f'3 {volume} "solid"'])
+        listed = "\n".join([str(len(names)), *names])
         stream.write(f"$PhysicalNames\n{listed}\n$EndPhysicalNames\n".encode())
         stream.write(f"$Nodes\n{len(mesh.points)}\n".encode())
         for start in range(0, len(mesh.points), _CHUNK):
@@ -43,16 +44,17 @@ def write(mesh: VolumeMesh, path: Path) -> None:
             rows["number"] = np.arange(start + 1, start + 1 + len(places))
             rows["place"] = places
             stream.write(rows.tobytes())
-        cells = sum(len(nodes) for _, nodes, _ in blocks)
+        cells = sum(len(block.nodes) for block in blocks)
         stream.write(f"\n$EndNodes\n$Elements\n{cells}\n".encode())
         first = 1
-        for kind, nodes, side in blocks:
-            for start in range(0, len(nodes), _CHUNK):
-                part = _ordered(kind, nodes[start : start + _CHUNK], mesh.order)
-                head = np.array([_CODES[kind, mesh.order], len(part), 2], dtype=np.int32)
+        for block in blocks:
+            group = block.side or len(sides) + max(block.layer, 1)
+            for start in range(0, len(block.nodes), _CHUNK):
+                part = _ordered(block.kind, block.nodes[start : start + _CHUNK], mesh.order)
+                head = np.array([_CODES[block.kind, mesh.order], len(part), 2], dtype=np.int32)
                 numbers = np.empty((len(part), 3 + part.shape[1]), dtype=np.int32)
                 numbers[:, 0] = np.arange(first, first + len(part))
-                numbers[:, 1:3] = side or volume
+                numbers[:, 1:3] = group
                 numbers[:, 3:] = part + 1
                 stream.write(head.tobytes() + numbers.tobytes())
                 first += len(part)

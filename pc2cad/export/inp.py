@@ -28,7 +28,7 @@ _CHUNK = 1 << 15
 
 def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh; coordinates have the 20 characters that CalculiX reads (1e-13 of them)."""
-    names = plain_names([*mesh.node_sets, *mesh.sides])
+    names = plain_names([*mesh.node_sets, *mesh.sides, *mesh.layers])
     with open(path, "w", encoding="ascii", errors="replace", newline="\n") as stream:
         stream.write(f"*HEADING\n{mesh.name} ({mesh.units})\n*NODE, NSET=solid\n")
         _nodes(stream, mesh)
@@ -38,6 +38,10 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         for name, nodes in mesh.node_sets.items():
             stream.write(f"*NSET, NSET={names[name]}\n")
             _numbers(stream, nodes + 1)
+        for name, layer in mesh.layers.items():
+            stream.write(f"*ELSET, ELSET={names[name]}\n")
+            for kind, numbers in layer.items():
+                _numbers(stream, numbers + mesh.first_element(kind) + 1)
         for name, facets in mesh.sides.items():
             first = {f.kind: mesh.first_element(f.kind) + 1 for f in facets}
             stream.write(f"*ELSET, ELSET={names[name]}\n")

@@ -50,27 +50,31 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         _column(nodes, "FAM", family, len(family))
         cells = step.create_group("MAI")
         _attributes(cells, CGT=1)
-        for code, rows, sides_of_rows in _sections(mesh):
+        groups_of_cells = [*sides, *mesh.layers]
+        for code, rows, groups_of_rows in _sections(mesh, len(sides)):
             section = cells.create_group(code)
             _attributes(section, CGT=1, CGS=1, PFL=_NO_PROFILE)
             _column(section, "NOD", rows.T.ravel() + 1, len(rows))
-            _column(section, "FAM", -sides_of_rows, len(rows))
+            _column(section, "FAM", -groups_of_rows, len(rows))
         families = file.create_group("FAS").create_group("mesh")
         _attributes(families.create_group("FAMILLE_ZERO"), NUM=0)
         _families(families.create_group("NOEUD"), groups)
-        _families(families.create_group("ELEME"), {-k: [s] for k, s in enumerate(sides, start=1)})
+        cells_by = {-k: [name] for k, name in enumerate(groups_of_cells, start=1)}
+        _families(families.create_group("ELEME"), cells_by)
 
 
-def _sections(mesh: VolumeMesh) -> list[tuple[str, Ints, Ints]]:
-    """Return code, nodes and side numbers: one section for each type of cell."""
+def _sections(mesh: VolumeMesh, sides: int) -> list[tuple[str, Ints, Ints]]:
+    """Return code, nodes and numbers of groups, layers after sides: one for each type of cell."""
     merged: dict[str, list[tuple[Ints, int]]] = {}
-    for kind, nodes, side in cell_blocks(mesh):
-        merged.setdefault(kind, []).append((_turned(kind, nodes, mesh.order), side))
+    for block in cell_blocks(mesh):
+        group = block.side or (sides + block.layer if block.layer else 0)
+        nodes = _turned(block.kind, block.nodes, mesh.order)
+        merged.setdefault(block.kind, []).append((nodes, group))
     return [
         (
             _CODES[kind, mesh.order],
             np.concatenate([nodes for nodes, _ in rows]),
-            np.concatenate([np.full(len(nodes), side) for nodes, side in rows]),
+            np.concatenate([np.full(len(nodes), group) for nodes, group in rows]),
         )
         for kind, rows in merged.items()
     ]

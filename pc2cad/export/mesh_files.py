@@ -43,35 +43,35 @@ MESH_FORMATS: tuple[MeshFormat, ...] = (
         ".vtu",
         "VTK unstructured grid (XML, raw binary)",
         "https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html",
-        "cell data 'side'; the number of each side is the field data of its name",
+        "cell data 'side' and 'layer'; the number of each is the field data of its name",
         "pc2cad.export.vtu",
     ),
     MeshFormat(
         ".inp",
         "Abaqus and CalculiX input",
         "http://www.dhondt.de/ccx_2.20.pdf",
-        "node sets, element sets and surfaces; u=0 is written u_0",
+        "node sets, element sets (of layers too) and surfaces; u=0 is written u_0",
         "pc2cad.export.inp",
     ),
     MeshFormat(
         ".msh",
         "gmsh mesh 2.2 (binary)",
         "https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format-version-2-_0028Legacy_0029",
-        "physical surfaces",
+        "physical surfaces, and a physical volume for each layer",
         "pc2cad.export.gmsh_mesh",
     ),
     MeshFormat(
         ".vtk",
         "VTK legacy (binary)",
         "https://docs.vtk.org/en/latest/vtk_file_formats/vtk_legacy_file_format.html",
-        "cell data 'side', numbered in the order of the report",
+        "cell data 'side' and 'layer', numbered in the order of the report",
         "pc2cad.export.vtk_legacy",
     ),
     MeshFormat(
         ".med",
         "MED (Salome, code_aster)",
         "https://docs.salome-platform.org/latest/dev/MEDCoupling/developer/med-file.html",
-        "groups of faces and of nodes",
+        "groups of faces, of nodes and of the elements of each layer",
         "pc2cad.export.med",
         ("h5py",),
     ),
@@ -110,14 +110,31 @@ def whole_sides(names: Iterable[str]) -> list[str]:
     return [name for name in names if " (" not in name]
 
 
-def cell_blocks(mesh: VolumeMesh) -> list[tuple[str, Ints, int]]:
-    """Return type, nodes and side number of every block of cells.
+@dataclass(frozen=True)
+class CellBlock:
+    """Cells of one type and one set: volumes, or facets of a side."""
 
-    Volumes come first, with number 0; the facets of the k-th whole side follow with number k.
-    """
-    blocks = [(kind, block, 0) for kind, block in mesh.blocks.items()]
+    kind: str
+    #: (cells, nodes of each)
+    nodes: Ints
+    #: number of the whole side, from 1 on; 0 for volumes
+    side: int = 0
+    #: number of the layer, from 1 on; 0 for facets and where the solid is one
+    layer: int = 0
+
+
+def cell_blocks(mesh: VolumeMesh) -> list[CellBlock]:
+    """Return all cells: volumes first, by layers where there are any, then the sides' facets."""
+    layers = list(mesh.layers.values())
+    blocks = [
+        CellBlock(kind, mesh.blocks[kind][numbers], layer=k)
+        for k, layer in enumerate(layers, start=1)
+        for kind, numbers in layer.items()
+    ] or [CellBlock(kind, block) for kind, block in mesh.blocks.items()]
     for number, side in enumerate(whole_sides(mesh.sides), start=1):
-        blocks += [(shape, nodes, number) for shape, nodes in mesh.facet_nodes(side).items()]
+        blocks += [
+            CellBlock(shape, nodes, number) for shape, nodes in mesh.facet_nodes(side).items()
+        ]
     return blocks
 
 

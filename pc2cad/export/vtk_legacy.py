@@ -16,10 +16,10 @@ _CHUNK = 1 << 18
 
 
 def write(mesh: VolumeMesh, path: Path) -> None:
-    """Write the mesh; the cell data ``side`` is 0 inside and k on the k-th side."""
+    """Write the mesh; the cell data ``side`` is k on the k-th side, ``layer`` in the k-th layer."""
     blocks = cell_blocks(mesh)
-    cells = sum(len(nodes) for _, nodes, _ in blocks)
-    numbers = sum(nodes.size for _, nodes, _ in blocks) + cells
+    cells = sum(len(block.nodes) for block in blocks)
+    numbers = sum(block.nodes.size for block in blocks) + cells
     title = mesh.name.encode("ascii", "replace").decode()[:200]
     with open(path, "wb") as stream:
         stream.write(
@@ -28,19 +28,21 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         )
         _put(stream, mesh.points, ">f8")
         stream.write(f"\nCELLS {cells} {numbers}\n".encode())
-        for _, nodes, _ in blocks:
-            for start in range(0, len(nodes), _CHUNK):
-                part = nodes[start : start + _CHUNK]
+        for block in blocks:
+            for start in range(0, len(block.nodes), _CHUNK):
+                part = block.nodes[start : start + _CHUNK]
                 rows = np.empty((len(part), part.shape[1] + 1), dtype=">i4")
                 rows[:, 0] = part.shape[1]
                 rows[:, 1:] = part
                 _put(stream, rows, ">i4")
         stream.write(f"\nCELL_TYPES {cells}\n".encode())
-        for kind, nodes, _ in blocks:
-            _put(stream, np.full(len(nodes), VTK_TYPES[kind, mesh.order]), ">i4")
-        stream.write(f"\nCELL_DATA {cells}\nSCALARS side int 1\nLOOKUP_TABLE default\n".encode())
-        for _, nodes, side in blocks:
-            _put(stream, np.full(len(nodes), side), ">i4")
+        for block in blocks:
+            _put(stream, np.full(len(block.nodes), VTK_TYPES[block.kind, mesh.order]), ">i4")
+        stream.write(f"\nCELL_DATA {cells}".encode())
+        for name in ("side", "layer") if mesh.layers else ("side",):
+            stream.write(f"\nSCALARS {name} int 1\nLOOKUP_TABLE default\n".encode())
+            for block in blocks:
+                _put(stream, np.full(len(block.nodes), getattr(block, name)), ">i4")
         stream.write(b"\n")
 
 

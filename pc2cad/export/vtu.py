@@ -2,7 +2,7 @@
 
 Volume elements come first, then the facets of the sides as two-dimensional cells. The cell data
 ``side`` is 0 inside and the number of the side on its facets; field data of the side's name holds
-that number.
+that number. So does ``layer`` for the elements of a part in layers.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.export.mesh_files import Ints, cell_blocks, whole_sides
+from pc2cad.export.mesh_files import CellBlock, cell_blocks, whole_sides
 from pc2cad.mesh.volume_mesh import VolumeMesh
 
 #: type numbers of VTK by element and order
@@ -27,27 +27,31 @@ VTK_TYPES = {
 }  # fmt: skip
 _NAMES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 _CHUNK = 1 << 20
-#: code, nodes and side number of each block of cells
-_Blocks = list[tuple[int, Ints, int]]
 #: type, components, entries, and the data in parts
 _Column = tuple[str, int, int, Callable[[], Iterable[NDArray[Any]]]]
 
 
 def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh; nothing is held in memory twice."""
-    blocks = [(_code(kind, mesh), nodes, side) for kind, nodes, side in cell_blocks(mesh)]
-    cells = sum(len(block) for _, block, _ in blocks)
-    corners = sum(block.size for _, block, _ in blocks)
+    blocks = cell_blocks(mesh)
+    cells = sum(len(block.nodes) for block in blocks)
+    corners = sum(block.nodes.size for block in blocks)
     whole = "i8" if corners >= 2**31 else "i4"
-    sides = whole_sides(mesh.sides)
+    named = [*enumerate(whole_sides(mesh.sides), start=1), *enumerate(mesh.layers, start=1)]
+
+    def constant(value: Callable[[CellBlock], int]) -> Callable[[], Iterable[NDArray[Any]]]:
+        return lambda: _constant([(len(block.nodes), value(block)) for block in blocks])
+
     # in the order of the file
     arrays: dict[str, _Column] = {
         "points": ("f8", 3, len(mesh.points), lambda: iter((mesh.points,))),
-        "connectivity": (whole, 1, corners, lambda: (block for _, block, _ in blocks)),
+        "connectivity": (whole, 1, corners, lambda: (block.nodes for block in blocks)),
         "offsets": (whole, 1, cells, lambda: _offsets(blocks)),
-        "types": ("u1", 1, cells, lambda: _constant([(len(b), c) for c, b, _ in blocks])),
-        "side": ("i4", 1, cells, lambda: _constant([(len(b), s) for _, b, s in blocks])),
+        "types": ("u1", 1, cells, constant(lambda b: VTK_TYPES[b.kind, mesh.order])),
+        "side": ("i4", 1, cells, constant(lambda b: b.side)),
     }
+    if mesh.layers:
+        arrays["layer"] = ("i4", 1, cells, constant(lambda b: b.layer))
     position = 0
     offsets = {}
     for name, (kind, components, count, _) in arrays.items():
@@ -62,10 +66,11 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         )
 
     field = "".join(
-        f'<DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{k + 1}'
+        f'<DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{k}'
         "</DataArray>\n"
-        for k, name in enumerate(sides)
+        for k, name in named
     )
+    data = "\n".join(tag(name, name) for name in ("side", "layer") if name in arrays)
     order = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
     head = f"""<?xml version="1.0"?>
 <VTKFile type="UnstructuredGrid" version="1.0" byte_order="{order}" header_type="UInt64">
@@ -79,7 +84,7 @@ def write(mesh: VolumeMesh, path: Path) -> None:
 {tag("offsets", "offsets")}
 {tag("types", "types")}
 </Cells>
-<CellData>{tag("side", "side")}</CellData>
+<CellData>{data}</CellData>
 </Piece>
 </UnstructuredGrid>
 <AppendedData encoding="raw">
@@ -95,18 +100,14 @@ _"""
         stream.write(b"\n</AppendedData>\n</VTKFile>\n")
 
 
-def _code(kind: str, mesh: VolumeMesh) -> int:
-    return VTK_TYPES[kind, mesh.order]
-
-
-def _offsets(blocks: _Blocks) -> Iterator[NDArray[Any]]:
+def _offsets(blocks: list[CellBlock]) -> Iterator[NDArray[Any]]:
     total = 0
-    for _, block, _ in blocks:
-        size = block.shape[1]
-        for start in range(0, len(block), _CHUNK):
-            stop = min(start + _CHUNK, len(block))
+    for block in blocks:
+        count, size = block.nodes.shape
+        for start in range(0, count, _CHUNK):
+            stop = min(start + _CHUNK, count)
             yield np.arange(start + 1, stop + 1, dtype=np.int64) * size + total
-        total += block.size
+        total += block.nodes.size
 
 
 def _constant(rows: list[tuple[int, int]]) -> Iterator[NDArray[Any]]:

@@ -45,6 +45,8 @@ def _steps(i: int, j: int) -> int:
 @lru_cache(maxsize=256)
 def pieces(pattern: Pattern) -> tuple[Piece, ...]:
     """Return the elements of a cell with these equal corners; none where nothing is left of it."""
+    if pattern == tuple(range(8)):
+        return (Piece(HEXAHEDRON, tuple((k,) for k in pattern)),)
     classes = {first: tuple(k for k in range(8) if pattern[k] == first) for first in set(pattern)}
     faces = [ring for face in HEXAHEDRON.faces if len(ring := _ring(face, pattern)) > 2]
     if any(len(set(ring)) < len(ring) for ring in faces):

@@ -62,7 +62,7 @@ def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Ints, Ints]:
     for vertex in boundary.vertices:
         corners = [cell_nodes(grid, corner).reshape(1) for corner in vertex.corners]
         join(np.concatenate(corners), corners[0])
-    return _components(pairs)
+    return joined(pairs)
 
 
 def _image(grid: Grid, side: SideFate) -> Ints:
@@ -77,7 +77,8 @@ def _image(grid: Grid, side: SideFate) -> Ints:
     return image.T if side.symmetry.swap else image
 
 
-def _components(pairs: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+def joined(pairs: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+    """Return, of numbers that are one in pairs, those that stand for another, and for which."""
     if not pairs:
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     first, second = (np.concatenate([p[k] for p in pairs]) for k in range(2))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pc2cad.analysis import Analysis
 from pc2cad.errors import InputError
 from pc2cad.mapping import open_grid
-from pc2cad.topology.cells import directions_of
+from pc2cad.topology.cells import Cell, directions_of
 
 Array = NDArray[np.float64]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
@@ -210,32 +210,36 @@ def _piece_lines(low: float, high: float, breaks: Array, count: int, grading: Gr
     return np.concatenate(row)
 
 
+def joins(analysis: Analysis) -> list[tuple[Piece, Piece, bool]]:
+    """Return the pieces of directions that gluings join, and whether one runs in reverse."""
+    found: list[tuple[Piece, Piece, bool]] = []
+
+    def join(a: Cell, b: Cell, axis: int, other: int, reverse: bool) -> None:
+        d, e = directions_of(a)[axis], directions_of(b)[other]
+        pair = ((d, a[d]), (e, b[e]), reverse)
+        if pair[0] != pair[1] or reverse:
+            found.append(pair)
+
+    for edge in analysis.boundary.edges:
+        first, *others = edge.members
+        for member in others:
+            join(first.cell, member.cell, 0, 0, member.reverse != first.reverse)
+    for side in analysis.boundary.sides:
+        if side.partner is None or side.symmetry is None:
+            continue
+        flags = (side.symmetry.reverse_s, side.symmetry.reverse_t)
+        for axis in range(2):
+            other = 1 - axis if side.symmetry.swap else axis
+            join(side.patch, side.partner, axis, other, flags[other])
+    return found
+
+
 class _Classes:
     """Pieces of directions that the gluings join: they have to have the same lines."""
 
     def __init__(self, analysis: Analysis) -> None:
         self._analysis = analysis
-        self._joins: list[tuple[Piece, Piece, bool]] = []
-        for edge in analysis.boundary.edges:
-            first, *others = edge.members
-            for member in others:
-                self._join(first.cell, member.cell, 0, 0, member.reverse != first.reverse)
-        for side in analysis.boundary.sides:
-            if side.partner is None or side.symmetry is None:
-                continue
-            flags = (side.symmetry.reverse_s, side.symmetry.reverse_t)
-            for axis in range(2):
-                other = 1 - axis if side.symmetry.swap else axis
-                self._join(side.patch, side.partner, axis, other, flags[other])
-
-    def _join(
-        self, a: tuple[int, ...], b: tuple[int, ...], axis: int, other: int, reverse: bool
-    ) -> None:
-        d = [k for k in range(3) if a[k] % 2][axis]
-        e = [k for k in range(3) if b[k] % 2][other]
-        join = ((d, a[d]), (e, b[e]), reverse)
-        if join[0] != join[1] or reverse:
-            self._joins.append(join)
+        self._joins = joins(analysis)
 
     def pieces(self, direction: int) -> list[tuple[float, float, Array]]:
         """Return the limits of each crease piece and the smoother breaks that it has to have."""

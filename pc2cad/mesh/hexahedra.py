@@ -20,7 +20,7 @@ from pc2cad.mesh.collapse import pieces
 from pc2cad.mesh.elements import HEXAHEDRON, TYPES
 from pc2cad.mesh.gluing import cell_nodes, merged_nodes
 from pc2cad.mesh.grid import Grid
-from pc2cad.mesh.volume_mesh import Facets, VolumeMesh
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell, normal_direction
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class _Assembly:
         equation = self._analysis.equation
         return VolumeMesh(
             equation.name, equation.units, self._order, points, blocks,
-            self._by_side(sides), self._node_sets(numbers),
+            self._by_side(sides), self._node_sets(numbers), self._layers(irregular),
         )  # fmt: skip
 
     # -- elements ------------------------------------------------------------------------------
@@ -253,9 +253,23 @@ class _Assembly:
         """Name whole sides, and also their patches where creases make several."""
         sides: dict[str, tuple[Facets, ...]] = {}
         for name, facets in patches.items():
-            whole = name.partition(" (")[0]
+            whole = by_whole_side(name)[0]
             sides[whole] = sides.get(whole, ()) + facets
         return {**sides, **patches}
+
+    def _layers(self, irregular: Ints) -> dict[str, dict[str, Ints]]:
+        """Return the elements of each layer; layers are the crease pieces of w."""
+        names = self._analysis.equation.layers
+        if not names:
+            return {}
+        lengths = np.diff(self._grid.limits[2])
+        along = np.repeat(np.arange(len(lengths), dtype=np.int16), lengths)
+        of_cell = np.tile(along, int(np.prod(self._grid.cells[:2])))
+        numbers = {HEXAHEDRON.name: [np.delete(of_cell, irregular)]}
+        for split in self._splits:
+            for kind, _, _ in split.parts:
+                numbers.setdefault(kind, []).append(of_cell[split.cells])
+        return by_layer(names, {kind: np.concatenate(rows) for kind, rows in numbers.items()})
 
     def _node_sets(self, numbers: Ints) -> dict[str, Ints]:
         sets: dict[str, list[Ints]] = {}
@@ -263,7 +277,7 @@ class _Assembly:
         for side in boundary.sides:
             name = boundary.name(side.patch)
             nodes = numbers[cell_nodes(self._fine, side.patch).ravel()]
-            for key in {name.partition(" (")[0], name}:
+            for key in by_whole_side(name):
                 sets.setdefault(key, []).append(nodes[nodes >= 0])
         return {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ class Quality:
     mean_aspect: float
     #: sum of the elements' volumes, by Gauss rules
     volume: float
+    #: the same for each layer
+    layers: Mapping[str, float] = field(default_factory=dict)
 
 
 def measure(mesh: VolumeMesh) -> Quality:
@@ -46,23 +48,28 @@ def measure(mesh: VolumeMesh) -> Quality:
     """
     least, aspect = np.inf, 1.0
     sums = np.zeros(3)
-    for name, start, corners, volume, determinant in _figures(mesh):
+    layers = {layer: 0.0 for layer in mesh.layers}
+    for name, start, corners, volumes, determinant in _figures(mesh):
         scaled, ratio = corners
         flat = ~((determinant > 0) & (scaled > 0 if mesh.order == 1 else determinant > 0))
         if flat.any():
             _refuse(mesh, name, start + int(np.flatnonzero(flat)[0]), int(flat.sum()))
         least = min(least, float(scaled.min()))
         aspect = max(aspect, float(ratio.max()))
-        sums += scaled.sum(), ratio.sum(), volume
+        sums += scaled.sum(), ratio.sum(), volumes.sum()
+        for layer, numbers in mesh.layers.items():
+            first, last = np.searchsorted(numbers.get(name, ()), (start, start + len(volumes)))
+            if first < last:
+                layers[layer] += float(volumes[numbers[name][first:last] - start].sum())
     mean = sums / mesh.elements
-    return Quality(least, float(mean[0]), aspect, float(mean[1]), float(sums[2]))
+    return Quality(least, float(mean[0]), aspect, float(mean[1]), float(sums[2]), layers)
 
 
 _Corners = tuple[Array, Array]
 
 
-def _figures(mesh: VolumeMesh) -> Iterator[tuple[str, int, _Corners, float, Array]]:
-    """Give, chunk by chunk: type, first element, corner figures, volume and least determinant."""
+def _figures(mesh: VolumeMesh) -> Iterator[tuple[str, int, _Corners, Array, Array]]:
+    """Give, chunk by chunk: type, first element, corner figures, volumes and least determinants."""
     for name, block in mesh.blocks.items():
         shape, columns = name, np.arange(block.shape[1])
         if name == "pyramid":
@@ -78,7 +85,7 @@ def _figures(mesh: VolumeMesh) -> Iterator[tuple[str, int, _Corners, float, Arra
             tangents = [(table @ x[columns]).reshape(3, count, -1) for x in axes]
             determinant = _determinant(*(np.stack([t[d] for t in tangents]) for d in range(3)))
             yield (
-                name, start, _at_corners(name, axes), float((weights @ determinant).sum()),
+                name, start, _at_corners(name, axes), weights @ determinant,
                 determinant.min(axis=0),
             )  # fmt: skip
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,19 @@ class Facets:
     faces: Ints
 
 
+def by_whole_side(name: str) -> list[str]:
+    """Return the sets that a patch of a side belongs to: the whole side, and its own of several."""
+    return list(dict.fromkeys((name.partition(" (")[0], name)))
+
+
+def by_layer(names: Sequence[str], numbers: Mapping[str, Ints]) -> dict[str, dict[str, Ints]]:
+    """Return the elements of each layer, for the layer's number of every element by type."""
+    return {
+        name: {kind: here for kind, row in numbers.items() if len(here := np.flatnonzero(row == k))}
+        for k, name in enumerate(names)
+    }
+
+
 @dataclass(frozen=True, eq=False)
 class VolumeMesh:
     """Nodes and elements that fill a solid; lengths in `units`.
@@ -44,6 +57,8 @@ class VolumeMesh:
     sides: Mapping[str, tuple[Facets, ...]]
     #: side -> its nodes, ascending; collapsed and glued sides too
     node_sets: Mapping[str, Ints]
+    #: layer -> its elements: numbers within each type; empty where the solid is one
+    layers: Mapping[str, Mapping[str, Ints]] = field(default_factory=dict)
 
     @property
     def elements(self) -> int:
