@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: orders of the rule in one panel: the first, and the one beyond which it is halved
-FIRST_ORDER, LAST_ORDER = 4, 32
+#: orders of the rule in one panel, each twice the one before; after the last it is halved
+ORDERS = (2, 4, 8, 16, 32)
+#: order with which halves begin
+HALF_ORDER = 8
 #: relative change of an integral at which refinement ends
 CONVERGED = 1e-13
 #: a relative change that rounding may explain where it does not shrink any more
@@ -29,6 +31,8 @@ MOST_NODES, SHORTEST = 60_000, 1e-13
 STEEPEST = 1e-6
 #: nodes along which the accepted panels are looked at once more
 LOOK = 192
+#: nodes up to which a panel is taken with all orders at once
+FEW_NODES = 1000
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -46,6 +50,8 @@ class Samples:
 
 
 Sampler = Callable[[Array], Samples]
+#: of a panel: integrals, those of absolute values, of the terms, and what is missed
+_Part = tuple[Array, Array, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +119,7 @@ class _Work:
         self._sample = sample
         n = len(limits) - 1
         self.low, self.high = limits[:-1].copy(), limits[1:].copy()
-        self.order = np.full(n, FIRST_ORDER)
+        self.order = np.full(n, ORDERS[0])
         self.open = np.ones(n, dtype=bool)
         #: last integrals (n, L, k), those of absolute values, of the terms; nan: not known
         self._known: list[Array | None] = [None] * n
@@ -125,32 +131,56 @@ class _Work:
 
     def step(self) -> bool:
         """Refine the open panels once; return whether some are still open."""
-        index = np.flatnonzero(self.open)
-        if not len(index):
+        index = [int(i) for i in np.flatnonzero(self.open)]
+        if not index:
             return False
-        parts = self._integrate(self.low[index], self.high[index], self.order[index])
-        before = [self._known[i] for i in index]
-        for i, (value, size, terms, _) in zip(map(int, index), parts, strict=True):
-            self._known[i], self._size[i], self._terms[i] = value, size, terms
+        ladders = self._ladders(index)
+        rungs = np.array([len(ladder) for ladder in ladders])
+        low, high = (np.repeat(limits[index], rungs) for limits in (self.low, self.high))
+        parts = iter(self._integrate(low, high, np.concatenate(ladders)))
+        found = [[next(parts) for _ in ladder] for ladder in ladders]
+        for i, rows in zip(index, found, strict=True):
+            _, self._size[i], self._terms[i], _ = rows[-1]
         scale, noise = self._scale()
-        halve: list[int] = []
-        for i, (value, _, _, miss), old in zip(map(int, index), parts, before, strict=True):
-            change = np.inf if old is None else float(np.abs(value - old).max()) / scale
-            change = change if np.isfinite(change) else np.inf
-            self._before[i], self._change[i] = self._change[i], change
-            if old is not None and self._accept(i, change, noise, miss):
-                self.open[i] = False
-            elif self.order[i] < LAST_ORDER:
-                self.order[i] *= 2
-            else:
-                halve.append(i)
-        spent = int(self.order.sum()) + LAST_ORDER * len(halve)
+        halve = [i for i, rows in zip(index, found, strict=True)
+                 if not self._climb(i, rows, scale, noise)]  # fmt: skip
+        spent = int(self.order.sum()) + ORDERS[-1] * len(halve)
         if halve and spent > MOST_NODES:
             for i in halve:
                 self.open[i], self._left[i] = False, self._expected(i)
             halve.clear()
         self._halve(halve)
         return bool(self.open.any())
+
+    def _ladders(self, index: Sequence[int]) -> list[list[int]]:
+        """Return the orders that are taken at once in each open panel, ascending.
+
+        A call of the sampler costs about as much for few nodes as for `FEW_NODES`. The first order
+        is too low to be believed without all others.
+        """
+        ladders = [[n for n in ORDERS if n >= self.order[i]] for i in index]
+        if sum(map(sum, ladders)) <= FEW_NODES:
+            return ladders
+        self.order[index] = np.maximum(self.order[index], ORDERS[1])
+        return [[int(self.order[i])] for i in index]
+
+    def _climb(self, i: int, rows: Sequence[_Part], scale: float, noise: float) -> bool:
+        """Take the integrals of ascending orders in; return whether the panel may stay whole."""
+        last = rows[-1][0]
+        for value, _, _, miss in rows:
+            old = self._known[i]
+            # what all orders that are known say of this one
+            change = np.inf if old is None else float(np.abs((value - old, last - old)).max())
+            change = change / scale if np.isfinite(change) else np.inf
+            self._known[i] = value
+            self._before[i], self._change[i] = self._change[i], change
+            if old is not None and self._accept(i, change, noise, miss):
+                self.open[i] = False
+                return True
+            if self.order[i] == ORDERS[-1]:
+                return False
+            self.order[i] *= 2
+        return True
 
     def _accept(self, i: int, change: float, noise: float, miss: float) -> bool:
         target = max(CONVERGED, noise)
@@ -198,7 +228,7 @@ class _Work:
         self._change = joined(self._change, np.nan)
         self._before = joined(self._before, np.nan)
         self._left = joined(self._left, 0.0)
-        self.order = joined(self.order.astype(float), 2 * FIRST_ORDER).astype(int)
+        self.order = joined(self.order.astype(float), HALF_ORDER).astype(int)
         self.open = joined(self.open.astype(float), 1.0).astype(bool)
         self.low, self.high = low[order], high[order]
 
@@ -210,9 +240,7 @@ class _Work:
         first = max(float(np.nanmax(total[..., 0])), 1e-300)
         return scale, 64 * EPSILON * float(np.nansum(self._terms)) / first
 
-    def _integrate(
-        self, low: Array, high: Array, orders: NDArray[np.int_]
-    ) -> list[tuple[Array, Array, float, float]]:
+    def _integrate(self, low: Array, high: Array, orders: NDArray[np.int_]) -> list[_Part]:
         """Return per panel: integrals, those of absolute values, of the terms, and what is missed.
 
         The last is the gap between a point's way through the panel and the integral of its tangent,
