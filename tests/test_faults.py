@@ -63,7 +63,7 @@ def test_a_fault_is_one_sentence_and_no_file(
 
 def test_every_fault_of_the_list_has_its_line_and_its_test() -> None:
     tests = Path(__file__).parent
-    text = (tests.parent / "docs" / "faults.md").read_text()
+    text = (tests.parent / "docs" / "faults.md").read_text().partition("\n## Fuzzing")[0]
     lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
     lines = [cells for cells in lines if cells[0].isdigit()]
     assert [int(cells[0]) for cells in lines] == list(range(1, 133))
