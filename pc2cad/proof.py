@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.directions import CellFunction
+from pc2cad.enclosure.between import between
 from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.equation.breaks import BreaksNotAlignedError
@@ -24,6 +25,8 @@ from pc2cad.topology.cells import Cell
 
 Array = NDArray[np.float64]
 
+#: share of the distance that may be added between slices of a volume
+_BETWEEN = 0.05
 #: degree in which the distance from a plane, which is zero, is looked at
 _FLAT_DEGREE = 7
 
@@ -130,34 +133,78 @@ def bound_volume(
 ) -> Bound | None:
     """Bound the distance of M from a trivariate spline, None where no way to is known.
 
-    `directions` are those of u, v, w (0, 1, 2) along the spline's axes. Where both are polynomials
-    of one Bernstein basis B_k along an axis, M - S = Σ B_k (C_k - S_k), and since the basis is
-    positive and sums to 1, the distance is at most the largest of those of the surfaces C_k, S_k.
+    `directions` are those of u, v, w (0, 1, 2) along the spline's axes.
     """
     trees, names = function.trees
     along = [names[d] for d in directions]
     ruled = next((k for k in range(3) if _is_bernstein(volume.axes[k], trees, along[k])), None)
-    if ruled is None:
+    try:
+        if ruled is None:
+            bound = _bound_slices(trees, along, volume)
+        else:
+            bound = _bound_ruled(trees, along, volume, ruled)
+    except BreaksNotAlignedError:
         return None
+    if bound is None:
+        return None
+    # rounding of the sums of poles that slices and control surfaces are
+    size = float(np.sqrt((volume.poles**2).sum(axis=-1)).max())
+    terms = max(volume.degrees) + 4
+    return replace(bound, largest=bound.largest + 4 * terms * 2.0**-53 * size)
+
+
+def _bound_slices(
+    trees: tuple[Expr, ...], along: Sequence[str], volume: SplineVolume
+) -> Bound | None:
+    """Bound the distance from those of slices (see `enclosure.between`)."""
+    # slices as few as can be; the weights do not change from slice to slice
+    axis = min((k for k in range(3) if volume.axes[k].wave is None),
+               key=lambda k: len(volume.axes[k].space.points))  # fmt: skip
+    others = [k for k in range(3) if k != axis]
+    courses = [_course(volume.axes[k]) for k in others]
+    names = [along[k] for k in others]
+    known, space = Known(), volume.axes[axis].space
+
+    def bound_at(place: float) -> Bound:
+        section = substitute(trees, {along[axis]: number(Fraction(place))})
+        shares = space.basis(np.array([place])).toarray()[0]
+        return _bound_spline(section, names, _combined(volume, axis, shares), courses, known)
+
+    first = max(bound_at(place).sampled for place in (0.0, 0.3, 0.6, 1.0))
+    rows = between(trees, along, volume.knots, volume.degrees, axis, _BETWEEN * first)
+    if rows is None:
+        return None
+    found = [bound_at(float(place)) for place in rows.places()]
+    largest = rows.largest(np.array([bound.largest for bound in found]))
+    return Bound(
+        largest, max(bound.sampled for bound in found), sum(bound.samples for bound in found)
+    )
+
+
+def _bound_ruled(
+    trees: tuple[Expr, ...], along: Sequence[str], volume: SplineVolume, ruled: int
+) -> Bound:
+    """Bound the distance where M and S are polynomials of one Bernstein basis B_k along an axis.
+
+    M - S = Σ B_k (C_k - S_k), and since the basis is positive and sums to 1, the distance is at
+    most the largest of those of the surfaces C_k, S_k.
+    """
     others = [k for k in range(3) if k != ruled]
     places = [
         substitute(trees, {along[ruled]: number(Fraction(j, max(volume.degrees[ruled], 1)))})
         for j in range(volume.degrees[ruled] + 1)
     ]
     known, bounds = Known(), []
-    try:
-        for k, shares in enumerate(_to_bernstein(volume.degrees[ruled])):
-            control = tuple(
-                sum((c * row[i] for c, row in zip(shares, places, strict=True) if c), ZERO)
-                for i in range(3)
-            )
-            surface = _control_surface(volume, ruled, k)
-            courses = [_course(volume.axes[axis]) for axis in others]
-            bounds.append(
-                _bound_spline(control, [along[axis] for axis in others], surface, courses, known)
-            )
-    except BreaksNotAlignedError:
-        return None
+    for k, shares in enumerate(_to_bernstein(volume.degrees[ruled])):
+        control = tuple(
+            sum((c * row[i] for c, row in zip(shares, places, strict=True) if c), ZERO)
+            for i in range(3)
+        )
+        surface = _combined(volume, ruled, np.eye(volume.degrees[ruled] + 1)[k])
+        courses = [_course(volume.axes[axis]) for axis in others]
+        bounds.append(
+            _bound_spline(control, [along[axis] for axis in others], surface, courses, known)
+        )
     return max(bounds, key=lambda bound: bound.largest)
 
 
@@ -169,13 +216,17 @@ def _is_bernstein(axis: Axis, trees: Sequence[Expr], name: str) -> bool:
     return degree is not None and degree <= axis.space.degree
 
 
-def _control_surface(volume: SplineVolume, axis: int, index: int) -> SplineSurface:
+def _combined(volume: SplineVolume, axis: int, shares: Array) -> SplineSurface:
+    """Return the surface whose poles are a sum of a volume's along an axis, by shares."""
     first, second = (k for k in range(3) if k != axis)
-    weights = None if volume.weights is None else np.moveaxis(volume.weights, axis, 0)[index]
+    weights, poles = None, np.tensordot(shares, volume.poles, (0, axis))
+    if volume.weights is not None:
+        weights = np.tensordot(shares, volume.weights, (0, axis))
+        weighted = volume.poles * volume.weights[..., None]
+        poles = np.tensordot(shares, weighted, (0, axis)) / weights[..., None]
     return SplineSurface(
         (volume.degrees[first], volume.degrees[second]),
-        (volume.knots[first], volume.knots[second]),
-        np.moveaxis(volume.poles, axis, 0)[index], weights,
+        (volume.knots[first], volume.knots[second]), poles, weights,
     )  # fmt: skip
 
 

@@ -86,11 +86,37 @@ def test_a_bound_holds_everywhere_and_notices_what_is_amiss(name: str) -> None:
     assert bound.largest > 2 * patch.deviation
 
 
-def test_what_is_a_polynomial_along_no_direction_stays_sampled() -> None:
-    bent = (pc.exp(u) * (2 + pc.sin(v * w)), v + pc.exp(v) + w / 9, w * pc.exp(u * w / 3 + v))
-    model = represent_volume(analyse(point_equation(bent, name="bent")), 1e-5)
-    assert model.evidence == "sampled"
-    assert 0 < model.deviation <= 1e-5
+BENT = (pc.exp(u) * (2 + pc.sin(v * w)), v + pc.exp(v) + w / 9, w * pc.exp(u * w / 3 + v))
+_OUT = 3 + v + pc.sin(v * w) / 3
+TURNED = (_OUT * pc.cos(2 * pc.pi * u), _OUT * pc.sin(2 * pc.pi * u), w + pc.exp(v * w) / 5)
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "factor"),
+    [(BENT, 1e-3), pytest.param(BENT, 1e4, marks=pytest.mark.slow), (TURNED, 1.0)],
+    ids=["small", "large", "turned"],
+)
+def test_what_is_a_polynomial_along_no_direction_is_bounded_by_its_slices(
+    coordinates: tuple[pc.Expr, ...], factor: float
+) -> None:
+    scaled = tuple(factor * x for x in coordinates)
+    analysis = analyse(point_equation(scaled, name="part"))
+    model = represent_volume(analysis, 1e-4 * factor)
+    assert model.evidence == "bounded"
+    assert model.rational == (coordinates is TURNED)
+    (patch,) = model.patches
+    assert 0 < patch.sampled < patch.deviation <= min(2.5 * patch.sampled, 1e-4 * factor)
+    places = np.random.default_rng(1).random((500, 3))
+    found = np.array([patch.volume(*place[:, None])[0, 0, 0] for place in places])
+    gap = np.linalg.norm(found - truth(analysis, model, 0, places), axis=1).max()
+    assert 0.1 * patch.deviation < gap <= patch.deviation
+    # one pole moved, wherever it is, is seen
+    poles = patch.volume.poles.copy()
+    poles[tuple(n // 2 for n in poles.shape[:3])][0] += 100 * patch.deviation
+    spoilt = replace(patch.volume, poles=poles)
+    bound = bound_volume(CellFunction(analysis, patch.cell), spoilt, model.directions)
+    assert bound is not None
+    assert bound.largest > 2 * patch.deviation
 
 
 def test_exact_splines_are_as_small_as_they_can_be() -> None:

@@ -137,7 +137,10 @@ def _bound(
     floor: float = 0.0,
 ) -> Bound:
     trees = cancel_terms(trees)
-    coarse = [_direction(trees, names, spline, axis) for axis in range(len(names))]
+    coarse = [
+        direction_along(trees, *along)
+        for along in zip(names, spline.knots, spline.degrees, strict=True)
+    ]
     directions = [_reused(d, known.finer.get(d.key)) for d in coarse]
     function = function_of(trees, names, known)
     expected = _first_look(function, spline, directions)
@@ -163,10 +166,8 @@ def _reused(direction: Direction, finer: Array | None) -> Direction:
     return direction.on(finer)
 
 
-def _direction(
-    trees: tuple[Expr, ...], names: tuple[str, ...], spline: _Spline, axis: int
-) -> Direction:
-    name, knots, degree = names[axis], spline.knots[axis], spline.degrees[axis]
+def direction_along(trees: tuple[Expr, ...], name: str, knots: Array, degree: int) -> Direction:
+    """Return the cells on which trees are compared with a spline of some knots and degree."""
     known = degree_in(trees, name)
     if known is not None and known > max(degree, HIGHEST_EXACT):
         known = None
