@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 SHARP = 1.3
 #: share of the largest sample that the remainder may have before cells are made smaller
 REMAINDER_SHARE = 0.25
+#: degrees more than the spline's that hold all of an error that converges; with fewer, more cells
+#: are halved
+EXTRA = 3
 #: polynomials of a higher degree are interpolated: their own coefficients are ill-conditioned
 HIGHEST_EXACT = 13
 #: halvings of cells for the coefficients' sake
@@ -171,8 +174,7 @@ def direction_along(trees: tuple[Expr, ...], name: str, knots: Array, degree: in
     known = degree_in(trees, name)
     if known is not None and known > max(degree, HIGHEST_EXACT):
         known = None
-    # two degrees more than the spline's hold all of an error that converges
-    nodes = degree + 2 if known is None else max(degree, known)
+    nodes = degree + EXTRA if known is None else max(degree, known)
     points = np.unique(knots)
     breaks = []
     for position in (b.position for b in find_breaks(trees, analytic=True)[PARAMETERS.index(name)]):

@@ -61,11 +61,12 @@ def _power_series(x: Model, a: float, order: int, first: Array, own: float) -> M
     """Return x**a, `first` being its value at the centre: binomial coefficients over c^k."""
     c, r = x.centre, x.reach
     q = _below_one(r / np.abs(c))
-    series, binomial = [first], 1.0
-    for k in range(1, order + 1):
-        binomial *= (a - k + 1) / k
-        series.append(binomial * first / c**k)
-    binomial *= (a - order) / (order + 1)
+    ratios = [(a - k + 1) / k for k in range(1, order + 2)]
+    *binomials, binomial = np.cumprod(ratios).tolist()
+    series, power = [first], first
+    for factor in binomials:
+        power = power / c
+        series.append(factor * power)
     # the quotient of successive coefficients falls towards 1 from |a - k|/(k + 1) at k = order + 1
     growth = max(1.0, abs(a - order - 1) / (order + 2))
     room = _below_one(growth * q)

@@ -13,7 +13,7 @@ real places, so that values sampled by `Program` can stand for exact ones.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,18 +48,26 @@ class Model:
         """The polynomial's value in the middle."""
         return np.asarray(self.terms[0, 0])
 
-    @property
+    @cached_property
+    def sizes(self) -> Array:
+        """The sums of |terms| by total degree, (degrees, n, m)."""
+        return by_degree(np.abs(self.terms))
+
+    @cached_property
+    def size(self) -> Array:
+        """The sum of all |terms|."""
+        return np.asarray(self.sizes.sum(axis=0))
+
+    @cached_property
     def reach(self) -> Array:
         """How far values, computed ones too, may be from `centre`."""
-        total = np.abs(self.terms).sum(axis=(0, 1)) - np.abs(self.centre)
-        return np.asarray((np.maximum(total, 0.0) * (1 + 1e-12) + self.radius + self.error) * SLACK)
+        total = self.sizes[1:].sum(axis=0)
+        return np.asarray((total * (1 + 1e-12) + self.radius + self.error) * SLACK)
 
-    @property
+    @cached_property
     def largest(self) -> Array:
         """Largest modulus of any value, computed ones too."""
-        return np.asarray(
-            (np.abs(self.terms).sum(axis=(0, 1)) + self.radius + self.error) * (1 + 1e-12)
-        )
+        return np.asarray((self.size + self.radius + self.error) * (1 + 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,18 +132,15 @@ def shift(x: Model, by: ArrayLike) -> Model:
 def mul(x: Model, y: Model, order: int) -> Model:
     """Return x·y; products of a degree above `order` go into the radius."""
     total = product(x.terms, y.terms, order)
-    by_x, by_y = by_degree(np.abs(x.terms), order), by_degree(np.abs(y.terms), order)
-    size_x, size_y = by_x.sum(axis=0), by_y.sum(axis=0)
-    size = size_x * size_y
-    radius = size_x * y.radius + (size_y + y.radius) * x.radius
-    radius = radius + 4 * (order + 2) ** 2 * UNIT * size
+    by_x, by_y = x.sizes[: order + 1], y.sizes[: order + 1]
+    radius = x.size * y.radius + (y.size + y.radius) * x.radius
+    radius = radius + 4 * (order + 2) ** 2 * UNIT * x.size * y.size
     if len(by_x) + len(by_y) - 2 > order:
         # what the factors have from each degree on, the highest degree first
         rest = np.cumsum(by_y[::-1], axis=0)
         beyond = by_x[order + 2 - len(by_y) :]
         radius = radius + (beyond * rest[: len(beyond)]).sum(axis=0)
-    large_x, large_y = size_x + x.radius + x.error, size_y + y.radius + y.error
-    error = large_x * y.error + large_y * x.error + UNIT * large_x * large_y
+    error = x.largest * y.error + y.largest * (x.error + UNIT * x.largest)
     return Model(total, radius * (1 + 1e-14) + TINY, error * (1 + 1e-14) + TINY)
 
 
@@ -145,9 +150,7 @@ def product(x: Array, y: Array, order: int) -> Array:
     if (a == 1 and d == 1) or (b == 1 and c == 1):
         # one factor varies along s, the other along t: every term is one product
         total = x * y
-        if total.shape[0] + total.shape[1] - 2 > order:
-            total *= _within(total.shape[0], total.shape[1], order)
-        return np.asarray(total)
+        return _up_to(order, total)
     if b == d == 1 or a == c == 1:
         return _along_one(x, y, order)
     if a * b > c * d:
@@ -158,10 +161,7 @@ def product(x: Array, y: Array, order: int) -> Array:
         if i + j <= order:
             rows, columns = min(c, order + 1 - i - j), min(d, order + 1 - i - j)
             total[i : i + rows, j : j + columns] += x[i, j] * y[:rows, :columns]
-    total = total[: order + 1, : order + 1]
-    if total.shape[0] + total.shape[1] - 2 > order:
-        total *= _within(total.shape[0], total.shape[1], order)
-    return np.asarray(total)
+    return _up_to(order, total[: order + 1, : order + 1])
 
 
 def _along_one(x: Array, y: Array, order: int) -> Array:
@@ -183,25 +183,31 @@ def _collect(a: int, c: int, order: int) -> Array:
     return np.asarray(np.arange(min(a + c - 1, order + 1))[:, None] == degree, dtype=float)
 
 
+def _up_to(order: int, terms: Array) -> Array:
+    """Return terms, those of a total degree above the order made 0 (in place)."""
+    a, b = terms.shape[:2]
+    if a + b - 2 > order:
+        terms *= _within(a, b, order)
+    return terms
+
+
 @lru_cache(maxsize=256)
 def _within(a: int, b: int, order: int) -> Array:
     """Return 1 where the total degree is at most `order`, else 0."""
     degree = np.add.outer(np.arange(a), np.arange(b))
-    return np.asarray((degree <= order).astype(float)[:, :, None, None])
+    return np.asarray(degree <= order, dtype=float)[:, :, None, None]
 
 
-def by_degree(sizes: Array, order: int) -> Array:
+def by_degree(sizes: Array) -> Array:
     """Return the sums of |terms| by total degree, (degrees, n, m)."""
     a, b = sizes.shape[:2]
     if b == 1:
         return np.asarray(sizes[:, 0])
     if a == 1:
         return np.asarray(sizes[0])
-    count = min(order + 1, a + b - 1)
-    result = np.zeros((count, *sizes.shape[2:]))
-    for i in range(min(a, count)):
-        columns = min(b, count - i)
-        result[i : i + columns] += sizes[i, :columns]
+    result = np.zeros((a + b - 1, *sizes.shape[2:]))
+    for i in range(a):
+        result[i : i + b] += sizes[i]
     return result
 
 
@@ -213,26 +219,24 @@ def compose(
     `series` has `order` + 1 of them, `tail` bounds what the others add within x's reach (nan or inf
     where that is unknown), `slope` the derivative there, `own` the relative error of computing f.
     """
-    g = x.terms.copy()
-    g[0, 0] = 0.0
-    sizes = by_degree(np.abs(g), order)[:, None]
+    g, sizes = x.terms.copy(), x.sizes[: order + 1].copy()
+    g[0, 0] = sizes[0] = 0.0
+    sizes = sizes[:, None]
     terms, kept = series[-1][None, None], np.abs(series[-1])[None, None]
-    whole, spread = kept[0, 0], np.zeros_like(kept[0, 0])
     for coefficient in reversed(series[:-1]):
         terms, kept = product(terms, g, order), product(kept, sizes, order)
         terms[0, 0] += coefficient
         kept[0, 0] += np.abs(coefficient)
-        # sums of |f_k| r^k and, for the radius of the argument, of k |f_k| r^(k-1)
-        spread = spread * x.reach + whole
-        whole = whole * x.reach + np.abs(coefficient)
-    polynomial = np.abs(series[-1])
-    size = sizes.sum(axis=(0, 1))
-    for coefficient in reversed(series[:-1]):
-        polynomial = polynomial * size + np.abs(coefficient)
+    moduli = np.abs(np.array(series))
+    degrees = np.arange(len(moduli)).reshape(-1, *[1] * (moduli.ndim - 1))
+    # sums of |f_k| r^k and, for the radius of the argument, of k |f_k| r^(k-1)
+    whole = (moduli * x.reach**degrees).sum(axis=0)
+    spread = (degrees * moduli)[1:] * x.reach ** degrees[:-1]
+    polynomial = (moduli * sizes.sum(axis=(0, 1)) ** degrees).sum(axis=0)
     lost = np.maximum(polynomial - kept.sum(axis=(0, 1)), 0.0)
     # coefficients come from a few library calls and products each
     rounding = ((order + 8) * LIBRARY + 8 * (order + 2) ** 2 * UNIT) * whole
-    radius = (spread * x.radius + lost + tail + rounding) * (1 + 1e-12) + TINY
+    radius = (spread.sum(axis=0) * x.radius + lost + tail + rounding) * (1 + 1e-12) + TINY
     value = np.abs(terms).sum(axis=(0, 1)) + radius
     error = (slope * x.error + own * value) * (1 + 1e-12) + TINY
     return Model(terms, radius, error)

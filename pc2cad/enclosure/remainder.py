@@ -180,7 +180,10 @@ def remainders(
                     directions, smallest, share, reach, strict=False
                 )
             ]
-            _evaluate(vectors, directions, axis, _boxes(bad, directions, counts), rest)
+            # few boxes along one parameter cost no less than all, and all serve other functions
+            few = len(directions) == 1 and directions[0].cells.count <= FEW
+            wanted = np.ones_like(bad) if few else bad
+            _evaluate(vectors, directions, axis, _boxes(wanted, directions, counts), rest)
             split = rest.to_split(axis, part, depth % 2 == 0)
             hard = hard or any(mask.any() for mask in split)
             if depth == DEEPEST:
