@@ -15,24 +15,27 @@ from pc2cad.courses import Courses, Strand
 from pc2cad.directions import SAFE_DEGREE, CellFunction, DirectionClasses
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.errors import InputError, ToleranceNotReachedError
-from pc2cad.geometry.bernstein import bernstein, bezier_knots, linear_span
+from pc2cad.geometry.bernstein import bernstein, bezier_knots
 from pc2cad.geometry.carriers import (
+    AnalyticSurface,
     CurveCarrier,
     Evidence,
     Line,
-    Plane,
+    PCurve,
     SplineCurve,
     SplineSurface,
-    fit_plane,
+    spline_traits,
 )
+from pc2cad.geometry.fitting import Fitted, irrational
 from pc2cad.geometry.profile import COMPACT, SplineProfile
 from pc2cad.geometry.rational import Course, edge_deviation, face_deviation, fit_edge, fit_face
-from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
-from pc2cad.laying import axis_of, sides_on, whole_square
+from pc2cad.geometry.recognition import Laid
+from pc2cad.laying import axis_of, sides_of_fitted, sides_on, whole_square
 from pc2cad.model import BoundaryModel, Layer, ModelEdge, ModelFace
 from pc2cad.planar import coplanar_groups, join_straight_edges, plane_face
+from pc2cad.point_sets import laid_of, on_line, plane_of, simple_curve
 from pc2cad.proof import Side, prove_edge, prove_face
-from pc2cad.topology.cells import directions_of, outward_sign
+from pc2cad.topology.cells import outward_sign
 from pc2cad.topology.complex import EdgeUse, Shell
 
 Array = NDArray[np.float64]
@@ -135,7 +138,10 @@ class _Representation:
         self._edges = [
             CellFunction(analysis, edge.cell, profile.exact) for edge in self.boundary.edges
         ]
-        self._planes = [self._plane(function) for function in self._faces]
+        self._simple: dict[int, CurveCarrier | None] = {}
+        self._planes = [
+            plane_of(function, self._sign(function.cell), self._slack) for function in self._faces
+        ]
         self._laid = [
             None if flat else self._lay(function)
             for function, flat in zip(self._faces, self._planes, strict=True)
@@ -191,53 +197,33 @@ class _Representation:
 
     def extent(self, face: int) -> float:
         """Return the diagonal of the box round samples of a face."""
-        nodes = _irrational(9)
+        nodes = irrational(9)
         return float(np.linalg.norm(np.ptp(self._faces[face](nodes, nodes), axis=(0, 1))))
 
     # -- what a face lies on -------------------------------------------------------------------
 
-    def _plane(self, function: CellFunction) -> tuple[Plane, Evidence] | None:
-        """Return the plane that carries a face, if one does, its normal pointing outwards."""
-        slack = 1e-12 * self._analysis.size + self._rounding
-        nodes = _irrational(9)
-        seen = fit_plane(function(nodes, nodes).reshape(-1, 3), slack)
-        if seen is None:
-            return None
-        found = self._proved_plane(function)
-        evidence: Evidence = "exact"
-        if found is None:
-            found = seen
-            span = linear_span(function.trees[0])
-            if span is None or _rank(span) > 2:
-                # waves between the first nodes would show here
-                dense = function(_irrational(64), _irrational(61)).reshape(-1, 3)
-                found, evidence = fit_plane(dense, slack), "sampled"
-                if found is None:
-                    return None
-        s, t = directions_of(function.cell)
-        places = [0.0, 0.0, 0.0]
-        for d in range(3):
-            low, high = self._analysis.span(d, function.cell[d])
-            places[d] = 0.45 * low + 0.55 * high
-        along_s, along_t = self._analysis.map.tangents((s, t), *places)
-        outward = self._sign(function.cell) * np.cross(along_s, along_t)
-        normal = found.normal if found.normal @ outward > 0 else -found.normal
-        return Plane(found.origin, normal + 0.0), evidence
-
-    def _proved_plane(self, function: CellFunction) -> Plane | None:
-        return None if function.form is None else plane(function.form)
+    @property
+    def _slack(self) -> float:
+        """What points may be off a carrier that they lie on to rounding (a length)."""
+        return 1e-12 * self._analysis.size + self._rounding
 
     def _sign(self, patch: tuple[int, int, int]) -> int:
         return outward_sign(patch) * self._analysis.orientation
 
-    def _lay(self, function: CellFunction) -> Laid | None:
-        laid = function.may_be_swept() and function.form and lay(function.form)
-        if not laid:
+    def _lay(self, function: CellFunction) -> Laid | Fitted | None:
+        """Return a face laid on a surface that the receiver takes, or None."""
+        laid = laid_of(function, self._slack)
+        if laid is None:
             return None
-        # a spline as profile has to be one that the receiver takes
+        if isinstance(laid, Fitted):
+            return laid if self._allows(laid.carrier) else None
         bases = [axis for axis in (0, 1) if laid.follows(axis)]
         allowed = all(self._takes(Strand(function, axis)) for axis in bases)
         return laid if allowed else None
+
+    def _allows(self, carrier: CurveCarrier | AnalyticSurface) -> bool:
+        degree, rational = spline_traits(carrier)
+        return degree <= self._profile.exact and (self._profile.rational or not rational)
 
     def _takes(self, strand: Strand) -> bool:
         """Say whether the profile allows the exact form of a strand."""
@@ -273,7 +259,7 @@ class _Representation:
             rough = {
                 face
                 for edge, uses in self.boundary.edge_uses().items()
-                if bound[edge] and not self._holds(edge, courses)
+                if not self._holds(edge, courses, bound[edge])
                 for face, _ in uses
                 if self._laid[face] is not None
             }
@@ -281,17 +267,21 @@ class _Representation:
                 return bound, courses
             self._laid = [None if i in rough else laid for i, laid in enumerate(self._laid)]
 
-    def _holds(self, edge: int, courses: Courses) -> bool:
-        """Say whether a bound edge is exact, or straight whatever its parameter."""
+    def _holds(self, edge: int, courses: Courses, bound: bool) -> bool:
+        """Say whether an edge is exact, or straight, or on a conic and free in its parameter."""
         function = self._edges[edge]
-        return self._is_straight(function) or courses.exact(Strand(function, 0)) is not None
+        return (
+            on_line(function)
+            or (not bound and self._simple_edge(edge) is not None)
+            or courses.exact(Strand(function, 0, bound)) is not None
+        )
 
     def _strands(self, bound: list[bool]) -> list[Strand]:
         uses = self.boundary.edge_uses()
         edges = [
             Strand(function, 0, bound[i], any(self._laid[face] for face, _ in uses[i]))
             for i, function in enumerate(self._edges)
-            if bound[i] or self._simple_edge(function) is None
+            if bound[i] or self._simple_edge(i) is None
         ]
         return edges + [
             Strand(function, axis, laid=self._laid[face] is not None)
@@ -306,7 +296,7 @@ class _Representation:
         function, edge = self._edges[index], self.boundary.edges[index]
         ends = self.vertices[edge.start], self.vertices[edge.end]
         if not self._bound[index]:
-            simple = self._simple_edge(function)
+            simple = self._simple_edge(index)
             if simple is not None:
                 carrier = Line(*ends) if isinstance(simple, Line) else simple
                 return ModelEdge(carrier, edge.start, edge.end, "exact", 0.0)
@@ -323,18 +313,12 @@ class _Representation:
         evidence: Evidence = "exact" if course.exact else "sampled"
         return ModelEdge(curve, edge.start, edge.end, evidence, seen)
 
-    def _simple_edge(self, function: CellFunction) -> CurveCarrier | None:
-        """Return the line, circle or ellipse that an edge is, whatever its parameter, or None."""
-        if self._is_straight(function):
-            start, end = function(np.array([0.0, 1.0]))
-            return Line(start, end)
-        form = function.form if function.may_be_exact(0) else None
-        found = form and arc(form)
-        return found[0] if found else None
-
-    def _is_straight(self, function: CellFunction) -> bool:
-        form = function.form if function.may_be_swept() else None
-        return form is not None and is_straight(form)
+    def _simple_edge(self, index: int) -> CurveCarrier | None:
+        """Return the line or conic that an edge is, whatever its parameter, or None."""
+        if index not in self._simple:
+            found = simple_curve(self._edges[index], self._slack)
+            self._simple[index] = found if found is not None and self._allows(found) else None
+        return self._simple[index]
 
     # -- faces ---------------------------------------------------------------------------------
 
@@ -347,9 +331,7 @@ class _Representation:
         if flat is not None:
             return plane_face(group, flat, self.boundary, inward, edges)
         if laid is not None:
-            arcs = [self._courses.arcs(piece) for piece in function.pieces]
-            sides = sides_on(laid, cell.uses, edges, arcs)
-            surface = laid.carrier(lambda axis, level: self._iso_curve(function, axis, level))
+            surface, sides = self._on_surface(laid, index, edges)
             return ModelFace(name, (index,), surface, cell.uses, (), sides, laid.turned,
                              inward != laid.turned, "exact", 0.0, 0)  # fmt: skip
         square = whole_square(cell.uses)
@@ -371,6 +353,17 @@ class _Representation:
         evidence: Evidence = "exact" if s.exact and t.exact else "sampled"
         return ModelFace(name, (index,), carrier, cell.uses, (), square, False, inward, evidence,
                          seen.largest, seen.samples)  # fmt: skip
+
+    def _on_surface(
+        self, laid: Laid | Fitted, index: int, edges: list[ModelEdge]
+    ) -> tuple[AnalyticSurface, tuple[PCurve | None, ...]]:
+        """Return the surface of a laid face, and the face's four sides there."""
+        function, uses = self._faces[index], self.boundary.faces[index].uses
+        if isinstance(laid, Fitted):
+            return laid.carrier, sides_of_fitted(laid, uses, edges, self.vertices)
+        arcs = [self._courses.arcs(piece) for piece in function.pieces]
+        surface = laid.carrier(lambda axis, level: self._iso_curve(function, axis, level))
+        return surface, sides_on(laid, uses, edges, arcs)
 
     def _highest(self, course: Course) -> int:
         """Return the highest degree of an exact form that runs as a course does."""
@@ -398,15 +391,3 @@ class _Representation:
 
 def _bezier(poles: Array) -> SplineCurve:
     return SplineCurve(len(poles) - 1, bezier_knots(len(poles) - 1), poles)
-
-
-def _irrational(count: int) -> Array:
-    """Return ascending places in (0, 1), evenly spread and at the zeros of no wave."""
-    return np.sort(np.arange(1, count + 1) * ((5**0.5 - 1) / 2) % 1.0)
-
-
-def _rank(vectors: Array) -> int:
-    if len(vectors) == 0:
-        return 0
-    values = np.linalg.svd(vectors, compute_uv=False)
-    return int((values > 1e-13 * values[0]).sum())

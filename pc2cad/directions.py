@@ -69,6 +69,14 @@ class CellFunction:
         """Return M at places given by broadcastable local parameters: shape broadcast + (3,)."""
         return self.analysis.map.points(*self._places(local))
 
+    def normals(self, *local: Array) -> Array:
+        """Return M_s × M_t of a face on the product of parameter arrays: shape (len, len, 3)."""
+        s, t = directions_of(self.cell)
+        grid = open_grid(*(np.atleast_1d(x) for x in self._places(local)))
+        along_s, along_t = self.analysis.map.tangents((s, t), *grid)
+        keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
+        return np.cross(along_s, along_t)[keep]
+
     def shown(self, *local: float) -> str:
         """Return a place as the equation's own parameters, for a message."""
         return self.analysis.map.shown(float(x) for x in self._places(local))

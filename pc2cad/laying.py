@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.geometry.carriers import PCurve, Segment, SplineCurve, SplinePath
+from pc2cad.geometry.carriers import (
+    CurveCarrier,
+    PCurve,
+    Segment,
+    SplineCurve,
+    SplinePath,
+    ends_of,
+)
+from pc2cad.geometry.fitting import Fitted
+from pc2cad.geometry.location import curve_points
 from pc2cad.geometry.parameter_path import path
 from pc2cad.geometry.rational import Arcs
 from pc2cad.geometry.recognition import Along, Laid
@@ -40,6 +50,45 @@ def whole_square(uses: Sequence[EdgeUse]) -> tuple[Segment, ...]:
     )
 
 
+def sides_of_fitted(
+    fitted: Fitted, uses: Sequence[EdgeUse], edges: Sequence[ModelEdge], vertices: Array
+) -> tuple[PCurve | None, ...]:
+    """Return the four sides of a face in its surface's parameters, along the edges' directions.
+
+    There is none for a side that is a point where the surface has no pole, and for an edge that the
+    face has on both sides where the surface has no seam.
+    """
+    sides: list[PCurve | None] = []
+    for side, use in enumerate(uses):
+        carrier = None if use.edge is None else edges[use.edge].carrier
+        if carrier is None:
+            sides.append(None)
+            continue
+        upwards = is_upwards(side, use)
+        sides.append(fitted.side(side, partial(curve_points, carrier), upwards, _breaks(carrier)))
+    for i, j in ((0, 2), (1, 3), (0, 1), (0, 3), (1, 2), (2, 3)):
+        first, second = sides[i], sides[j]
+        if first is None or second is None or uses[i].edge != uses[j].edge:
+            continue
+        if np.abs(np.subtract(ends_of(first), ends_of(second))).max() < 1.0:
+            sides[i] = sides[j] = None
+    for side, use in enumerate(uses):
+        if use.edge is None and fitted.is_pole(vertices[use.vertex]):
+            sides[side] = _round_pole(sides, uses, side)
+    return tuple(sides)
+
+
+def _round_pole(sides: Sequence[PCurve | None], uses: Sequence[EdgeUse], side: int) -> Segment:
+    """Return a side that is a pole, from the end of the side before it to the next one's start."""
+    places = []
+    for neighbour, at_end in (((side - 1) % 4, True), ((side + 1) % 4, False)):
+        curve = sides[neighbour]
+        assert curve is not None
+        places.append(ends_of(curve)[int(at_end == uses[neighbour].forward)])
+    (a, b), (c, _) = np.array(places).tolist()
+    return Segment((a, b), (c, b))
+
+
 def sides_on(
     laid: Laid,
     uses: Sequence[EdgeUse],
@@ -62,8 +111,7 @@ def sides_on(
             continue
         if isinstance(carrier, SplineCurve):
             upwards = is_upwards(side, use)
-            breaks = np.unique(carrier.knots) if _is_simple(carrier) else np.array([0.0, 1.0])
-            result.append(path(places.towards(upwards), breaks, places.scale))
+            result.append(path(places.towards(upwards), _breaks(carrier), places.scale))
             continue
         ends = places(np.array([0.0, 1.0])).tolist()
         forwards = is_upwards(side, use) if use.edge is not None else side < 2
@@ -86,8 +134,12 @@ def _along_line(carrier: SplineCurve, first: Array, last: Array) -> SplinePath:
     return SplinePath(carrier.degree, carrier.knots, first + share[:, None] * (last - first))
 
 
-def _is_simple(carrier: SplineCurve) -> bool:
-    return len(carrier.knots) <= 40 * (carrier.degree + 1)
+def _breaks(carrier: CurveCarrier) -> Array:
+    """Return places at which a curve may have kinks, or is cut so that none has a whole turn."""
+    if not isinstance(carrier, SplineCurve):
+        return np.array([0.0, 0.5, 1.0])
+    simple = len(carrier.knots) <= 40 * (carrier.degree + 1)
+    return np.unique(carrier.knots) if simple else np.array([0.0, 1.0])
 
 
 class _Places:

@@ -39,7 +39,8 @@ class ModelFace:
     `reversed` says that the carrier's own normal points into the solid. A plane's boundary is
     `wires`, anti-clockwise about its normal, the outer one first. Any other face is bounded by its
     four `uses`: their `pcurves` run along the edges' own directions (those of collapsed sides along
-    the walk); `turned` says that the walk goes clockwise in the carrier's parameters.
+    the walk), with None for sides that bound nothing on the carrier; `turned` says that the walk
+    goes clockwise in the carrier's parameters.
     """
 
     name: str
@@ -48,7 +49,7 @@ class ModelFace:
     carrier: SurfaceCarrier
     uses: tuple[EdgeUse, ...]
     wires: tuple[Wire, ...]
-    pcurves: tuple[PCurve, ...]
+    pcurves: tuple[PCurve | None, ...]
     turned: bool
     reversed: bool
     evidence: Evidence

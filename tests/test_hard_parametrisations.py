@@ -84,7 +84,7 @@ def test_roots_of_polynomials_keep_exact_faces(name):
 
 
 INNER_ROOTS = {
-    "corner": (U, V, W * (1 + pc.sqrt(U + V))),
+    "corner": (U, V, W * (1 + (1 + U) * pc.sqrt(U + V))),
     "inside": (U, V, W * (1 + pc.sqrt(abs(U - THIRD)))),
 }
 
@@ -93,6 +93,15 @@ INNER_ROOTS = {
 def test_roots_inside_or_at_a_corner_are_refused_with_the_true_reason(name):
     with pytest.raises(ToleranceNotReachedError, match="kink"):
         pc.compile_part(INNER_ROOTS[name])
+
+
+def test_a_root_at_a_corner_is_no_harm_on_a_parabolic_cylinder():
+    # the top is (z - 1)² = x + y
+    part = pc.compile_part((U, V, W * (1 + pc.sqrt(U + V))))
+    assert [f.carrier for f in part.report.faces].count("extrusion") == 1
+    assert part.report.evidence == "exact"
+    volume = 1 + 4 / 15 * (2**2.5 - 2)
+    assert part.report.solid.volume == pytest.approx(volume, rel=1e-12)
 
 
 # -- slow-downs, poles of high order, thin faces ---------------------------------------------------

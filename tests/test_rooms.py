@@ -30,11 +30,12 @@ ALLOWED = {
     "model": {"geometry", "topology", "numpy"},
     "planar": {"geometry", "model", "topology", "numpy"},
     "courses": {"directions", "equation", "geometry", "numpy"},
+    "point_sets": {"directions", "geometry", "numpy"},
     "laying": {"geometry", "model", "topology", "numpy"},
     "proof": {"directions", "enclosure", "equation", "geometry", "model", "topology", "numpy"},
     "boundary": {
         "analysis", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
-        "planar", "proof", "topology", "numpy",
+        "planar", "point_sets", "proof", "topology", "numpy",
     },
     "bodies": {"brep", "equation", "errors", "export", "part", "report", "validation", "OCP"},
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},

@@ -138,6 +138,8 @@ class _Build:
         sides: list[TopoDS_Shape] = []
         counts = [use.edge for use in data.uses]
         for use, pcurve in zip(data.uses, data.pcurves, strict=True):
+            if pcurve is None:
+                continue
             if use.edge is None:
                 edge, forward = self._degenerated(face, pcurve, use.vertex), not data.turned
             else:
@@ -158,7 +160,7 @@ class _Build:
         pcurves = {
             use.forward != data.turned: pcurve
             for use, pcurve in zip(data.uses, data.pcurves, strict=True)
-            if use.edge == edge
+            if use.edge == edge and pcurve is not None
         }
         self._lay(face, edge, pcurves[True], pcurves[False])
 

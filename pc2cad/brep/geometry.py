@@ -40,13 +40,13 @@ from pc2cad.geometry.carriers import (
     PCurve,
     Plane,
     Revolution,
-    Segment,
     Sphere,
     SplineCurve,
     SplinePath,
     SplineSurface,
     SurfaceCarrier,
     Torus,
+    ends_of,
 )
 
 
@@ -202,8 +202,8 @@ def pcurve(data: PCurve, first: float, last: float) -> Geom2d_Curve:
 
 def length(data: PCurve) -> float:
     """Return the length of the chord in the parameter plane."""
-    ends = (data.start, data.end) if isinstance(data, Segment) else data.poles[[0, -1]]
-    return float(np.hypot(*np.subtract(*ends)))
+    first, last = ends_of(data)
+    return float(np.hypot(*(last - first)))
 
 
 def _path(degree: int, flat: Array, points: Array) -> Geom2d_BSplineCurve:

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from pc2cad.equation.identity import ROUNDING, seems_constant
-from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form, ordered
+from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form, ordered, tree_of
 from pc2cad.equation.products import product_of, products
 from pc2cad.equation.scalar import evaluate, evaluate_all
 from pc2cad.equation.sums import cancel_terms
@@ -80,7 +80,7 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
         if all(abs(value - first) <= ROUNDING * size for value in others):
             form = _form(done[node])
             if form is not None and not any(a.symbols for m in form for a, _ in m):
-                done[node] = _tree(form)
+                done[node] = tree_of(form)
     return tuple(done[root] for root in roots)
 
 
@@ -97,7 +97,7 @@ def _root(node: Expr) -> Expr:
     if form is None:
         return node
     if all(not atom.symbols for monomial in form for atom, _ in monomial):
-        return call("sqrt", _tree(form))
+        return call("sqrt", tree_of(form))
     return _root_of_square(form) or node
 
 
@@ -136,7 +136,7 @@ def _constant(coefficient: Expr) -> Expr | None:
     form = _form(_with_unknown_vectors(coefficient))
     if form is None or any(atom.symbols for monomial in form for atom, _ in monomial):
         return None
-    return _tree(form)
+    return tree_of(form)
 
 
 def _with_unknown_vectors(root: Expr) -> Expr:
@@ -182,7 +182,7 @@ def _divided(root: Expr) -> Expr:
     if not quotients or not _is_short(root):
         return root
     plain, form = normal_form(root, LARGEST), _form(root)
-    return root if form is None or form == plain else _tree(form)
+    return root if form is None or form == plain else tree_of(form)
 
 
 def _value(root: Expr) -> float:
@@ -248,7 +248,7 @@ def _without_quotient(form: NormalForm) -> NormalForm | None:
             continue
         rest = {m: c for m, c in form.items() if (atom, highest) not in m}
         lower = power(atom, number(highest - 1))
-        return normal_form(_tree(rest) + _tree(quotient) * lower, LARGEST)
+        return normal_form(tree_of(rest) + tree_of(quotient) * lower, LARGEST)
     return None
 
 
@@ -294,7 +294,7 @@ def _root_of_square(form: NormalForm) -> Expr | None:
             continue
         low, high = _bounds(root)
         if low > 0 or high < 0:
-            tree = _tree(root)
+            tree = tree_of(root)
             return call("sqrt", number(content)) * (tree if low > 0 else -tree)
     return None
 
@@ -309,8 +309,8 @@ def _completed(
     """Return g with content · g² = square, its leading term `half`, term by term."""
     root: NormalForm = {half: Fraction(1)}
     while len(root) <= LONGEST_ROOT:
-        tree = _tree(root)
-        form = normal_form(_tree(square) - number(content) * tree * tree, 4 * LARGEST)
+        tree = tree_of(root)
+        form = normal_form(tree_of(square) - number(content) * tree * tree, 4 * LARGEST)
         if form is None:
             return None
         rest = write(form)
@@ -407,13 +407,3 @@ def _halved(monomial: Monomial) -> Monomial | None:
     if any(exponent % 2 for _, exponent in monomial):
         return None
     return ordered({atom: exponent // 2 for atom, exponent in monomial})
-
-
-def _tree(form: NormalForm) -> Expr:
-    total = ZERO
-    for monomial, coefficient in form.items():
-        term = number(coefficient)
-        for atom, exponent in monomial:
-            term = term * power(atom, number(exponent))
-        total = total + term
-    return total

@@ -38,6 +38,26 @@ def normal_form(root: Expr, largest: int = LARGEST_FORM) -> NormalForm | None:
     return forms[root]
 
 
+def times(form: NormalForm, factor: Expr, largest: int = LARGEST_FORM) -> NormalForm | None:
+    """Return the normal form of a product, or None when it has more than `largest` terms."""
+    other = normal_form(factor, largest)
+    try:
+        return None if other is None else _product(form, other, largest)
+    except _TooLargeError:
+        return None
+
+
+def tree_of(form: NormalForm) -> Expr:
+    """Return a normal form as a tree."""
+    total = ZERO
+    for monomial, coefficient in form.items():
+        term = number(coefficient)
+        for atom, exponent in monomial:
+            term = term * power(atom, number(exponent))
+        total = total + term
+    return total
+
+
 def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
     if node.op == "number":
         return {(): node.payload} if node.payload else {}

@@ -200,6 +200,13 @@ class SplinePath:
 PCurve = Segment | SplinePath
 
 
+def ends_of(curve: PCurve) -> Array:
+    """Return the first and the last place of a curve: shape (2, 2)."""
+    return np.array(
+        [curve.start, curve.end] if isinstance(curve, Segment) else curve.poles[[0, -1]]
+    )
+
+
 # -- names -----------------------------------------------------------------------------------------
 
 _NAMES: dict[type, str] = {

@@ -33,16 +33,20 @@ def path(values: Callable[[Array], Array], breaks: Array, scale: Array) -> PCurv
         return Segment((a, b), (c, d))
     points = np.asarray(breaks, dtype=float)
     shares = np.linspace(0.03, 0.97, 13)
+    before = np.inf
     while len(points) <= MOST_PIECES:
         space = PiecewiseSpace(DEGREE, points)
         poles = space.fit(values(space.sites))
         places = (points[:-1, None] + np.diff(points)[:, None] * shares).ravel()
         gap = (np.abs(space.basis(places) @ poles - values(places)) / scale).max(axis=1)
         worst = gap.reshape(len(points) - 1, -1).max(axis=1)
-        if worst.max() <= 20 * ROUNDING:
+        # one more halving, where that still helps
+        enough = 2 * ROUNDING if worst.max() < before / 4 else 20 * ROUNDING
+        before = worst.max()
+        if before <= enough:
             poles[[0, -1]] = ends
             return SplinePath(DEGREE, space.knots, poles)
-        middles = ((points[:-1] + points[1:]) / 2)[worst > 20 * ROUNDING]
+        middles = ((points[:-1] + points[1:]) / 2)[worst > enough]
         points = np.sort(np.concatenate((points, middles)))
     raise ToleranceNotReachedError(
         "an edge has no smooth curve in the parameters of a face that it bounds"

@@ -11,6 +11,7 @@ from .step_curves import Curve, closest, gauss_rule, read_curve
 from .step_parse import StepDefect, StepGraph, Vector, is_true
 
 _SAMPLES = 17
+_POINTS = 16
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,8 @@ class EdgeReader:
         first, last = _interval(curve, ends, start == end, is_true(same_sense), ref)
         samples = curve.at(np.linspace(first, last, _SAMPLES))[0]
         breaks = curve.breaks(min(first, last), max(first, last))
-        nodes, weights = gauss_rule(breaks, curve.points)
+        # on a line too: what is swept along it on a surface is no polynomial
+        nodes, weights = gauss_rule(breaks, max(_POINTS, curve.points))
         places, slopes = curve.at(nodes)
         sign = 1.0 if last > first else -1.0
         gap = float(np.linalg.norm(samples[[0, -1]] - ends, axis=1).max())

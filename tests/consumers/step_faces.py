@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,15 @@ import numpy as np
 from .step_bsplines import BSplineSurface
 from .step_edges import EdgeReader, Wire
 from .step_parse import StepDefect, StepGraph, StepUnsupported, Vector, is_true
-from .step_patch import Moments, patch_moments, rectangles, trace_edge, winding
+from .step_patch import (
+    Askew,
+    Moments,
+    patch_moments,
+    rectangles,
+    trace_edge,
+    trimmed_moments,
+    winding,
+)
 from .step_surfaces import Spun, Surface, read_surface
 
 
@@ -63,6 +71,8 @@ def judge_face(
     surface = read_surface(graph, face.surface, radian)
     try:
         return _judge_patch(surface, face, origin, limits)
+    except Askew:
+        return _judge_trimmed(surface, face, origin, limits)
     except StepUnsupported:
         frame = surface.flat_frame() if isinstance(surface, BSplineSurface) else None
         if frame is None:
@@ -146,6 +156,30 @@ def _judge_patch(surface: Surface, face: Face, origin: Vector, limits: Limits) -
                 f"A wire of face {face.ref} ({face.carrier}) is flipped: it runs clockwise "
                 "around the normal in the parameter plane."
             )
+    return best
+
+
+def _judge_trimmed(surface: Surface, face: Face, origin: Vector, limits: Limits) -> FaceResult:
+    """A face whose edges run along no parameter: integrals along its edges."""
+    flow = tuple(np.concatenate([wire.flow[k] for wire in face.wires]) for k in (0, 1))
+    samples = np.concatenate([edge.samples for wire in face.wires for edge, _ in wire.edges])
+    u, v = surface.locate(samples)
+    gap = float(np.linalg.norm(surface.at(u, v)[0] - samples, axis=1).max())
+    if not gap <= limits.gap:
+        raise StepDefect(f"An edge leaves the surface of face {face.ref} by {gap:.2g}.")
+    corner, best = _corner(face), None
+    sign = 1.0 if face.same_sense else -1.0
+    for level in (float(np.mean(v)), *(x for x in surface.limits[1] if np.isfinite(x))):
+        moments = trimmed_moments(surface, (flow[0], flow[1]), level, origin, corner)
+        moments = replace(moments, area=sign * moments.area)
+        if moments.area <= 0.0:
+            continue
+        residual = _residual(face, moments, corner, moments.area**0.5)
+        if best is None or residual < best.stokes:
+            best = FaceResult(moments, residual, gap)
+    if best is None:
+        raise StepDefect(f"Face {face.ref} ({face.carrier}) is flipped: it has no area.")
+    _require_stokes(face, best.moments, best.stokes, limits.stokes)
     return best
 
 

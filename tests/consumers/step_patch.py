@@ -13,6 +13,11 @@ from .step_edges import Edge
 from .step_parse import StepDefect, StepUnsupported, Vector
 from .step_surfaces import Surface
 
+
+class Askew(StepUnsupported):
+    """An edge runs along neither parameter of its face's surface."""
+
+
 _LOOSE = 1e-7
 _CHUNK = 200_000
 
@@ -65,7 +70,7 @@ def trace_edge(surface: Surface, edge: Edge, limit: float, face: str) -> tuple[T
             level = float(np.median(parameters[other][inner]))
             rising = bool(steps[0] > 0.0)
             return Trace(axis, level, float(t.min()), float(np.ptp(t)), rising), float(distance)
-    raise StepUnsupported(f"Edge {edge.ref} trims face {face} askew: trimmed face not supported.")
+    raise Askew(f"Edge {edge.ref} trims face {face} askew.")
 
 
 def winding(steps: list[tuple[Trace, bool]]) -> float:
@@ -210,6 +215,31 @@ def _settled(one: Moments, other: Moments) -> bool:
     )
 
 
+def trimmed_moments(
+    surface: Surface, flow: tuple[Vector, Vector], level: float, origin: Vector, corner: Vector
+) -> Moments:
+    """Integrals over what edges run around, by Green's theorem: -∮ (∫ f dv from the level) du.
+
+    Their orientation counts. What closes the wires in the parameter plane but is no edge of the
+    file, a pole, has to be at the level.
+    """
+    places, steps = flow
+    u, v = (np.asarray(part) for part in surface.locate(places))
+    if surface.periods[1] is not None:
+        v = np.unwrap(v, period=surface.periods[1])
+    _, along_u, along_v = surface.at(u, v)
+    uu, uv, vv = ((a * b).sum(axis=1) for a, b in
+                  ((along_u, along_u), (along_u, along_v), (along_v, along_v)))  # fmt: skip
+    on_u, on_v = (along_u * steps).sum(axis=1), (along_v * steps).sum(axis=1)
+    run = (vv * on_u - uv * on_v) / (uu * vv - uv * uv)
+    nodes, weights = gauss_rule(np.linspace(0.0, 1.0, 5), 20)
+    inner = level + (v - level)[:, None] * nodes
+    weight = -(run * (v - level))[:, None] * weights
+    place, along_u, along_v = surface.at(np.repeat(u, len(nodes)), inner.ravel())
+    normal = np.cross(along_u, along_v)
+    return _moments(_sums(place, normal, weight.reshape(-1, 1), origin, corner))
+
+
 def _integrate(
     surface: Surface, rules: list[tuple[Vector, Vector]], origin: Vector, corner: Vector
 ) -> Moments:
@@ -220,11 +250,21 @@ def _integrate(
         part = slice(begin, begin + rows)
         place, along_u, along_v = surface.grid(u[part], v)
         weight = u_weights[part, None, None] * v_weights[None, :, None]
-        normal = (np.cross(along_u, along_v) * weight).reshape(-1, 3)
-        local, place = place.reshape(-1, 3) - corner, place.reshape(-1, 3) - origin
-        total[0] += np.linalg.norm(normal, axis=1).sum()
-        total[1:4] += normal.sum(axis=0)
-        total[4:13] += (normal.T @ local).ravel()
-        total[13] += (normal * place).sum() / 3.0
-        total[14:] += (normal * place**2).sum(axis=0) / 2.0
+        weight = weight.reshape(-1, 1)
+        normal = np.cross(along_u, along_v).reshape(-1, 3)
+        total += _sums(place.reshape(-1, 3), normal, weight, origin, corner)
+    return _moments(total)
+
+
+def _sums(place: Vector, normal: Vector, weight: Vector, origin: Vector, corner: Vector) -> Vector:
+    """All integrals of `Moments` in one row."""
+    area = np.linalg.norm(normal, axis=1) @ weight[:, 0]
+    normal, local, place = normal * weight, place - corner, place - origin
+    return np.concatenate((
+        [area], normal.sum(axis=0), (normal.T @ local).ravel(), [(normal * place).sum() / 3.0],
+        (normal * place**2).sum(axis=0) / 2.0,
+    ))  # fmt: skip
+
+
+def _moments(total: Vector) -> Moments:
     return Moments(total[0], total[1:4], total[4:13].reshape(3, 3), total[13], total[14:])
