@@ -83,16 +83,17 @@ class _Assembly:
         equation = self._analysis.equation
         return VolumeMesh(
             equation.name, equation.units, self._order, points, blocks,
-            self._by_side(sides), self._node_sets(numbers), self._layers(irregular),
+            self._by_side(sides), self._node_sets(numbers, count),
+            self._layers(irregular),
         )  # fmt: skip
 
     # -- elements ------------------------------------------------------------------------------
 
     def _elements(self, moved: Ints, stands: Ints) -> tuple[dict[str, Ints], Ints]:
         """Return the elements in indices of the fine grid, and the cells that are none as such."""
-        cells = self._corners()
-        irregular, rows = self._irregular(cells, moved, stands)
-        kept = np.delete(cells, irregular, axis=0) if len(irregular) else cells
+        firsts = self._first_corners()
+        irregular, rows = self._irregular(firsts, moved, stands)
+        kept = self._corners(np.delete(firsts, irregular) if len(irregular) else firsts)
         blocks: dict[str, list[Ints]] = {HEXAHEDRON.name: [self._with_middles(kept)]}
         counts = dict.fromkeys(TYPES, 0)
         patterns = (rows[:, :, None] == rows[:, None, :]).argmax(axis=2)
@@ -101,7 +102,7 @@ class _Assembly:
             here = np.flatnonzero(which.ravel() == k)
             split = _Split(irregular[here])
             for piece in pieces(tuple(int(p) for p in pattern)):
-                corners = cells[irregular[here]]
+                corners = self._corners(firsts[split.cells])
                 columns = [corners[:, group[0]] for group in piece.corners]
                 if self._order == 2:
                     for edge in range(len(piece.kind.edges)):
@@ -119,28 +120,33 @@ class _Assembly:
                     "more cells in the direction that closes would help"
                 )
             self._splits.append(split)
-        made = {name: np.concatenate(blocks[name]) for name in TYPES if name in blocks}
+        made = {name: _joined(blocks[name]) for name in TYPES if name in blocks}
         return {name: block for name, block in made.items() if len(block)}, irregular
 
-    def _corners(self) -> Ints:
-        """Return the corners of all cells as indices of the fine grid, (cells, 8)."""
+    def _strides(self) -> tuple[int, int, int]:
+        """Return the steps from a grid line to the next, in indices of the fine grid."""
         _, nv, nw = self._counts
-        strides = (nv * nw, nw, 1)
+        return self._order * nv * nw, self._order * nw, self._order
+
+    def _first_corners(self) -> Ints:
+        """Return the corner of every cell where u, v and w are least, as an index."""
         starts: list[Ints] = [
-            np.arange(n, dtype=self._integer) * (self._order * stride)
-            for n, stride in zip(self._grid.cells, strides, strict=True)
+            np.arange(n, dtype=self._integer) * stride
+            for n, stride in zip(self._grid.cells, self._strides(), strict=True)
         ]
         u, v, w = np.ix_(*starts)
-        cells = np.empty((*self._grid.cells, 8), dtype=self._integer)
+        return np.asarray((u + v + w).ravel())
+
+    def _corners(self, firsts: Ints) -> Ints:
+        """Return the corners of cells as indices of the fine grid, (cells, 8)."""
+        strides = self._strides()
         offsets = [
-            sum(int(corner[k]) * self._order * strides[self._axes[k]] for k in range(3))
+            sum(int(corner[k]) * strides[self._axes[k]] for k in range(3))
             for corner in HEXAHEDRON.corners
         ]
-        cells[...] = np.add(np.add(u, v), w)[..., None]
-        cells += np.array(offsets, dtype=self._integer)
-        return cells.reshape(-1, 8)
+        return firsts[:, None] + np.array(offsets, dtype=self._integer)
 
-    def _irregular(self, cells: Ints, moved: Ints, stands: Ints) -> tuple[Ints, Ints]:
+    def _irregular(self, firsts: Ints, moved: Ints, stands: Ints) -> tuple[Ints, Ints]:
         """Return the cells with equal corners, and those corners after merging."""
         none = np.empty(0, dtype=np.int64), np.empty((0, 8), dtype=np.int64)
         if not len(moved):
@@ -153,7 +159,7 @@ class _Assembly:
         found, rows = [none[0]], [none[1]]
         for start in range(0, len(candidates), _CHUNK):
             part = candidates[start : start + _CHUNK]
-            corners = _replace(cells[part], moved, stands)
+            corners = _replace(self._corners(firsts[part]), moved, stands)
             ordered = np.sort(corners, axis=1)
             equal = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
             found.append(part[equal])
@@ -180,18 +186,24 @@ class _Assembly:
         total = int(np.prod(self._counts))
         if self._order == 1 and not len(moved):
             return np.arange(total, dtype=self._integer), total
-        table: Ints = np.arange(total, dtype=self._integer)
-        table[moved] = stands
-        used = np.zeros(total, dtype=bool)
-        for rows in _chunks(blocks):
-            rows[...] = table[rows]
-            used[rows] = True
+        table: Ints = np.empty(total, dtype=self._integer)
+        if self._order == 1:
+            # every node is a corner of some element
+            used = np.ones(total, dtype=bool)
+        else:
+            used = np.zeros(total, dtype=bool)
+            for rows in _chunks(blocks):
+                used[rows] = True
+            used[stands[used[moved]]] = True
+        used[moved] = False
         np.cumsum(used, out=table)
         count = int(table[-1])
         np.subtract(table, 1, out=table)
         table[~used] = -1
+        table[moved] = table[stands]
         for rows in _chunks(blocks):
-            rows[...] = table[rows]
+            np.take(table, rows, out=rows, mode="clip")
+        table[moved] = -1
         return table, count
 
     def _points(self, numbers: Ints, moved: Ints, count: int) -> Array:
@@ -202,7 +214,7 @@ class _Assembly:
             for part, values in self._slabs(self._fine.lines):
                 flat[part] = values
             return points
-        table = numbers.reshape(self._counts)
+        table, position = numbers.reshape(self._counts), 0
         for parity in product(range(self._order), repeat=3):
             step = tuple(slice(p, None, self._order) for p in parity)
             wanted = table[step]
@@ -212,7 +224,13 @@ class _Assembly:
             for part, values in self._slabs(lines):
                 here = wanted[part]
                 owned = here >= 0
-                points[here[owned]] = values[owned]
+                if self._order == 1:
+                    # numbered in the order of the grid
+                    first = points[position : position + int(owned.sum())]
+                    np.compress(owned.ravel(), values.reshape(-1, 3), axis=0, out=first)
+                    position += len(first)
+                else:
+                    points[here[owned]] = values[owned]
         return points
 
     def _slabs(self, lines: tuple[Array, ...] | list[Array]) -> Iterator[tuple[slice, Array]]:
@@ -271,7 +289,7 @@ class _Assembly:
                 numbers.setdefault(kind, []).append(of_cell[split.cells])
         return by_layer(names, {kind: np.concatenate(rows) for kind, rows in numbers.items()})
 
-    def _node_sets(self, numbers: Ints) -> dict[str, Ints]:
+    def _node_sets(self, numbers: Ints, count: int) -> dict[str, Ints]:
         sets: dict[str, list[Ints]] = {}
         boundary = self._analysis.boundary
         for side in boundary.sides:
@@ -279,12 +297,24 @@ class _Assembly:
             nodes = numbers[cell_nodes(self._fine, side.patch).ravel()]
             for key in by_whole_side(name):
                 sets.setdefault(key, []).append(nodes[nodes >= 0])
-        return {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
+        member = np.zeros(count, dtype=bool)
+        found: dict[str, Ints] = {}
+        for name, parts in sets.items():
+            nodes = _joined(parts)
+            member[nodes] = True
+            found[name] = np.flatnonzero(member)
+            member[nodes] = False
+        return found
 
 
 def _replace(indices: Ints, moved: Ints, stands: Ints) -> Ints:
     place = np.minimum(np.searchsorted(moved, indices), len(moved) - 1)
     return np.where(moved[place] == indices, stands[place], indices)
+
+
+def _joined(parts: list[Ints]) -> Ints:
+    """Return arrays as one; a single one is not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _chunks(blocks: dict[str, Ints]) -> Iterator[Ints]:

@@ -14,7 +14,7 @@ from pc2cad.mesh.volume_mesh import VolumeMesh
 
 Array = NDArray[np.float64]
 
-_CHUNK = 1 << 14
+_CHUNK = 1 << 12
 
 
 class InvertedElementError(NotASolidError):
