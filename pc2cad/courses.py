@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from math import gcd, lcm
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from pc2cad.directions import (
     polynomial_space,
 )
 from pc2cad.equation.breaks import Break
+from pc2cad.equation.multiples import common
 from pc2cad.geometry.profile import SplineProfile
 from pc2cad.geometry.rational import Arcs, Course, rational_course
 from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt
@@ -97,7 +97,7 @@ class Courses:
         known = [r for r in ratios if r is not None]
         if len(known) < len(ratios):
             return None
-        unit = reduce(_common, known)
+        unit = reduce(common, known)
         order = max(int(r / unit) * k for r, (_, k) in zip(known, waves, strict=True))
         if order > LARGEST_ORDER or not self._allowed(order):
             return None
@@ -221,9 +221,3 @@ def _ratio(a: float, b: float) -> Fraction | None:
     """Return a/b where it is a fraction of small numbers."""
     ratio = Fraction(a / b).limit_denominator(LARGEST_ORDER)
     return ratio if ratio and abs(float(ratio) * b / a - 1) < 1e-13 else None
-
-
-def _common(a: Fraction, b: Fraction) -> Fraction:
-    """Return the largest number of which both are whole multiples."""
-    bottom = lcm(a.denominator, b.denominator)
-    return Fraction(gcd(int(a * bottom), int(b * bottom)), bottom)

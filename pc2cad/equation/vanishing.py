@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from pc2cad.equation.multiples import written_out
 from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form, times
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import Expr, number, power, symbol
 
-#: what rounding may leave of coefficients, as a share of the largest
-ROUNDING = 1e-12
+#: what rounding may leave of coefficients, as a share of the largest: the carriers of short pieces,
+#: which look like many others, come with digits lost, though nothing is off by more than rounding
+ROUNDING = 1e-10
 #: longer forms are given up
 LARGEST = 2000
 #: roots and denominators that are taken out, one at a time
@@ -29,7 +31,7 @@ def vanishes(root: Expr, measure: Expr) -> bool:
 
     Both are polynomials in the same coordinates, whose coefficients are of one size.
     """
-    form = normal_form(root + _MEASURE * measure, LARGEST)
+    form = normal_form(written_out(root + _MEASURE * measure), LARGEST)
     for _ in range(MOST_STEPS):
         if form is None:
             return False

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import reduce
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.equation.evaluation import Program
+from pc2cad.equation.multiples import common_unit, ratio
 from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, power, rewrite, walk
@@ -190,37 +189,10 @@ def _axis(forms: Iterable[NormalForm], name: str) -> Axis:
     if all(atom.op == "symbol" for atom in atoms):
         return Axis(name, "power")
     if all(atom.op in ("sin", "cos") for atom in atoms):
-        angle = _common_angle([atom.args[0] for atom in atoms])
+        angle = common_unit([atom.args[0] for atom in atoms], LARGEST_ORDER)
         if angle is not None:
             return Axis(name, "wave", angle)
     return Axis(name, "other")
-
-
-def _common_angle(arguments: Sequence[Expr]) -> Expr | None:
-    """Return the angle of which all arguments are whole multiples, or None."""
-    ratios = [_ratio(argument, arguments[0]) for argument in arguments]
-    known = [r for r in ratios if r is not None]
-    if len(known) < len(ratios):
-        return None
-    unit = reduce(_common, (abs(r) for r in known))
-    return None if max(abs(r / unit) for r in known) > LARGEST_ORDER else arguments[0] * unit
-
-
-def _ratio(a: Expr, b: Expr) -> Fraction | None:
-    """Return the rational r with a = r·b, proved from the normal forms, or None."""
-    first, second = normal_form(a, largest=24), normal_form(b, largest=24)
-    if not first or not second or set(first) != set(second):
-        return None
-    ratios = {first[m] / second[m] for m in first}
-    return ratios.pop() if len(ratios) == 1 else None
-
-
-def _common(a: Fraction, b: Fraction) -> Fraction:
-    """Return the largest number of which both are whole multiples."""
-    from math import gcd, lcm
-
-    bottom = lcm(a.denominator, b.denominator)
-    return Fraction(gcd(int(a * bottom), int(b * bottom)), bottom)
 
 
 # -- monomials as products of terms ----------------------------------------------------------------
@@ -254,8 +226,8 @@ def _waves(factor: Monomial, axis: Axis) -> list[tuple[Term, float]]:
     """Return a product of sines and cosines as a sum of waves, by complex exponentials."""
     spectrum: dict[int, complex] = {0: 1.0}
     for atom, exponent in factor:
-        ratio = _ratio(atom.args[0], axis.angle)
-        k = int(ratio) if ratio is not None else 0
+        multiple = ratio(atom.args[0], axis.angle)
+        k = int(multiple) if multiple is not None else 0
         pair = {k: 0.5, -k: 0.5} if atom.op == "cos" else {k: -0.5j, -k: 0.5j}
         for _ in range(exponent):
             product: dict[int, complex] = {}
