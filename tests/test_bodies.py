@@ -95,7 +95,8 @@ def test_faces_that_coincide_have_both_names():
 
 @pytest.mark.parametrize("name", bodies_paths())
 def test_shipped_templates_meet_their_closed_forms(name, tmp_path):
-    part = pc.compile_equation(pc.read_template(bodies_paths()[name]).bind())
+    # at the default tolerance the wavy duct's volume is within 2e-9 of the whole
+    part = pc.compile_equation(pc.read_template(bodies_paths()[name]).bind(), tolerance=4e-7)
     report = part.report
     exact = {
         "pipe_cross": 2 * pi * (4 - 2.25) * 10 - 16 / 3 * (8 - 1.5**3),
