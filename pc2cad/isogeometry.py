@@ -88,17 +88,6 @@ class VolumeModel:
         """Return the volume of all patches."""
         return sum(patch.volume.volume() for patch in self.patches)
 
-    def closes(self, direction: int) -> bool:
-        """Say whether the two limits of u, v or w (0, 1, 2) are glued to each other as they are."""
-        for side in self.boundary.sides:
-            here, other, symmetry = side.patch[direction], side.partner, side.symmetry
-            if other is None or symmetry is None or here % 2 or other[direction] % 2:
-                continue
-            turned = symmetry.swap or symmetry.reverse_s or symmetry.reverse_t
-            if here != other[direction] and not turned:
-                return True
-        return False
-
     def side_name(self, patch: Patch, axis: int, upper: bool) -> str:
         """Return the name of the cell of the box that a side of a patch is, e.g. ``u=0``."""
         cell = list(patch.cell)

@@ -50,10 +50,13 @@ def test_a_free_part_expands_without_stress(path: Path) -> None:
 
 
 @needs_ccx
-@pytest.mark.parametrize("name", ["ball_wedge", "quad_pyramid", "simplex_torus"])
-def test_a_free_o_grid_expands_without_stress(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "cells"),
+    [("ball_wedge", (4, 8, 4)), ("quad_pyramid", (4, 4, 4)), ("simplex_torus", (6, 8, 3))],
+)
+def test_a_free_o_grid_expands_without_stress(name: str, cells: tuple[int, int, int]) -> None:
     equation = read_template(ROOT / "templates" / f"{name}.toml").bind({})
-    mesh, _ = mesh_equation(equation, MeshOptions(cells=(12, 12, 6), order=2, core="ogrid"))
+    mesh, _ = mesh_equation(equation, MeshOptions(cells=cells, order=2, core="ogrid"))
     displacement, stress = analyses.thermal_expansion(mesh)
     assert displacement < 1e-6
     assert stress < 1e-5

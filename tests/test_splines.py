@@ -23,6 +23,7 @@ from pc2cad.geometry.profile import spline_profile
 from pc2cad.geometry.trigonometric import wave_in
 from pc2cad.interior import locate
 from pc2cad.isogeometry import VolumeModel, represent_volume
+from pc2cad.mesh.grid import closed_directions
 from pc2cad.proof import bound_volume
 from pc2cad.properties import integrate
 
@@ -211,7 +212,7 @@ def test_mfem_evaluates_its_file_at_a_thousand_points(tmp_path: Path, name: str)
     write_splines(model, path)
     mesh = mfem.Mesh(str(path), 1, 1)
     assert not any(mesh.GetElement(k).GetNVertices() != 8 for k in range(mesh.GetNE()))
-    closed = [axis for axis, d in enumerate(model.directions) if model.closes(d)]
+    closed = [axis for axis, d in enumerate(model.directions) if d in closed_directions(analysis)]
     open_sides = {2 * axis + side for axis in range(3) if axis not in closed for side in (1, 2)}
     assert {mesh.GetBdrAttribute(k) for k in range(mesh.GetNBE())} == open_sides
     random = np.random.default_rng(3)
@@ -279,6 +280,39 @@ def test_mfem_joins_the_patches_of_a_closed_polygon(tmp_path: Path) -> None:
     mesh = mfem.Mesh(str(tmp_path / "tube.mesh"), 1, 1)
     assert (mesh.GetNE(), mesh.GetNV(), mesh.GetNBE()) == (4, 16, 16)
     assert sum(mesh.GetElementVolume(k) for k in range(4)) == pytest.approx(36.0, rel=1e-12)
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_mfem_joins_what_closes_with_a_turn(tmp_path: Path, quarters: int) -> None:
+    mfem = pytest.importorskip("mfem.ser")
+    path = next(path for path in TEMPLATES if path.stem == "turned_ring")
+    analysis = analyse(read_template(path).bind({"quarters": quarters}))
+    write_splines(represent_volume(analysis, 1e-3), tmp_path / "ring.mesh")
+    mesh = mfem.Mesh(str(tmp_path / "ring.mesh"), 1, 1)
+    # the halves of the square run towards its middle, and meet their like: 9 vertices per section
+    sections = mesh.GetNE() // 4
+    assert (mesh.GetNE(), mesh.GetNV(), mesh.GetNBE()) == (4 * sections, 9 * sections, 8 * sections)
+    assert {mesh.GetBdrAttribute(k) for k in range(mesh.GetNBE())} == {1, 2, 5, 6}
+    volume = sum(_volume(mfem, mesh, k) for k in range(mesh.GetNE()))
+    assert volume == pytest.approx(integrate(analysis).volume, rel=1e-6)
+
+
+@pytest.mark.interop
+def test_mfem_joins_pieces_that_a_turn_shifts(tmp_path: Path) -> None:
+    mfem = pytest.importorskip("mfem.ser")
+    x, y = pc.polygon([(1, 0), (0, 1), (-1, 0), (0, -1)], v)
+    theta, beta, out = 2 * pc.pi * u, pc.pi * u / 2, (1 + w) / 2
+    across = 4 + out * (x * pc.cos(beta) - y * pc.sin(beta))
+    up = out * (x * pc.sin(beta) + y * pc.cos(beta))
+    ring = point_equation((across * pc.cos(theta), across * pc.sin(theta), up), name="ring")
+    analysis = analyse(ring)
+    write_splines(represent_volume(analysis, 1e-3), tmp_path / "ring.mesh")
+    mesh = mfem.Mesh(str(tmp_path / "ring.mesh"), 1, 1)
+    sections = mesh.GetNE() // 4
+    assert (mesh.GetNE(), mesh.GetNV(), mesh.GetNBE()) == (4 * sections, 8 * sections, 8 * sections)
+    volume = sum(_volume(mfem, mesh, k) for k in range(mesh.GetNE()))
+    assert volume == pytest.approx(integrate(analysis).volume, rel=1e-6)
 
 
 def test_python_and_the_verb_write_the_same(

@@ -1,23 +1,34 @@
 """MFEM NURBS meshes (.mesh), version 1.0, in the form with patches.
 
 A direction in which the solid closes is divided into three patches at least, because MFEM's
-elements need different vertices; sides that are glued with a turn stay open. Collapsed sides have
-equal poles.
+elements need different vertices. MFEM wants the parallel edges of all patches directed alike. Where
+the solid closes with a turn, an edge is parallel to its own reverse; there the directions across
+are divided in the middle, and the halves run towards it: the turn carries halves onto halves.
+Collapsed sides have equal poles.
 """
 
 from __future__ import annotations
 
-from itertools import product
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
 
 from pc2cad.export.spline_files import numbers, rows
 from pc2cad.geometry.trivariate import SplineVolume
 from pc2cad.isogeometry import VolumeModel
+from pc2cad.mesh.gluing import cell_nodes, joined, partner_nodes
+from pc2cad.mesh.grid import Grid
+from pc2cad.topology.cells import directions_of
+from pc2cad.topology.complex import SideFate
 
 #: corners of a hexahedron in MFEM's order, and its sides, outwards
 _CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
 _SIDES = ((3, 0, 4, 7), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (3, 2, 1, 0), (4, 5, 6, 7))
 #: fewest patches round
 _ROUND = 3
+#: u, v or w (0, 1, 2) and the number of a patch along it
+_Interval = tuple[int, int]
 
 
 def encode(model: VolumeModel) -> str:
@@ -25,38 +36,197 @@ def encode(model: VolumeModel) -> str:
 
     Boundary attributes are 1 … 6 for the lower and upper side of the first, second, third axis.
     """
-    closed = [model.closes(d) for d in model.directions]
-    pieces = [model.pieces[d] for d in model.directions]
-    parts = [-(-_ROUND // n) if c else 1 for n, c in zip(pieces, closed, strict=True)]
-    lattice = _Lattice([n * k for n, k in zip(pieces, parts, strict=True)], closed)
-    blocks: list[tuple[tuple[int, ...], SplineVolume]] = []
-    for patch in model.patches:
-        first = [patch.cell[d] // 2 * k for d, k in zip(model.directions, parts, strict=True)]
-        for steps, volume in _divided(patch.volume, parts):
-            blocks.append((tuple(a + b for a, b in zip(first, steps, strict=True)), volume))
-    elements = [lattice.corners(place) for place, _ in blocks]
-    boundary = [
-        f"{side + 1} 3 " + " ".join(str(corners[k]) for k in _SIDES[side])
-        for (place, _), corners in zip(blocks, elements, strict=True)
-        for side in range(6)
-        if lattice.ends(place, side)
-    ]
-    edges = lattice.edges()
-    lines = ["MFEM NURBS mesh v1.0", "", "dimension", "3", "", "elements", str(len(elements))]
-    lines += ["1 5 " + " ".join(map(str, corners)) for corners in elements]
+    lattice = _lattice(model)
+    blocks = list(_blocks(model, lattice))
+    edges: dict[tuple[int, int], int] = {}
+    for block in blocks:
+        edges |= block.edges
+    boundary = [line for block in blocks for line in block.boundary]
+    lines = ["MFEM NURBS mesh v1.0", "", "dimension", "3", "", "elements", str(len(blocks))]
+    lines += ["1 5 " + " ".join(map(str, block.corners)) for block in blocks]
     lines += ["", "boundary", str(len(boundary)), *boundary]
     lines += ["", "edges", str(len(edges))]
     lines += [f"{knot} {a} {b}" for (a, b), knot in edges.items()]
-    lines += ["", "vertices", str(lattice.count), "", "patches"]
-    for _, volume in blocks:
+    lines += ["", "vertices", str(int(lattice.vertices.max()) + 1), "", "patches"]
+    for block in blocks:
         lines += ["", "knotvectors", "3"]
-        for axis in volume.axes:
+        for axis in block.volume.axes:
             space = axis.space
             lines.append(f"{space.degree} {space.size} {numbers(space.knots)}")
         lines += ["", "dimension", "3", "", "controlpoints_cartesian"]
-        tail = " 1" if volume.weights is None else ""
-        lines += [row + tail for row in rows(volume, homogeneous=False)]
+        tail = " 1" if block.volume.weights is None else ""
+        lines += [row + tail for row in rows(block.volume, homogeneous=False)]
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, eq=False)
+class _Lattice:
+    """The patches of the file as cells of the box, along u, v and w."""
+
+    grid: Grid
+    #: patches of the file for each piece of u, v and w
+    parts: tuple[int, int, int]
+    #: number of the vertex at each place
+    vertices: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+    #: of each patch along u, v, w: its knot vector, and whether it runs backwards
+    knots: dict[_Interval, tuple[int, bool]]
+    #: sides of the box that are open
+    open: frozenset[tuple[int, int, int]]
+
+
+def _lattice(model: VolumeModel) -> _Lattice:
+    """Return the fewest patches whose edges can be directed alike."""
+    sides = [side for side in model.boundary.sides if side.partner is not None]
+    closed = {d for side in sides for d in _closing(side)}
+    parts = [-(-_ROUND // n) if d in closed else 1 for d, n in enumerate(model.pieces)]
+    turning = {
+        d
+        for side in sides
+        if side.symmetry is not None and str(side.symmetry) != "(s, t)"
+        for d in directions_of(side.patch)
+    }
+    halves = [2 * n if d in turning else n for d, n in enumerate(parts)]
+    for counts in (parts, halves):
+        for side in sides:
+            if side.symmetry is not None and side.symmetry.swap and side.partner is not None:
+                swapped = {*directions_of(side.patch), *directions_of(side.partner)}
+                for d in swapped:
+                    counts[d] = max(counts[e] for e in swapped)
+        knots = _directed(model, sides, counts)
+        if knots is not None:
+            break
+    else:
+        counts, sides = parts, [side for side in sides if str(side.symmetry) == "(s, t)"]
+        knots = _directed(model, sides, counts)
+        assert knots is not None
+    sizes = [n * k for n, k in zip(model.pieces, counts, strict=True)]
+    u, v, w = (np.arange(n + 1.0) for n in sizes)
+    grid = Grid((u, v, w), tuple(tuple(range(0, n + 1, k)) for n, k in
+                                 zip(sizes, counts, strict=True)))  # fmt: skip
+    pairs = [(cell_nodes(grid, side.patch), partner_nodes(grid, side)) for side in sides]
+    moved, stands = joined([(a.ravel(), b.ravel()) for a, b in pairs])
+    table = np.arange((sizes[0] + 1) * (sizes[1] + 1) * (sizes[2] + 1))
+    table[moved] = stands
+    _, numbered = np.unique(table, return_inverse=True)
+    glued = {side.patch for side in sides}
+    return _Lattice(
+        grid, (counts[0], counts[1], counts[2]), numbered.reshape([n + 1 for n in sizes]), knots,
+        frozenset(side.patch for side in model.boundary.sides if side.patch not in glued),
+    )  # fmt: skip
+
+
+def _closing(side: SideFate) -> Iterator[int]:
+    """Give the direction whose two ends a gluing joins."""
+    assert side.partner is not None
+    for d, (here, there) in enumerate(zip(side.patch, side.partner, strict=True)):
+        if here % 2 == 0 and there % 2 == 0 and here != there:
+            yield d
+
+
+def _directed(
+    model: VolumeModel, sides: list[SideFate], parts: list[int]
+) -> dict[_Interval, tuple[int, bool]] | None:
+    """Return the knot vector of every patch along u, v, w, and whether it runs backwards.
+
+    None where one would have to run both ways.
+    """
+    links: dict[_Interval, list[tuple[_Interval, bool]]] = {
+        (d, i): [] for d in range(3) for i in range(model.pieces[d] * parts[d])
+    }
+    for side in sides:
+        assert side.symmetry is not None
+        assert side.partner is not None
+        flags = (side.symmetry.reverse_s, side.symmetry.reverse_t)
+        there = directions_of(side.partner)
+        for axis, d in enumerate(directions_of(side.patch)):
+            other = 1 - axis if side.symmetry.swap else axis
+            e, count = there[other], parts[d]
+            for i in range(count):
+                j = count - 1 - i if flags[other] else i
+                a = (d, side.patch[d] // 2 * count + i)
+                b = (e, side.partner[e] // 2 * count + j)
+                links[a].append((b, flags[other]))
+                links[b].append((a, flags[other]))
+    found: dict[_Interval, tuple[int, bool]] = {}
+    count = 0
+    for start in links:
+        if start in found:
+            continue
+        found[start] = (count, False)
+        stack = [start]
+        while stack:
+            here = stack.pop()
+            for other_end, reverse in links[here]:
+                wanted = (count, found[here][1] != reverse)
+                if other_end not in found:
+                    found[other_end] = wanted
+                    stack.append(other_end)
+                elif found[other_end] != wanted:
+                    return None
+        count += 1
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """A patch of the file: an element with its vertices in MFEM's order."""
+
+    volume: SplineVolume
+    corners: list[int]
+    #: (from, to) -> knot vector
+    edges: dict[tuple[int, int], int]
+    boundary: list[str]
+
+
+def _blocks(model: VolumeModel, lattice: _Lattice) -> Iterator[_Block]:
+    for patch in model.patches:
+        parts = [lattice.parts[d] for d in model.directions]
+        for steps, volume in _divided(patch.volume, parts):
+            place = [0, 0, 0]
+            for d, step in zip(model.directions, steps, strict=True):
+                place[d] = patch.cell[d] // 2 * lattice.parts[d] + step
+            back = [lattice.knots[d, place[d]][1] for d in model.directions]
+            # an odd number of reversals is a reflection: two axes change places
+            order = (1, 0, 2) if sum(back) % 2 else (0, 1, 2)
+            axes = [model.directions[k] for k in order]
+            turned = volume.turned(order, (back[0], back[1], back[2]))
+            yield _block(model, lattice, place, axes, turned, patch.cell)
+
+
+def _block(
+    model: VolumeModel,
+    lattice: _Lattice,
+    place: list[int],
+    axes: list[int],
+    volume: SplineVolume,
+    cell: tuple[int, int, int],
+) -> _Block:
+    knots = [lattice.knots[d, place[d]] for d in axes]
+
+    def vertex(corner: tuple[int, ...]) -> int:
+        at = list(place)
+        for d, step, (_, backwards) in zip(axes, corner, knots, strict=True):
+            at[d] += 1 - step if backwards else step
+        return int(lattice.vertices[tuple(at)])
+
+    corners = [vertex(corner) for corner in _CORNERS]
+    edges = {
+        (vertex(corner), vertex((*corner[:k], 1, *corner[k + 1 :]))): knots[k][0]
+        for corner in _CORNERS
+        for k in range(3)
+        if not corner[k]
+    }
+    boundary = []
+    for side, ring in enumerate(_SIDES):
+        d, (_, backwards) = axes[side // 2], knots[side // 2]
+        upper = (side % 2 == 1) != backwards
+        patch = list(cell)
+        patch[d] += 1 if upper else -1
+        last = place[d] == (len(lattice.grid.lines[d]) - 2 if upper else 0)
+        if last and (patch[0], patch[1], patch[2]) in lattice.open:
+            attribute = 2 * model.directions.index(d) + upper + 1
+            boundary.append(f"{attribute} 3 " + " ".join(str(corners[k]) for k in ring))
+    return _Block(volume, corners, edges, boundary)
 
 
 def _divided(volume: SplineVolume, parts: list[int]) -> list[tuple[list[int], SplineVolume]]:
@@ -70,44 +240,3 @@ def _divided(volume: SplineVolume, parts: list[int]) -> list[tuple[list[int], Sp
                 for k, part in enumerate(whole.split(axis, count))
             ]
     return blocks
-
-
-class _Lattice:
-    """Vertices and knot vectors of a box of patches, the axes in the file's order."""
-
-    def __init__(self, patches: list[int], closed: list[bool]) -> None:
-        self._patches = patches
-        self._closed = closed
-        self._shape = [n + (0 if c else 1) for n, c in zip(patches, closed, strict=True)]
-        self.count = self._shape[0] * self._shape[1] * self._shape[2]
-
-    def _vertex(self, place: list[int]) -> int:
-        i, j, k = (p % n for p, n in zip(place, self._shape, strict=True))
-        return (i * self._shape[1] + j) * self._shape[2] + k
-
-    def corners(self, place: tuple[int, ...]) -> list[int]:
-        """Return the vertices of a patch in MFEM's order."""
-        return [
-            self._vertex([p + c for p, c in zip(place, corner, strict=True)]) for corner in _CORNERS
-        ]
-
-    def ends(self, place: tuple[int, ...], side: int) -> bool:
-        """Say whether a side of a patch ends the box."""
-        axis, upper = divmod(side, 2)
-        last = self._patches[axis] - 1 if upper else 0
-        return not self._closed[axis] and place[axis] == last
-
-    def edges(self) -> dict[tuple[int, int], int]:
-        """Return the edges, each along its axis, with the number of its knot vector."""
-        found: dict[tuple[int, int], int] = {}
-        first = 0
-        for axis in range(3):
-            for piece in range(self._patches[axis]):
-                spans = [range(n + 1) for n in self._patches]
-                spans[axis] = range(piece, piece + 1)
-                for place in product(*spans):
-                    end = list(place)
-                    end[axis] += 1
-                    found[self._vertex(list(place)), self._vertex(end)] = first + piece
-            first += self._patches[axis]
-        return found

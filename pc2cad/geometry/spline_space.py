@@ -53,6 +53,10 @@ class SplineSpace:
         ends = degree + 1
         self.knots: Array = np.concatenate((np.zeros(ends), inner, np.ones(ends)))
 
+    def reversed(self) -> SplineSpace:
+        """Return the space of the same functions of 1 - t."""
+        return SplineSpace(self.degree, 1 - self.points[::-1], self.multiplicities[::-1].tolist())
+
     @property
     def periodic(self) -> bool:
         """True where value and derivatives agree at the two ends."""

@@ -80,7 +80,10 @@ class SplineVolume:
         return values if self.weights is None else values[..., :3] / values[..., 3:]
 
     def split(self, axis: int, parts: int) -> list[SplineVolume]:
-        """Return the same volume in pieces of equal numbers of knot spans (or equal length)."""
+        """Return the same volume in pieces of equal numbers of knot spans, or of equal length.
+
+        Knots that lie symmetrically are cut symmetrically.
+        """
         space = self.axes[axis].space
         points, multiplicity = (
             space.points,
@@ -89,7 +92,10 @@ class SplineVolume:
         spans = len(points) - 1
         cuts = np.linspace(0, 1, parts + 1)
         if spans >= parts:
-            cuts = points[[round(k * spans / parts) for k in range(parts + 1)]]
+            first = [round(k * spans / parts) for k in range((parts + 1) // 2)]
+            middle = [] if parts % 2 else [spans / 2]
+            at = [*first, *middle, *(spans - k for k in reversed(first))]
+            cuts = np.interp(at, np.arange(spans + 1), points)
         pieces = []
         for low, high in pairwise(cuts):
             inner = [x for x in points.tolist() if low < x < high]
@@ -106,6 +112,23 @@ class SplineVolume:
             poles = self._project(table)
             pieces.append(SplineVolume((axes[0], axes[1], axes[2]), poles, weights))
         return pieces
+
+    def turned(
+        self, order: tuple[int, int, int], backwards: tuple[bool, bool, bool]
+    ) -> SplineVolume:
+        """Return the volume with axes reversed (in their old order), and in another order.
+
+        Its axes do not know the way to the equation's parameters.
+        """
+        flips = tuple(slice(None, None, -1 if back else 1) for back in backwards)
+        spaces = [
+            axis.space.reversed() if back else axis.space
+            for axis, back in zip(self.axes, backwards, strict=True)
+        ]
+        a, b, c = (Axis(spaces[k]) for k in order)
+        poles = self.poles[flips].transpose(*order, 3)
+        weights = None if self.weights is None else self.weights[flips].transpose(order)
+        return SplineVolume((a, b, c), poles, weights)
 
     def volume(self) -> float:
         """Return the integral of the Jacobian determinant, by Gauss rules on every knot span.

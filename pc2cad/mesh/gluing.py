@@ -48,7 +48,7 @@ def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Ints, Ints]:
             along_first = side.along == min(d for d in range(3) if side.patch[d] % 2)
             join(nodes, nodes[:, :1] if along_first else nodes[:1])
         elif side.fate == "interface":
-            join(nodes, _image(grid, side))
+            join(nodes, partner_nodes(grid, side))
     for edge in boundary.edges:
         first = cell_nodes(grid, edge.members[0].cell)
         for member in edge.members[1:]:
@@ -65,8 +65,8 @@ def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Ints, Ints]:
     return joined(pairs)
 
 
-def _image(grid: Grid, side: SideFate) -> Ints:
-    """Return the partner's nodes in the order of the side's own."""
+def partner_nodes(grid: Grid, side: SideFate) -> Ints:
+    """Return the nodes of the side that a side is glued to, in the order of its own."""
     assert side.partner is not None
     assert side.symmetry is not None
     image = cell_nodes(grid, side.partner)
