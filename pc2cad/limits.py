@@ -96,6 +96,7 @@ class _Channel:
         N = substitute(guide, local)
         first = derivatives(N, "u")
         q = cancel_terms(tuple(m - n for m, n in zip(M, N, strict=True)))
+        self._offset = Program(q)
         self._section = Program((*first, *q, *derivatives(q, "v"), *derivatives(q, "w")))
         self._bend = Program((*first, *derivatives(first, "u"), *q))
         self._guide = Program((*N, *first))
@@ -158,9 +159,8 @@ class _Channel:
         A wall may well lie beyond the guide where the section does not go round it; where the
         section is not `regular`, that is what is wrong with it.
         """
-        ends = np.array([0.0, 1.0])
-        u, v, w = np.ix_(self._axes[0], self._axes[1], ends)
-        _, q, *_ = self._vectors(self._section, u, v, w)
+        u, v, ends = np.ix_(self._axes[0], self._axes[1], np.array([0.0, 1.0]))
+        (q,) = self._vectors(self._offset, u, v, ends)
         reach = np.broadcast_to(_length(q), (u.size, v.size, 2))
         inner = 0 if reach[..., 0].sum() <= reach[..., 1].sum() else 1
         if reach[..., inner].max() <= 1e-9 * reach.max():
@@ -168,8 +168,8 @@ class _Channel:
 
         def distance(u: Array, v: Array, w: Array) -> Array:
             first, last = (
-                self._vectors(self._section, u, v, np.full_like(w, x))[1]
-                for x in (inner, 1 - inner)
+                self._vectors(self._offset, u, v, ends[..., k : k + 1])[0]
+                for k in (inner, 1 - inner)
             )
             return _product(first, last) / _length(last)
 
@@ -231,18 +231,34 @@ class _Channel:
 
     def strands(self) -> Limit | None:
         """Return how near parts of the guide come to each other that are no neighbours."""
-        pairs, step = self._near_pairs()
-        worst: Limit | None = None
-        for a, b in pairs:
-            limit = self._strand(a, b, step)
-            if limit and (
-                worst is None or limit.value - limit.breaks_at < worst.value - worst.breaks_at
-            ):
-                worst = limit
-        return worst
+        pairs, gaps = self._critical(*self._near_pairs())
+        ends, tangents = self._curve(pairs)
+        size = _norm(np.ptp(self._curve(np.linspace(0, 1, 65))[0], axis=0))
+        crossing = gaps <= 1e-9 * size
+        chords = (ends[:, 1] - ends[:, 0]) / gaps[:, None]
+        cosines = np.abs(np.einsum("nkc,nc->nk", tangents, chords)) / _norm(tangents)
+        apart = (cosines.max(axis=1) <= 1e-4) & (np.abs(pairs[:, 0] - pairs[:, 1]) >= 1e-6)
+        seen = crossing | apart
+        if not seen.any():
+            return None
+        pairs, gaps, chords, crossing = pairs[seen], gaps[seen], chords[seen], crossing[seen]
+        if self._closed:
+            pairs = pairs % 1
+        reach = self._reach(pairs[:, 0], chords) + self._reach(pairs[:, 1], -chords)
+        reach[crossing] = 0.0
+        k = int(np.argmin(gaps - reach))
+        gap, both = float(gaps[k]), float(reach[k])
+        places = " and ".join(self._shown((float(u),)) for u in pairs[k])
+        if crossing[k]:
+            return Limit("strands", gap, 0.0, False, f"the guide crosses itself at {places}")
+        return Limit(
+            "strands", gap, both, gap > both,
+            f"the guide comes within {gap:.6g} of itself at {places}, where the sections reach "
+            f"{both:.6g} towards each other",
+        )  # fmt: skip
 
-    def _near_pairs(self) -> tuple[list[tuple[float, float]], float]:
-        """Return places (u, u) whose distance is a local minimum, and the step between samples."""
+    def _near_pairs(self) -> tuple[Array, float]:
+        """Return places (n, 2) whose distance is a local minimum, and the step between samples."""
         u = self._axes[0]
         fine = np.unique(np.concatenate([u, (u[1:] + u[:-1]) / 2]))
         _, first = self._curve(fine)
@@ -252,19 +268,32 @@ class _Channel:
         u = (np.arange(count) + 0.5) / count
         points, _ = self._curve(u)
         gaps = _norm(points[:, None] - points[None, :])
-        lower = np.ones_like(gaps, dtype=bool)
-        for i in (-1, 0, 1):
-            for j in (-1, 0, 1):
-                if i or j:
-                    # equal but for rounding all along a helix
-                    lower &= gaps <= np.roll(gaps, (i, j), axis=(0, 1)) * (1 + 1e-9)
+        around = gaps
+        for axis in (0, 1):
+            sides = (np.roll(around, step, axis=axis) for step in (-1, 1))
+            around = np.minimum(around, np.minimum(*sides))
+        # equal but for rounding all along a helix
+        lower = gaps <= around * (1 + 1e-9)
         rows, columns = np.nonzero(np.triu(lower, 3))
         inner = (rows > 0) & (columns < count - 1)
         if self._closed:
             inner = columns - rows < count - 3
         rows, columns = rows[inner], columns[inner]
         order = np.argsort(gaps[rows, columns])[:24]
-        return [(float(u[rows[k]]), float(u[columns[k]])) for k in order], 1 / count
+        return np.stack((u[rows[order]], u[columns[order]]), axis=-1), 1 / count
+
+    def _critical(self, pairs: Array, step: float) -> tuple[Array, Array]:
+        """Return pairs of places moved to where their distance is smallest, and the distances."""
+        every = np.arange(len(pairs))
+        gaps = np.zeros(len(pairs))
+        for _ in range(50 if len(pairs) else 0):
+            places = pairs[..., None] + step * np.linspace(-1, 1, 9)
+            points, _ = self._curve(places)
+            grid = _norm(points[:, 0, :, None] - points[:, 1, None, :]).reshape(len(pairs), -1)
+            i, j = np.divmod(grid.argmin(axis=1), 9)
+            pairs, gaps = np.stack((places[every, 0, i], places[every, 1, j]), axis=-1), grid.min(1)
+            step *= 0.6
+        return pairs, gaps
 
     @cached_property
     def _closed(self) -> bool:
@@ -277,47 +306,19 @@ class _Channel:
         points, first = self._run(self._guide, u, np.zeros(1), np.zeros(1))
         return points, first
 
-    def _strand(self, a: float, b: float, step: float) -> Limit | None:
-        """Return the distance at a pair made critical, and the reach of both sections across."""
-        best = np.inf
-        size = _norm(np.ptp(self._curve(np.linspace(0, 1, 65))[0], axis=0))
-        for _ in range(50):
-            us, ts = (x + step * np.linspace(-1, 1, 9) for x in (a, b))
-            gaps = _norm(self._curve(us)[0][:, None] - self._curve(ts)[0][None, :])
-            i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
-            a, b, best = float(us[i]), float(ts[j]), float(gaps[i, j])
-            step *= 0.6
-        (first, last), tangents = self._curve(np.array([a, b]))
-        if best <= 1e-9 * size:
-            return Limit(
-                "strands", best, 0.0, False,
-                f"the guide crosses itself at {self._shown((a,))} and {self._shown((b,))}",
-            )  # fmt: skip
-        chord = (last - first) / best
-        cosines = np.abs(tangents @ chord) / _norm(tangents)
-        if cosines.max() > 1e-4 or abs(a - b) < 1e-6:
-            return None
-        a, b = (x % 1 if self._closed else x for x in (a, b))
-        reach = self._reach(a, chord) + self._reach(b, -chord)
-        places = f"{self._shown((a,))} and {self._shown((b,))}"
-        return Limit(
-            "strands", best, reach, best > reach,
-            f"the guide comes within {best:.6g} of itself at {places}, where the sections reach "
-            f"{reach:.6g} towards each other",
-        )  # fmt: skip
-
-    def _reach(self, u: float, direction: Array) -> float:
-        """Return how far the section goes from the guide in a direction of its plane."""
-        v = self._axes[1]
+    def _reach(self, u: Array, directions: Array) -> Array:
+        """Return how far sections at u (n,) go from the guide in directions (n, 3)."""
+        every = np.arange(len(u))
+        v = np.broadcast_to(self._axes[1], (len(u), len(self._axes[1])))
         for _ in range(ZOOMS):
-            places = np.ix_(np.array([u]), v, np.array([0.0, 1.0]))
-            _, q, *_ = self._run(self._section, *places)
-            q = np.take_along_axis(q, _norm(q).argmax(axis=2)[..., None, None], axis=2)[0, :, 0]
-            cosine = (q @ direction) / _norm(q)
-            k = int(np.argmax(cosine))
-            found = float(np.linalg.norm(q[k]))
-            v = np.linspace(v[max(k - 1, 0)], v[min(k + 1, len(v) - 1)], 33)
-        return found if cosine[k] > 0.999 else 0.0
+            places = u[:, None, None], v[:, :, None], np.array([[[0.0, 1.0]]])
+            (q,) = self._run(self._offset, *places)
+            q = np.take_along_axis(q, _norm(q).argmax(axis=2)[..., None, None], axis=2)[:, :, 0]
+            cosines = np.einsum("nkc,nc->nk", q, directions) / _norm(q)
+            k = cosines.argmax(axis=1)
+            limits = v[every, np.maximum(k - 1, 0)], v[every, np.minimum(k + 1, v.shape[1] - 1)]
+            v = np.linspace(*limits, 33, axis=1)
+        return np.where(cosines[every, k] > 0.999, _norm(q[every, k]), 0.0)
 
 
 def _axis(breaks: list[float]) -> Array:
