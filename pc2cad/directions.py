@@ -122,8 +122,9 @@ class CellFunction:
             for node in walk(trees, lambda n: () if n.op in ("sin", "cos") else n.args)
         )
 
+    @cached_property
     def may_be_swept(self) -> bool:
-        """Say whether samples allow a line, an extrusion or a revolution.
+        """Whether samples allow a line, an extrusion or a revolution.
 
         The chords along one axis of these are in one plane, whatever the other parameter is.
         """

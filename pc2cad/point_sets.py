@@ -47,7 +47,7 @@ def plane_of(function: CellFunction, sign: int, slack: float) -> tuple[Plane, Ev
 
 def laid_of(function: CellFunction, slack: float) -> Laid | Fitted | None:
     """Return a face laid on the analytic surface that carries it within a distance, or None."""
-    laid = function.may_be_swept() and function.form and lay(function.form)
+    laid = function.may_be_swept and function.form and lay(function.form)
     if laid:
         return laid
     fitted = fit(function, function.normals, slack)
@@ -74,7 +74,7 @@ def simple_curve(function: CellFunction, slack: float) -> CurveCarrier | None:
 
 def on_line(function: CellFunction) -> bool:
     """Say whether an edge is straight, from its form."""
-    form = function.form if function.may_be_swept() else None
+    form = function.form if function.may_be_swept else None
     return form is not None and is_straight(form)
 
 

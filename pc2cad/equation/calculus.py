@@ -12,7 +12,7 @@ def derivatives(roots: tuple[Expr, ...], name: str) -> tuple[Expr, ...]:
     The derivative of abs is the sign; at 0, where there is none, it evaluates to 0.
     """
     done: dict[Expr, Expr] = {}
-    for node in walk(roots):
+    for node in walk(roots, lambda n: n.args if name in n.symbols else ()):
         done[node] = ZERO if name not in node.symbols else _derivative(node, done)
     return tuple(done[root] for root in roots)
 

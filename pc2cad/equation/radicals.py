@@ -9,7 +9,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from pc2cad.equation.normal_form import NormalForm, normal_form
-from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol
+from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol, walk
 
 
 def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
@@ -17,10 +17,11 @@ def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 
     Every symbol is a local parameter and runs from 0 to 1.
     """
-    for op in ("sqrt", "pow"):
-        roots = rewrite(roots, op, _factored)
-    for op in ("asin", "acos"):
-        roots = rewrite(roots, op, _arc)
+    changes = {"sqrt": _factored, "pow": _factored, "asin": _arc, "acos": _arc}
+    found = {node.op for node in walk(roots)}
+    for op, change in changes.items():
+        if op in found:
+            roots = rewrite(roots, op, change)
     return roots
 
 

@@ -358,11 +358,11 @@ def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, 
     """Return the trees with symbols replaced and everything folded anew."""
     names = frozenset(values)
     done: dict[Expr, Expr] = {}
-    for node in walk(roots):
-        if node.op == "symbol":
-            done[node] = values.get(node.payload, node)
-        elif node.symbols.isdisjoint(names):
+    for node in walk(roots, lambda n: () if n.symbols.isdisjoint(names) else n.args):
+        if node.symbols.isdisjoint(names):
             done[node] = node
+        elif node.op == "symbol":
+            done[node] = values[node.payload]
         else:
             done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
     return tuple(done[root] for root in roots)

@@ -24,24 +24,18 @@ def degree_in(roots: Sequence[Expr], name: str) -> int | None:
     Terms that would cancel are counted. Piecewise polynomials count with the degree of their
     pieces: whoever uses the degree must put knots at their breaks.
     """
-    degrees: dict[Expr, int | None] = {}
-    for node in walk(tuple(roots)):
-        if name not in node.symbols:
-            degrees[node] = 0
-            continue
-        degrees[node] = _node_degree(node, [degrees[arg] for arg in node.args])
-    found = [degrees[root] for root in roots]
-    known: list[int] = [d for d in found if d is not None]
-    if len(known) < len(found) or max(known) > LARGEST_DEGREE:
-        return None
-    largest: int = max(known)
-    return largest
+    degrees: dict[Expr, int] = {}
+    for node in walk(tuple(roots), lambda n: n.args if name in n.symbols else ()):
+        varies = name in node.symbols
+        degree = _node_degree(node, [degrees[arg] for arg in node.args]) if varies else 0
+        if degree is None:
+            return None
+        degrees[node] = degree
+    largest = max(degrees[root] for root in roots)
+    return largest if largest <= LARGEST_DEGREE else None
 
 
-def _node_degree(node: Expr, degrees: list[int | None]) -> int | None:
-    known = [d for d in degrees if d is not None]
-    if len(known) < len(degrees):
-        return None
+def _node_degree(node: Expr, known: list[int]) -> int | None:
     if node.op == "symbol":
         return 1
     if node.op in ("add", "neg"):
@@ -56,7 +50,7 @@ def _node_degree(node: Expr, degrees: list[int | None]) -> int | None:
         return known[0] * int(exponent) if whole else None
     if node.op == "pieces":
         width: int = node.payload.width
-        if node.payload.smoothness == ANALYTIC and degrees[0] != 0:
+        if node.payload.smoothness == ANALYTIC and known[0] != 0:
             return None  # its breaks are not among those of the direction
         return known[0] * (width - 1) + max(known[1:])
     return None
