@@ -245,7 +245,7 @@ def _tetrahedra(
     part = compile_equation(equation)
     size = options.size or float(properties.volume ** (1 / 3)) / 10
     mesh = tetrahedra(part.shape, part.faces, size, options.order,
-                      name=equation.name, units=equation.units)  # fmt: skip
+                      name=equation.name, units=equation.units, layers=part.layers)  # fmt: skip
     outer = [part.model.faces[i] for i in part.model.outer]
     areas = ((f.name, sum(properties.face_areas[c] for c in f.cells)) for f in outer)
     return mesh, _summed(areas)

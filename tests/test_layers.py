@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from math import pi
 
+import numpy as np
 import pytest
 from consumers.gmsh_reader import read_all_in_gmsh
 from consumers.step_file import check_solids
@@ -175,6 +176,19 @@ def test_tetrahedra_of_creased_sides_fill_the_whole(lagged):
     mesh = lagged.mesh(size=1.0, order=2, shape="tetrahedra")
     assert mesh.volume() == pytest.approx(lagged.report.equation.volume, rel=0.01)
     assert {"u=0", "w=1", "w=1 (piece 2 of u)", "u=0 (piece 1 of w)"} <= mesh.sides.keys()
+    # each layer is a set of its own, and neighbours share the nodes between them
+    assert list(mesh.layers) == [layer.name for layer in lagged.report.layers]
+    nodes = {}
+    for layer in lagged.report.layers:
+        rows = mesh.blocks["tetra"][mesh.layers[layer.name]["tetra"]]
+        a, b, c, d = (mesh.points[rows[:, k]] for k in range(4))
+        volume = np.linalg.det(np.stack((b - a, c - a, d - a), axis=1)).sum() / 6
+        assert volume == pytest.approx(layer.volume, rel=0.1)
+        nodes[layer.name] = set(rows.ravel().tolist())
+    first, second, third = nodes.values()
+    assert first & second
+    assert second & third
+    assert not first & third
 
 
 def test_walls_that_change():

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from OCP.BRep import BRep_Builder
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
-from pc2cad.mesh.volume_mesh import Facets, VolumeMesh
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer
 
 Ints = NDArray[np.int64]
 
@@ -40,12 +42,15 @@ def tetrahedra(
     *,
     name: str = "part",
     units: str = "mm",
+    layers: Mapping[str, TopoDS_Shape] | None = None,
 ) -> VolumeMesh:
     """Return tetrahedra with edges of about `size` (model units) that fill a solid.
 
-    `faces` are the solid's faces by the name of their side. Needs gmsh (``pc2cad[fea]``). Raises
-    MeshingFailedError.
+    `faces` are the solid's faces by the name of their side, `layers` the solids that it consists
+    of, which share the faces between them. Needs gmsh (``pc2cad[fea]``). Raises MeshingFailedError.
     """
+    layers = layers or {}
+    solid = _together(layers.values()) if layers else solid
     names = _in_order(solid, faces)
     with _model(solid) as gmsh:
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
@@ -62,19 +67,31 @@ def tetrahedra(
                 f"gmsh made no mesh of the solid ({failure}); another --size may help"
             ) from None
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        block, triangles = _elements(gmsh, surfaces, order)
-    if not len(block):
+        parts, triangles = _elements(gmsh, surfaces, order)
+    block = np.concatenate(parts) if parts else np.empty((0, TETRAHEDRON.size(order)), np.int64)
+    if not len(block) or len(parts) != max(1, len(layers)):
         raise MeshingFailedError("gmsh made no tetrahedra of the solid; another --size may help")
-    return _mesh(tags, coordinates, block, dict(zip(names, triangles, strict=True)), order,
-                 name, units)  # fmt: skip
+    on_sides = {side: rows for side, rows in zip(names, triangles, strict=True) if side is not None}
+    mesh = _mesh(tags, coordinates, block, on_sides, order, name, units)
+    number = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    return replace(mesh, layers=by_layer(list(layers), {TETRAHEDRON.name: number}))
 
 
-def _in_order(solid: TopoDS_Shape, faces: Mapping[str, TopoDS_Face]) -> list[str]:
-    """Return the names of the faces in the order in which gmsh numbers them."""
+def _together(solids: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+    """Return solids as one shape, in their order."""
+    builder, whole = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(whole)
+    for solid in solids:
+        builder.Add(whole, solid)
+    return whole
+
+
+def _in_order(solid: TopoDS_Shape, faces: Mapping[str, TopoDS_Face]) -> list[str | None]:
+    """Return the faces' names in the order in which gmsh numbers them; None between layers."""
     found = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(solid, TopAbs_FACE, found)
     names = {found.FindIndex(face): name for name, face in faces.items()}
-    return [names[index] for index in range(1, found.Extent() + 1)]
+    return [names.get(index) for index in range(1, found.Extent() + 1)]
 
 
 @contextmanager
@@ -103,7 +120,7 @@ def _model(solid: TopoDS_Shape) -> Iterator[Any]:
 
 
 def _check_order(
-    gmsh: Any, surfaces: list[int], names: list[str], faces: Mapping[str, TopoDS_Face]
+    gmsh: Any, surfaces: list[int], names: list[str | None], faces: Mapping[str, TopoDS_Face]
 ) -> None:
     """Hold the area of each surface in gmsh against that of the face it is taken for."""
     if len(surfaces) != len(names):
@@ -111,6 +128,8 @@ def _check_order(
             f"gmsh read {len(surfaces)} faces of a solid that has {len(names)}"
         )
     for tag, name in zip(surfaces, names, strict=True):
+        if name is None:
+            continue
         found = GProp_GProps()
         BRepGProp.SurfaceProperties_s(faces[name], found)
         here, there = found.Mass(), gmsh.model.occ.getMass(2, tag)
@@ -120,18 +139,23 @@ def _check_order(
             )
 
 
-def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[Ints, list[Ints]]:
-    """Return the tetrahedra and, per surface, the triangles' corners, in gmsh's node numbers."""
+def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[list[Ints], list[Ints]]:
+    """Return the tetrahedra per volume and the corners of triangles per surface.
+
+    They are in gmsh's numbers of nodes.
+    """
     size = TETRAHEDRON.size(order)
-    _, _, nodes = gmsh.model.mesh.getElements(3)
-    blocks = [np.asarray(n, dtype=np.int64).reshape(-1, size) for n in nodes]
-    block = np.concatenate(blocks) if blocks else np.empty((0, size), dtype=np.int64)
+    volumes = []
+    for _, tag in gmsh.model.getEntities(3):
+        _, _, nodes = gmsh.model.mesh.getElements(3, tag)
+        rows = [np.asarray(n, dtype=np.int64).reshape(-1, size) for n in nodes]
+        volumes += [row[:, _FROM_GMSH[order]] for row in rows]
     triangles = []
     for tag in surfaces:
         _, _, nodes = gmsh.model.mesh.getElements(2, tag)
         rows = [np.asarray(n, dtype=np.int64).reshape(-1, 3 * order)[:, :3] for n in nodes]
         triangles.append(np.concatenate(rows) if rows else np.empty((0, 3), dtype=np.int64))
-    return block[:, _FROM_GMSH[order]], triangles
+    return volumes, triangles
 
 
 def _mesh(
