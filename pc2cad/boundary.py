@@ -121,6 +121,14 @@ def _rounding(analysis: Analysis) -> float:
     return 64 * float(np.finfo(float).eps) * (analysis.size + analysis.magnitude)
 
 
+class _NotLaidError(Exception):
+    """A side of a face is no smooth curve on the surface that the face was laid on."""
+
+    def __init__(self, face: int) -> None:
+        super().__init__(face)
+        self.face = face
+
+
 class _Representation:
     """Works out one model; lives for one call of `represent`."""
 
@@ -154,6 +162,15 @@ class _Representation:
         ])  # fmt: skip
 
     def carriers(self) -> tuple[list[ModelEdge], list[ModelFace]]:
+        """Return all edges and faces; raise ToleranceNotReachedError."""
+        while True:
+            try:
+                return self._carriers()
+            except _NotLaidError as error:
+                self._laid[error.face] = None
+                self._bound, self._courses = self._settle()
+
+    def _carriers(self) -> tuple[list[ModelEdge], list[ModelFace]]:
         target = DIRECTION_SHARE * self._tolerance
         for _ in range(TRIES):
             self._courses.resolve(target, self._rounding)
@@ -360,7 +377,10 @@ class _Representation:
         """Return the surface of a laid face, and the face's four sides there."""
         function, uses = self._faces[index], self.boundary.faces[index].uses
         if isinstance(laid, Fitted):
-            return laid.carrier, sides_of_fitted(laid, uses, edges, self.vertices)
+            try:
+                return laid.carrier, sides_of_fitted(laid, uses, edges, self.vertices)
+            except ToleranceNotReachedError:
+                raise _NotLaidError(index) from None
         arcs = [self._courses.arcs(piece) for piece in function.pieces]
         surface = laid.carrier(lambda axis, level: self._iso_curve(function, axis, level))
         return surface, sides_on(laid, uses, edges, arcs)

@@ -88,6 +88,8 @@ CUT = (CENTRE + W * LENGTH * pc.cos(THETA), W * WIDTH * pc.sin(THETA))
 #: a plane that is mapped to a sphere from one of its points; circles stay circles
 PLANE = 0.3 + V / 2 * pc.cos(THETA), V / 2 * pc.sin(THETA)
 GNOMON = pc.sqrt(1 + (2 * U - 1) ** 2 + Z * Z)
+CORNERS = (1 - U, U * (1 - V), U * V,
+           pc.sqrt((1 - U) ** 2 + (U * (1 - V)) ** 2 + (U * V) ** 2))  # fmt: skip
 #: faces that end elsewhere than at constant parameters of their carriers, and the volume
 ASKEW = {
     "rod between two planes": (
@@ -104,6 +106,14 @@ ASKEW = {
     "hyperboloid by its lines": (
         (R * (pc.cos(THETA) - Z * pc.sin(THETA)), R * (pc.sin(THETA) + Z * pc.cos(THETA)), 2 * Z),
         {"revolution": 2, "plane": 2}, {"circle": 4, "line": 4}, 3 * pi * 2 * 8 / 3),
+    "octant of a shell by its corners": (
+        tuple((2 + W) * x / CORNERS[3] for x in CORNERS[:3]),
+        {"sphere": 2, "plane": 3}, {"circle": 6, "line": 3}, 4 * pi / 8 * 19 / 3),
+    "torus with a seam round both ways": (
+        ((5 + 2 * W * pc.cos(2 * pc.pi * (U + V))) * pc.cos(THETA),
+         (5 + 2 * W * pc.cos(2 * pc.pi * (U + V))) * pc.sin(THETA),
+         2 * W * pc.sin(2 * pc.pi * (U + V))),
+        {"torus": 1}, {"circle": 1, "rational B-spline curve": 1}, 40 * pi**2),
     "cap about another point": (
         tuple((2 + W) * x / (1 + PLANE[0] ** 2 + PLANE[1] ** 2)
               for x in (2 * PLANE[0], 2 * PLANE[1], PLANE[0] ** 2 + PLANE[1] ** 2 - 1)),
@@ -136,7 +146,9 @@ def test_other_programs_find_faces_cut_obliquely_valid(tmp_path):
         assert (seen["volumes"], seen["surfaces"]) == (1, sum(faces.values()))
         assert seen["volume"] == pytest.approx(volume, rel=1e-11)
     # a seam along straight lines of the hyperboloid is the hardest
-    found = read_in_fresh_process(paths[3], precise=True)
+    found = read_in_fresh_process(
+        paths[list(ASKEW).index("hyperboloid by its lines")], precise=True
+    )
     assert (found["valid"], found["free_edges"]) == (True, 0)
     assert max(found[f"max_{kind}_tolerance"] for kind in ("vertex", "edge", "face")) < 2e-7
     assert found["volume"] == pytest.approx(16 * pi, rel=1e-11)
@@ -210,6 +222,15 @@ def test_nearly_a_cylinder_is_what_it_is():
     assert np.ptp(outer.basis.radii) == pytest.approx(2e-9, rel=1e-3)
     bent = compile_part((R * C, R * S + 1e-6 * V * V, 3 * V), tolerance=1e-8)
     assert carriers(bent) == {"B-spline surface": 2, "plane": 3, "extrusion": 1}
+
+
+def test_a_seam_that_winds_about_a_pole_leaves_the_sphere_rational():
+    turn, down = THETA + pc.pi * V, pc.pi * V
+    ball = (2 * W * pc.sin(down) * pc.cos(turn), 2 * W * pc.sin(down) * pc.sin(turn),
+            2 * W * pc.cos(down))  # fmt: skip
+    part = compile_part(ball)
+    assert carriers(part) == {"rational B-spline surface": 1}
+    assert_exact(part)
 
 
 def test_a_screw_has_no_carrier():

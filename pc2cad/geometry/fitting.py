@@ -13,7 +13,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Arc,
@@ -35,7 +34,7 @@ from pc2cad.geometry.carriers import (
 from pc2cad.geometry.conics import Branch, Oval, conic_through
 from pc2cad.geometry.location import TURN, along_curve, distance_from_axis, periods, places
 from pc2cad.geometry.parameter_path import ROUNDING, path
-from pc2cad.geometry.sweeps import sweep_through, tidy
+from pc2cad.geometry.sweeps import free_motions, sweep_through, tidy
 
 Array = NDArray[np.float64]
 #: points (len(s), len(t), 3) of a face over local parameters
@@ -204,14 +203,13 @@ def fit(sample: Sampler, normals: Sampler, slack: float) -> Fitted | None:
     lengths = np.linalg.norm(directions, axis=1)
     if not lengths.min() > 1e-9 * lengths.max():
         return None
-    nodes = np.linspace(0.0, 1.0, NODES)
-    # few faces have a motion of their own: look before the grid is asked for
-    found = sweep_through(points, directions / lengths[:, None], np.empty((0, 3)), slack)
-    if found is None:
+    motions = free_motions(points, directions / lengths[:, None])
+    if motions is None:
         return None
+    nodes = np.linspace(0.0, 1.0, NODES)
     grid = sample(nodes, nodes)
     border = np.concatenate((grid[:, 0], grid[-1], grid[:, -1], grid[0]))
-    found = sweep_through(points, directions / lengths[:, None], border, slack)
+    found = sweep_through(points, motions, border, slack)
     if isinstance(found, Sphere):
         carrier: AnalyticSurface | None = _with_axis(found, grid)
     else:
@@ -219,47 +217,30 @@ def fit(sample: Sampler, normals: Sampler, slack: float) -> Fitted | None:
     if carrier is None:
         return None
     size = float(np.linalg.norm(np.ptp(grid, axis=(0, 1))))
-    fitted = _placed(carrier, grid, size)
-    return fitted if fitted is not None and _has_sides(fitted, sample) else None
+    return _placed(carrier, grid, size)
 
 
 def _placed(carrier: AnalyticSurface, grid: Array, size: float) -> Fitted | None:
     """Return the face with its surface turned and moved so that the face begins at zero."""
-    first = _unrolled(carrier, grid, size)
-    if first is None:
-        return None
-    low, high = first.min(axis=(0, 1)), first.max(axis=(0, 1))
-    if not isinstance(carrier, Extrusion):
-        corners = first[[0, 0, -1, -1], [0, -1, 0, -1], 0]
-        starts = corners.min() <= low[0] + SAME or high[0] - low[0] >= TURN - SAME
-        carrier = _turned(carrier, float(low[0] if starts else (low[0] + high[0]) / 2 - np.pi))
-    carrier = _tidied(_moved(carrier, float(low[1]), float(high[1])), size)
     unrolled = _unrolled(carrier, grid, size)
     if unrolled is None:
         return None
+    low, high = unrolled.min(axis=(0, 1)), unrolled.max(axis=(0, 1))
+    start = np.zeros(2)
+    if not isinstance(carrier, Extrusion):
+        corners = unrolled[[0, 0, -1, -1], [0, -1, 0, -1], 0]
+        begins = corners.min() <= low[0] + SAME or high[0] - low[0] >= TURN - SAME
+        start[0] = low[0] if begins else (low[0] + high[0]) / 2 - np.pi
+        carrier = _turned(carrier, float(start[0]))
+    if isinstance(carrier, Cylinder | Cone):
+        # lengths are counted from the lower end, on a cone from the wider one
+        start[1] = low[1] if isinstance(carrier, Cylinder) else high[1]
+        carrier = _moved(carrier, float(start[1]))
+    unrolled = unrolled - start
     for k, closes in enumerate(periods(carrier)):
         if closes:
             unrolled[..., k] -= TURN * np.floor((unrolled[..., k].min() + SAME) / TURN)
-    return Fitted(carrier, size, unrolled)
-
-
-def _has_sides(fitted: Fitted, sample: Sampler) -> bool:
-    """Say whether all sides are smooth in the surface's parameters."""
-    ends = (0.0, 1.0, 1.0, 0.0)
-    for side, end in enumerate(ends):
-        level = np.array([end])
-
-        def curve(y: Array, side: int = side, level: Array = level) -> Array:
-            return sample(level, y)[0] if side % 2 else sample(y, level)[:, 0]
-
-        points = curve(np.linspace(0.0, 1.0, 5))
-        if np.abs(points - points[0]).max() <= ON_AXIS * fitted.size:
-            continue
-        try:
-            fitted.side(side, curve, True)
-        except ToleranceNotReachedError:
-            return False
-    return True
+    return Fitted(_tidied(carrier, size), size, unrolled)
 
 
 def _unrolled(carrier: AnalyticSurface, grid: Array, size: float) -> Array | None:
@@ -332,17 +313,14 @@ def _turned(carrier: AnalyticSurface, angle: float) -> AnalyticSurface:
     return Revolution(replace(basis, poles=poles), frame)
 
 
-def _moved(carrier: AnalyticSurface, low: float, high: float) -> AnalyticSurface:
-    """Return a surface with lengths counted from the lower end, on a cone from the wider one."""
+def _moved(carrier: Cylinder | Cone, start: float) -> Cylinder | Cone:
+    """Return a surface with lengths counted from another place."""
+    frame = carrier.frame
     if isinstance(carrier, Cylinder):
-        frame = carrier.frame
-        return replace(carrier, frame=replace(frame, origin=frame.origin + low * frame.axes[2]))
-    if isinstance(carrier, Cone):
-        frame, angle = carrier.frame, carrier.angle
-        origin = frame.origin + high * np.cos(angle) * frame.axes[2]
-        radius = carrier.radius + high * float(np.sin(angle))
-        return Cone(replace(frame, origin=origin), radius, angle)
-    return carrier
+        return replace(carrier, frame=replace(frame, origin=frame.origin + start * frame.axes[2]))
+    along, across = float(np.cos(carrier.angle)), float(np.sin(carrier.angle))
+    origin = frame.origin + start * along * frame.axes[2]
+    return Cone(replace(frame, origin=origin), carrier.radius + start * across, carrier.angle)
 
 
 def _tidied(carrier: AnalyticSurface, size: float) -> AnalyticSurface:

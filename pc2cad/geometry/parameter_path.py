@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-13
 DEGREE = 15
 MOST_PIECES = 512
+#: the kernel takes no knots that are nearer than a tenth of this
+NARROWEST = 1e-9
 
 
 def path(values: Callable[[Array], Array], breaks: Array, scale: Array) -> PCurve:
@@ -34,7 +36,7 @@ def path(values: Callable[[Array], Array], breaks: Array, scale: Array) -> PCurv
     points = np.asarray(breaks, dtype=float)
     shares = np.linspace(0.03, 0.97, 13)
     before = np.inf
-    while len(points) <= MOST_PIECES:
+    while len(points) <= MOST_PIECES and np.diff(points).min() >= NARROWEST:
         space = PiecewiseSpace(DEGREE, points)
         poles = space.fit(values(space.sites))
         places = (points[:-1, None] + np.diff(points)[:, None] * shares).ravel()

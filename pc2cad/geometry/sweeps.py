@@ -80,28 +80,40 @@ class Sweep:
         return Revolution(conic.arc(meridian), frame)
 
 
+def free_motions(points: Array, normals: Array) -> Array | None:
+    """Return the motions (1 to 3, 6), velocities last, that leave a surface in its place, or None.
+
+    The surface has unit normals (n, 3) at points (n, 3), which motions take about their middle and
+    in units of their size.
+    """
+    centre, size = _middle(points)
+    local = (points - centre) / size
+    table = np.hstack((np.cross(local, normals), normals))
+    _, values, motions = np.linalg.svd(table, full_matrices=False)
+    free = int((values <= NULL * values[0]).sum())
+    return motions[-free:] if 1 <= free <= 3 else None
+
+
+def _middle(points: Array) -> tuple[Array, float]:
+    centre = points.mean(axis=0)
+    return centre, float(np.abs(points - centre).max())
+
+
 def sweep_through(
-    points: Array, normals: Array, border: Array, slack: float
+    points: Array, motions: Array, border: Array, slack: float
 ) -> Sweep | Sphere | None:
-    """Return what holds points (n, 3) with unit normals (n, 3) within a distance, or None.
+    """Return what holds points (n, 3) within a distance and has free motions, or None.
 
     `border` (m, 3) are points all round it: an open meridian or section ends there.
     """
-    centre = points.mean(axis=0)
-    size = float(np.abs(points - centre).max())
-    local = (points - centre) / size
-    _, values, motions = np.linalg.svd(np.hstack((np.cross(local, normals), normals)))
-    free = int((values <= NULL * values[0]).sum())
-    if not 1 <= free <= 3:
-        return None
+    centre, size = _middle(points)
     every = np.concatenate((points, border))
-    if free == 3:
+    if len(motions) == 3:
         return _sphere(every, centre, size, slack)
     motion = motions[-1]
-    if free == 2:
+    if len(motions) == 2:
         # of a cylinder's motions the one that does not turn
-        mixture = np.linalg.svd(motions[-2:, :3].T)[2][-1]
-        motion = mixture @ motions[-2:]
+        motion = np.linalg.svd(motions[:, :3].T)[2][-1] @ motions
     turning, moving = motion[:3], motion[3:]
     pitch = float(np.linalg.norm(turning))
     if pitch <= 100 * NULL * np.linalg.norm(moving):

@@ -36,9 +36,9 @@ class Wire:
 
     @property
     def flow(self) -> tuple[Vector, Vector]:
-        """Quadrature points and signed steps dr along the wire."""
-        places = [edge.places for edge, _ in self.edges]
-        steps = [edge.steps if forward else -edge.steps for edge, forward in self.edges]
+        """Quadrature points and signed steps dr along the wire, in its order."""
+        places = [edge.places[:: 1 if forward else -1] for edge, forward in self.edges]
+        steps = [edge.steps if forward else -edge.steps[::-1] for edge, forward in self.edges]
         none = np.empty((0, 3))
         return np.concatenate([none, *places]), np.concatenate([none, *steps])
 
