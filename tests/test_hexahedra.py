@@ -127,7 +127,7 @@ def check_o_grid(analysis: Analysis, mesh: VolumeMesh) -> None:
 #: the sides that are drawn together: about an axis inside or on the boundary, to a point, to a rim
 COLLAPSED = {
     "ball": 0.6, "ball_wedge": 0.6, "cone": 0.3, "cone_frustum": 0.7, "ellipsoid": 0.3,
-    "half_ball": 0.6, "hollow_ball": 0.7, "oblique_prism": 0.6, "paraboloid_cap": 0.4,
+    "half_ball": 0.6, "hollow_ball": 0.65, "oblique_prism": 0.6, "paraboloid_cap": 0.4,
     "pyramid": 0.6, "pyramid_cut": 0.15, "pyramid_cut_off": 0.15, "pyramid_sum": 0.15,
     "pyramid_truncated": 0.6, "quad_pyramid": 0.2, "simplex_ball": 0.3, "simplex_cone": 0.4,
     "simplex_hyperboloid": 0.4, "simplex_paraboloid": 0.25, "simplex_torus": 0.14,
@@ -145,11 +145,11 @@ def test_what_is_drawn_together_has_a_mesh_of_hexahedra_alone(name: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "cells", "order"),
-    [("ball", 16, 3.6), ("hollow_ball", 16, 3.6), ("cone_frustum", 8, 3.9),
-     ("ball_wedge", 16, 3.6), ("torus_wedge", 16, 3.9), ("paraboloid_cap", 16, 3.8)],
+    ("name", "cells"),
+    [("ball", 16), ("half_ball", 8), ("hollow_ball", 16), ("cone_frustum", 8), ("ball_wedge", 8),
+     ("torus_wedge", 16), ("simplex_paraboloid", 8), ("paraboloid_cap", 8)],
 )  # fmt: skip
-def test_o_grids_converge_at_fourth_order(name: str, cells: int, order: float) -> None:
+def test_o_grids_converge_at_fourth_order(name: str, cells: int) -> None:
     analysis = analysis_of(name)
     properties = integrate(analysis)
     errors = []
@@ -157,7 +157,7 @@ def test_o_grids_converge_at_fourth_order(name: str, cells: int, order: float) -
         mesh = o_grid(analysis, make_grid(analysis, (n, n // 2, n // 2)), 2)
         errors.append(abs(mesh.volume() / properties.volume - 1))
     check_o_grid(analysis, mesh)
-    assert np.log2(errors[0] / errors[1]) > order
+    assert np.log2(errors[0] / errors[1]) > 3.9
     for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
         assert mesh.area(analysis.boundary.name(face.patch)) == pytest.approx(area, rel=1e-3)
 
@@ -233,7 +233,7 @@ def test_an_o_grid_takes_its_axis_and_its_point_from_either_end(end: int) -> Non
     options = MeshOptions(cells=(16, 8, 8), order=2, core="ogrid")
     mesh, report = mesh_equation(point_equation(half_ball, name="half ball"), options)
     assert set(mesh.sides) == {f"v={1 - end}", f"w={1 - end}"}
-    assert report.volume == pytest.approx(2 * np.pi / 3, rel=2e-3)
+    assert report.volume == pytest.approx(2 * np.pi / 3, rel=3e-4)
     assert report.quality.scaled_jacobian > 0.7
 
 

@@ -1,7 +1,7 @@
 """O-grids: hexahedra alone, where sides of the box are drawn together to axes, points and rims.
 
-The blocks (module `blocks`) get lattices of nodes, which are one wherever blocks share a face.
-Every node is a value of the equation itself.
+The blocks (modules `polytopes` and `blocks`) get lattices of nodes, which are one wherever blocks
+share a face. Every node is a value of the equation itself.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
-from pc2cad.mesh.blocks import Block, blocks, large_cells, polytopes
+from pc2cad.mesh.blocks import Block, blocks
 from pc2cad.mesh.elements import HEXAHEDRON
 from pc2cad.mesh.gluing import joined
 from pc2cad.mesh.grid import Grid, UnsuitableGridError
 from pc2cad.mesh.hexahedra import FACE_AT, hexahedra
+from pc2cad.mesh.polytopes import large_cells, polytopes
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell
 
