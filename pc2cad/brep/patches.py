@@ -79,7 +79,7 @@ class SplineCurveData:
 def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
     """Return a kernel spline curve relative to `origin`."""
     count = curve.NbPoles()
-    poles = np.array([(p.X(), p.Y(), p.Z()) for p in map(curve.Pole, range(1, count + 1))]) - origin
+    poles = np.array([curve.Pole(i + 1).Coord() for i in range(count)]) - origin
     if curve.IsRational():
         weights = np.array([[curve.Weight(i)] for i in range(1, count + 1)])
         poles = np.hstack((poles * weights, weights))
@@ -98,11 +98,8 @@ def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -
     rows, columns = surface.NbUPoles(), surface.NbVPoles()
     rational = surface.IsURational() or surface.IsVRational()
     poles = np.empty((rows, columns, 4 if rational else 3))
-    for i in range(rows):
-        for j in range(columns):
-            p = surface.Pole(i + 1, j + 1)
-            poles[i, j, :3] = (p.X(), p.Y(), p.Z())
-    poles[..., :3] -= origin
+    places = [[surface.Pole(i + 1, j + 1).Coord() for j in range(columns)] for i in range(rows)]
+    poles[..., :3] = np.array(places) - origin
     if rational:
         for i in range(rows):
             for j in range(columns):
