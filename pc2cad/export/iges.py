@@ -10,16 +10,22 @@ from __future__ import annotations
 
 import io
 import tempfile
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
+from OCP.GeomAbs import GeomAbs_CurveType
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IGESCAFControl import IGESCAFControl_Writer
 from OCP.IGESControl import IGESControl_Controller, IGESControl_Reader
 from OCP.IGESData import IGESData_IGESWriter
 from OCP.Standard import Standard_Failure
 from OCP.TCollection import TCollection_HAsciiString
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopoDS import TopoDS
 
 from pc2cad import __version__
 from pc2cad.errors import KernelError
@@ -33,6 +39,7 @@ from pc2cad.export.kernel import (
     document,
     kernel_parameters,
     quiet_kernel,
+    subshapes,
 )
 from pc2cad.export.model import Exportable, ExportOptions
 
@@ -62,6 +69,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     """
     exportable = exportable.whole()
     check_solid(exportable.solid)
+    exportable = _without_ellipses(exportable)
     # Init also defines the parameters that are set below
     IGESControl_Controller.Init_s()
     unit = UNIT_NAMES[exportable.units]
@@ -75,6 +83,21 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     except Standard_Failure as failure:
         raise KernelError(f"The kernel could not translate the solid to IGES: {failure}.") from None
     return text
+
+
+def _without_ellipses(exportable: Exportable) -> Exportable:
+    """Return the same solid on rational splines where an edge is an ellipse.
+
+    The kernel's translator gives ellipses another parameter than their faces, and a closed one
+    another start.
+    """
+    edges = subshapes(exportable.solid, TopAbs_ShapeEnum.TopAbs_EDGE)
+    kinds = {BRepAdaptor_Curve(TopoDS.Edge_s(edge)).GetType() for edge in edges}
+    if GeomAbs_CurveType.GeomAbs_Ellipse not in kinds:
+        return exportable
+    converted = BRepBuilderAPI_NurbsConvert(exportable.solid, True)
+    faces = tuple(replace(f, face=converted.ModifiedShape(f.face)) for f in exportable.faces)
+    return replace(exportable, solid=converted.Shape(), faces=faces)
 
 
 def _text(exportable: Exportable, stamp: str) -> bytes:
