@@ -146,23 +146,38 @@ def test_a_worker_that_fails_loses_its_own_variant_only(tmp_path: Path) -> None:
     assert all(row["volume"] == pytest.approx(24 * row["p"], rel=1e-14) for row in built)
 
 
-def test_a_worker_is_replaced_after_so_many_jobs(tmp_path: Path) -> None:
-    answering = (
-        "import json, os, sys; print(json.dumps({'ready': 0}), flush=True)\n"
-        "for line in sys.stdin:\n"
-        "    key = json.loads(line)['job']['key']\n"
-        "    print(json.dumps({'key': key, 'status': 'built', 'figures': {'faces': os.getpid()}}),"
-        " flush=True)\n"
-    )
+#: a worker that answers at once with a number
+ANSWERING = """
+import json, os, sys
+print(json.dumps({{'ready': 0}}), flush=True)
+for line in sys.stdin:
+    key = json.loads(line)['job']['key']
+    answer = {{'key': key, 'status': 'built', 'figures': {{'faces': {number}}}}}
+    print(json.dumps(answer), flush=True)
+"""
 
+
+def test_a_worker_is_replaced_after_so_many_jobs(tmp_path: Path) -> None:
     def engine(task: Task) -> LocalEngine:
-        return LocalEngine(task, 1, Limits(jobs=2), ("-c", answering))
+        return LocalEngine(task, 1, Limits(jobs=2), ("-c", ANSWERING.format(number="os.getpid()")))
 
     values = [0.1, 0.2, 0.3, 0.4, 0.5]
     result = run_study(plan(values), task(tmp_path), tmp_path, engine)
     assert [row["status"] for row in result.rows] == ["built"] * 5
     first, second, third, fourth, fifth = (row["faces"] for row in result.rows)
     assert first == second != third == fourth != fifth != first
+
+
+def test_workers_keep_their_memory_below_a_dask_nanny(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
+    number = "sum(name.startswith('MALLOC') for name in os.environ)"
+
+    def engine(task: Task) -> LocalEngine:
+        return LocalEngine(task, 1, Limits(), ("-c", ANSWERING.format(number=number)))
+
+    assert run_study(plan([0.5]), task(tmp_path), tmp_path, engine).rows[0]["faces"] == 0
 
 
 def test_workers_that_cannot_start_end_the_study(tmp_path: Path) -> None:

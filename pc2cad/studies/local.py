@@ -146,6 +146,8 @@ class LocalEngine:
 
     def _start(self) -> _Worker:
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        # Dask's nannies set it: pages would go back to the system, and come again, all the time
+        environment.pop("MALLOC_TRIM_THRESHOLD_", None)
         process = subprocess.Popen(
             [sys.executable, *self._command],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
