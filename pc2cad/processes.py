@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -29,6 +30,18 @@ def resident_memory(process: int) -> int:
     except (OSError, IndexError):
         return 0
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def broken_limit(process: int, begun: float, seconds: float, memory: float) -> str:
+    """Return which limit a process broke, with the option that sets it; '' for none.
+
+    `begun` is a `time.monotonic`; `seconds` and `memory` (bytes) are 0 where there is no limit.
+    """
+    if seconds and time.monotonic() >= begun + seconds:
+        return f"stopped at the time limit of {seconds:g} s (--time-limit)"
+    if memory and resident_memory(process) > memory:
+        return f"stopped at the memory limit of {memory / 1024**3:g} GiB (--memory-limit)"
+    return ""
 
 
 def how_it_ended(code: int) -> str:

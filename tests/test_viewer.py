@@ -183,7 +183,7 @@ def test_the_server_gives_page_parts_and_reasons_to_this_machine_only():
 
 
 def test_parts_are_made_in_one_other_process_and_their_errors_come_back():
-    with Recompute(work, 0.0, 0.0) as recompute:
+    with closing(Recompute(work, 0.0, 0.0)) as recompute:
         kept = recompute({})
         assert int(kept) != os.getpid()
         with pytest.raises(NotASolidError, match="the map folds"):
@@ -202,7 +202,7 @@ def test_parts_are_made_in_one_other_process_and_their_errors_come_back():
     ],
 )
 def test_a_part_that_goes_wrong_does_not_take_the_page_along(do, seconds, memory, error, words):
-    with Recompute(work, seconds, memory) as recompute:
+    with closing(Recompute(work, seconds, memory)) as recompute:
         with pytest.raises(error, match=words):
             recompute({"do": do})
         assert int(recompute({})) != os.getpid()

@@ -21,9 +21,9 @@ from pc2cad.errors import InputError
 from pc2cad.processes import (
     CrashedError,
     LimitReachedError,
+    broken_limit,
     end_with_parent,
     how_it_ended,
-    resident_memory,
 )
 
 #: seconds between two looks at the time and the memory
@@ -124,8 +124,7 @@ def _watch(
     child: int, reading: int, signals: _Signals, seconds: float, memory: float
 ) -> tuple[str, int]:
     """Wait for the child; return what it was ended for ('' for nothing) and its exit code."""
-    end = time.monotonic() + seconds if seconds else float("inf")
-    reason = ""
+    begun, reason = time.monotonic(), ""
     while True:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
@@ -133,10 +132,8 @@ def _watch(
         now = time.monotonic()
         if now >= signals.interrupted + GRACE:
             reason = INTERRUPTED
-        elif now >= end:
-            reason = f"stopped at the time limit of {seconds:g} s (--time-limit)"
-        elif memory and resident_memory(child) > memory * 1024**3:
-            reason = f"stopped at the memory limit of {memory:g} GiB (--memory-limit)"
+        else:
+            reason = broken_limit(child, begun, seconds, memory * 1024**3)
         if reason:
             os.kill(child, signal.SIGKILL)
             _, status = os.waitpid(child, 0)

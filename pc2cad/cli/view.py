@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from contextlib import closing
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -137,7 +138,7 @@ def _serve(maker: _Maker, arguments: argparse.Namespace) -> int:
         _offered(p, maker) for p in maker.template.parameters
     ]
     memory = arguments.memory_limit * 1024**3
-    with Recompute(maker.payload, arguments.time_limit, memory) as recompute:
+    with closing(Recompute(maker.payload, arguments.time_limit, memory)) as recompute:
         with Progress(arguments.quiet) as progress, named(arguments.template):
             progress("compile")
             first = Variant(recompute({}))

@@ -12,15 +12,14 @@ from collections.abc import Callable, Mapping
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from types import TracebackType
 
 from pc2cad.errors import KernelError, PointCadError
 from pc2cad.processes import (
     CrashedError,
     LimitReachedError,
+    broken_limit,
     end_with_parent,
     how_it_ended,
-    resident_memory,
 )
 
 #: seconds between two looks at the time and the memory
@@ -29,7 +28,7 @@ Make = Callable[[Mapping[str, str]], bytes]
 
 
 class Recompute:
-    """Calls `make`, which must pickle, in another process; a context manager that ends it.
+    """Calls `make`, which must pickle, in another process, which `close` ends.
 
     `seconds` and `memory` (bytes, watched on Linux) are what one call may take, 0 for any. One call
     at a time. Raises LimitReachedError, CrashedError, and the PointCadErrors of `make`.
@@ -43,16 +42,11 @@ class Recompute:
         """Return the payload at these values."""
         process, pipe = self._worker = self._worker or _start(self._make)
         assert process.pid is not None
-        end = time.monotonic() + self._seconds if self._seconds else float("inf")
+        begun = time.monotonic()
         try:
             pipe.send(dict(values))
             while not pipe.poll(WATCH):
-                reason = ""
-                if time.monotonic() >= end:
-                    reason = f"stopped at the time limit of {self._seconds:g} s (--time-limit)"
-                elif self._memory and resident_memory(process.pid) > self._memory:
-                    limit = self._memory / 1024**3
-                    reason = f"stopped at the memory limit of {limit:g} GiB (--memory-limit)"
+                reason = broken_limit(process.pid, begun, self._seconds, self._memory)
                 if reason:
                     self.close()
                     raise LimitReachedError(reason)
@@ -76,17 +70,6 @@ class Recompute:
             process.kill()
             process.join()
             pipe.close()
-
-    def __enter__(self) -> Recompute:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _start(make: Make) -> tuple[BaseProcess, Connection]:
