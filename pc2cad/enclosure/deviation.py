@@ -15,12 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
-from scipy.sparse import csr_array
 
 from pc2cad.enclosure.cells import Cells, conversion_loss, halving, to_bernstein
 from pc2cad.enclosure.evaluate import Known
-from pc2cad.enclosure.function import Products, Whole, function_of
+from pc2cad.enclosure.function import Products, Slabs, Whole, function_of
 from pc2cad.enclosure.models import UNIT
 from pc2cad.enclosure.remainder import Direction, Remainders
 from pc2cad.equation.breaks import SAME_POSITION, find_breaks
@@ -29,6 +27,7 @@ from pc2cad.equation.sums import cancel_terms
 from pc2cad.equation.tree import Expr
 from pc2cad.geometry.bernstein import degree_in
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
+from pc2cad.geometry.spline_space import basis_matrix, local_basis
 
 Array = NDArray[np.float64]
 
@@ -46,7 +45,7 @@ SHARPEST = 6
 #: cells of another face serve again where they are at most so many times the knot intervals
 MOST_REUSED = 4
 #: nodes whose values are held at once: few enough for a processor's own memory
-SLAB = 40_000
+SLAB = 5_000
 
 
 @dataclass(frozen=True)
@@ -98,21 +97,29 @@ class _Spline:
     knots: tuple[Array, ...]
     poles: Array
 
-    def values(self, s: Array, t: Array) -> Array:
-        """Return the values on a grid, (3, len(s), len(t))."""
-        along = _basis(s, self.knots[0], self.degrees[0])
+    def on(self, s: Array, t: Array) -> Slabs:
+        """Return the values on a grid, by slabs."""
+        along = basis_matrix(self.knots[0], self.degrees[0], s)
         n, m, k = self.poles.shape
-        rows = along @ self.poles.transpose(0, 2, 1).reshape(n, k * m)
-        rows = rows.reshape(len(s), k, m)
+        rows = np.ascontiguousarray((along @ self.poles.reshape(n, m * k)).T)
         if len(self.knots) == 1:
-            return np.asarray(rows.transpose(1, 0, 2))
-        across = _basis(t, self.knots[1], self.degrees[1])
-        flat = across @ rows.reshape(len(s) * k, m).T
-        return np.asarray(flat.reshape(len(t), len(s), k).transpose(2, 1, 0))
+            return lambda _: np.asarray(rows.reshape(m, k, len(s)))
+        rows, p = rows.reshape(m, k * len(s)), self.degrees[1]
+        first, across = local_basis(self.knots[1], p, t)
+
+        def values(part: slice) -> Array:
+            # few functions live in a slab: a small full matrix of theirs is the fastest one
+            start, own = first[part], across[part]
+            some = np.zeros((len(own), start[-1] - start[0] + p + 1))
+            np.put_along_axis(some, (start - start[0])[:, None] + np.arange(p + 1), own, axis=1)
+            flat = some @ rows[start[0] : start[-1] + p + 1]
+            return np.asarray(flat.reshape(len(own), k, len(s)))
+
+        return values
 
     @property
     def rounding(self) -> float:
-        """Bound of the error of `values`, that of the parameters included.
+        """Bound of the error of values, that of the parameters included.
 
         The basis is positive, a sum of products without cancellation: some 6 roundings per degree;
         the poles then enter once per direction. A parameter is off by 4 units at most.
@@ -126,10 +133,6 @@ class _Spline:
             inside = gaps > 0
             result += 4 * UNIT * p * float((lengths[inside].T / gaps[inside]).max())
         return result * (1 + 1e-9)
-
-
-def _basis(t: Array, knots: Array, degree: int) -> csr_array:
-    return csr_array(BSpline.design_matrix(t, knots, degree))
 
 
 def _bound(
@@ -192,15 +195,26 @@ def _first_look(
     for d in directions:
         a, b = d.cells.points[:-1, None], d.cells.points[1:, None]
         places.append((a + (b - a) * np.array([0.27, 0.52])).ravel())
-    gap = _difference(function, spline, places[0], (*places, np.zeros(1))[1])
-    return float(np.sqrt((gap * gap).sum(axis=0).max()))
+    gap = _difference(function, spline, places[0], (*places, np.zeros(1))[1])(slice(None))
+    return float(np.sqrt(_squares(gap).max()))
 
 
-def _difference(function: Whole | Products, spline: _Spline, s: Array, t: Array) -> Array:
-    """Return S - M on a grid, (3, len(s), len(t))."""
-    gap = spline.values(s, t)
-    gap -= function.values(s, t)
+def _difference(function: Whole | Products, spline: _Spline, s: Array, t: Array) -> Slabs:
+    """Return S - M on a grid, by slabs."""
+    of_spline, of_function = spline.on(s, t), function.on(s, t)
+
+    def gap(part: slice) -> Array:
+        result = of_spline(part)
+        result -= of_function(part)
+        return result
+
     return gap
+
+
+def _squares(vectors: Array) -> Array:
+    """Return the squared lengths of vectors whose coordinates are along the last axis but one."""
+    x, y, z = (vectors[..., axis, :] for axis in range(3))
+    return np.asarray(x * x + y * y + z * z)
 
 
 def _reach(direction: Direction, deviation: float, degree: int) -> float:
@@ -223,6 +237,18 @@ def _windows(values: Array, axis: int, degree: int) -> Array:
     return as_strided(values, shape, strides, writeable=False)
 
 
+def _coefficients(gap: Array, s: int, t: int) -> Array:
+    """Return Bernstein coefficients on cells of degrees s and t, (t cells, t nodes, 3, s cells,
+    s nodes), from values at the nodes (see `_difference`).
+
+    What a step works along is last or alone between others, in one piece: that is many times faster.
+    """
+    along = _windows(gap, 0, t)
+    along = to_bernstein(t) @ along.reshape(*along.shape[:2], -1)
+    across = _windows(along.reshape(*along.shape[:2], *gap.shape[1:]), 3, s)
+    return np.asarray((across.reshape(-1, s + 1) @ to_bernstein(s).T).reshape(across.shape))
+
+
 class _Survey:
     """Samples of the difference on all cells, and the coefficients of its interpolants."""
 
@@ -235,7 +261,7 @@ class _Survey:
         expected: float,
     ) -> None:
         """Look at all cells; coefficients need not be sharper than about `expected` allows."""
-        self._function, self._spline, self._directions = function, spline, directions
+        self._directions = directions
         point = Cells(np.array([0.0, 1.0]), 0)
         self._s = directions[0].cells
         self._t = directions[1].cells if len(directions) > 1 else point
@@ -245,35 +271,37 @@ class _Survey:
         self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
         self._sizes = np.zeros((self._s.count, self._t.count))
         self.sampled, self.samples = 0.0, 0
-        #: of each side: coefficients (3, cells, nodes) and differences (3, places), in parts
+        #: of each side: coefficients (cells, nodes, 3) and differences (places, 3), in parts
         self._sides: tuple[list[tuple[Array, Array]], ...] = ([], [], [], [])
-        across = self._t.count * max(self._t.degree, 1)
-        step = max(1, SLAB // (across * max(self._s.degree, 1)))
-        for first in range(0, self._s.count, step):
-            self._take(first, min(first + step, self._s.count))
+        along, across = self._s.nodes(0, self._s.count), self._t.nodes(0, self._t.count)
+        difference = _difference(function, spline, along, across)
+        nodes = max(self._t.degree, 1)
+        step = max(1, SLAB // (len(along) * nodes))
+        for first in range(0, self._t.count, step):
+            last = min(first + step, self._t.count)
+            self._take(first, last, difference(slice(first * nodes, last * nodes + 1)))
 
-    def _take(self, first: int, last: int) -> None:
-        nodes = self._s.nodes(first, last), self._t.nodes(0, self._t.count)
-        gap = _difference(self._function, self._spline, *nodes)
-        self.sampled = max(self.sampled, float(np.sqrt((gap * gap).sum(axis=0).max())))
-        self.samples += gap[0].size
-        coefficients = to_bernstein(self._s.degree) @ _windows(gap, 1, self._s.degree)
-        coefficients = _windows(coefficients, 3, self._t.degree) @ to_bernstein(self._t.degree).T
+    def _take(self, first: int, last: int, gap: Array) -> None:
+        """Take the differences in some rows of cells into account."""
+        self.sampled = max(self.sampled, float(np.sqrt(_squares(gap).max())))
+        self.samples += gap[:, 0].size
+        coefficients = _coefficients(gap, self._s.degree, self._t.degree)
         if len(self._directions) == 2:
-            if first == 0:
-                self._sides[0].append((coefficients[:, 0, 0], gap[:, 0]))
-            if last == self._s.count:
-                self._sides[1].append((coefficients[:, -1, -1], gap[:, -1]))
-            for side, end in ((2, 0), (3, -1)):
-                self._sides[side].append((coefficients[:, :, :, end, end], gap[:, :, end]))
-        squares = np.einsum("csitj,csitj->sitj", coefficients, coefficients)
-        sizes = np.sqrt(squares.max(axis=3).max(axis=1))
+            for side, end in ((0, 0), (1, -1)):
+                self._sides[side].append((coefficients[..., end, end], gap[..., end]))
+            for side, end, is_there in ((2, 0, first == 0), (3, -1, last == self._t.count)):
+                if is_there:
+                    part = coefficients[end, end].transpose(1, 2, 0), gap[end].T
+                    self._sides[side].append(part)
+        t, nodes_t, k, *flat = coefficients.shape
+        squares = _squares(coefficients.reshape(t, nodes_t, k, -1)).max(axis=1)
+        sizes = np.sqrt(squares.reshape(t, *flat).max(axis=2))
         goal = max(self._goal, SHARP * self.sampled)
         i, j = np.nonzero(sizes > goal)
         if len(i):
-            parts = coefficients[:, i, :, j]
-            sizes[i, j] = _sharpened(parts, goal, halving(self._s.degree), halving(self._t.degree))
-        self._sizes[first:last] = sizes
+            parts = coefficients[i, :, :, j].transpose(0, 2, 1, 3)
+            sizes[i, j] = _sharpened(parts, goal, halving(self._t.degree), halving(self._s.degree))
+        self._sizes[:, first:last] = sizes.T
 
     def bound(self) -> Bound:
         """Return the bound."""
@@ -293,8 +321,8 @@ class _Survey:
         axis, end = 1 - side // 2, -(side % 2)
         along, data = (np.take(x, end, axis=1 - axis) for x in (self._rest.along[axis], self._data))
         parts = self._sides[side]
-        work = np.concatenate([part.transpose(1, 0, 2) for part, _ in parts])[..., None]
-        gaps = [np.sqrt((gap * gap).sum(axis=0)) for _, gap in parts]
+        work = np.concatenate([part.transpose(0, 2, 1) for part, _ in parts])[..., None]
+        gaps = [np.sqrt((gap * gap).sum(axis=1)) for _, gap in parts]
         sampled = max(float(gap.max()) for gap in gaps)
         degree = self._directions[axis].cells.degree
         goal = max(SHARP * sampled, float(data.max()))

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +35,11 @@ MOST_PRODUCTS = 12
 LEAST_SUM = 1e-2
 
 
+#: values on a grid of parameters s and t, (rows, 3, len(s)), for some of the rows along t: one after
+#: the other in memory
+Slabs = Callable[[slice], Array]
+
+
 class Whole:
     """Three trees in one or two parameters."""
 
@@ -42,13 +47,18 @@ class Whole:
         self._trees, self._names, self._known = trees, names, known
         self._program = Program(trees)
 
-    def values(self, s: Array, t: Array) -> Array:
-        """Return the values on a grid, (3, len(s), len(t))."""
-        grid = dict(zip(self._names, (s[:, None], t[None, :]), strict=False))
-        result = np.empty((3, len(s), len(t)))
-        for axis, column in enumerate(self._program(grid)):
-            result[axis] = column
-        return result
+    def on(self, s: Array, t: Array) -> Slabs:
+        """Return the values on a grid, by slabs."""
+
+        def values(part: slice) -> Array:
+            rows = t[part, None]
+            result = np.empty((len(rows), 3, len(s)))
+            grid = dict(zip(self._names, (s[None, :], rows), strict=False))
+            for axis, column in enumerate(self._program(grid)):
+                result[:, axis] = column
+            return result
+
+        return values
 
     def remainders(
         self, directions: Sequence[Direction], reach: Sequence[float], size: float, allowed: float
@@ -73,14 +83,14 @@ class Products:
         first, second = (Program(tuple(t for row in rows for t in row)) for rows in self._rows)
         return first, second
 
-    def values(self, s: Array, t: Array) -> Array:
-        """Return the values on a grid, (3, len(s), len(t))."""
-        count = len(self._rows[0])
+    def on(self, s: Array, t: Array) -> Slabs:
+        """Return the values on a grid, by slabs."""
         a, b = (
             np.stack([np.broadcast_to(x, len(places)) for x in program({name: places})])
             for program, name, places in zip(self._programs, self._names, (s, t), strict=True)
         )
-        return np.asarray(a.reshape(count, 3, len(s)).transpose(1, 2, 0) @ b)
+        vectors, factors = a.reshape(len(b), -1), np.ascontiguousarray(b.T)
+        return lambda part: np.asarray((factors[part] @ vectors).reshape(-1, 3, len(s)))
 
     def remainders(
         self, directions: Sequence[Direction], reach: Sequence[float], size: float, allowed: float

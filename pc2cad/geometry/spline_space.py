@@ -123,18 +123,17 @@ class SplineSpace:
 
     def basis(self, t: Array) -> csr_array:
         """Return the values of the clamped basis at t, (len(t), size)."""
-        first, values = _local_basis(self.knots, self.degree, t)
-        return _rows(first[:, None] + np.arange(self.degree + 1), values, self.size)
+        return basis_matrix(self.knots, self.degree, t)
 
     @cached_property
     def _projector(self) -> Callable[[Array], Array]:
         sites, weights = self._rule
         if self.seam is None:
-            first, values = _local_basis(self.knots, self.degree, sites)
+            first, values = local_basis(self.knots, self.degree, sites)
             owner, size = np.arange(self.size), self.size
         else:
             knots, owner = self._unclamped
-            first, values = _local_basis(knots, self.degree, sites)
+            first, values = local_basis(knots, self.degree, sites)
             size = len(self._cycle)
         index = owner[first[:, None] + np.arange(self.degree + 1)]
         return _projector(index, values, weights, size, self.degree, self.periodic)
@@ -195,8 +194,11 @@ def _rule_on_interval(count: int, degree: int) -> tuple[Array, Array]:
     return np.array([low, 1 - low]), np.array([0.5, 0.5])
 
 
-def _local_basis(knots: Array, degree: int, t: Array) -> tuple[Indices, Array]:
-    """Return the first of the p+1 functions that live at each t, and their values (len(t), p+1)."""
+def local_basis(knots: Array, degree: int, t: Array) -> tuple[Indices, Array]:
+    """Return the first of the p+1 functions that live at each t, and their values (len(t), p+1).
+
+    Values are sums of products of positive numbers.
+    """
     p = degree
     span = np.clip(np.searchsorted(knots, t, side="right") - 1, p, len(knots) - p - 2)
     values = np.empty((p + 1, len(t)))
@@ -211,6 +213,12 @@ def _local_basis(knots: Array, degree: int, t: Array) -> tuple[Indices, Array]:
             carried = left[r - 1 - k] * share
         values[r] = carried
     return span - p, values.T
+
+
+def basis_matrix(knots: Array, degree: int, t: Array) -> csr_array:
+    """Return the values of all functions at t, (len(t), functions)."""
+    first, values = local_basis(knots, degree, t)
+    return _rows(first[:, None] + np.arange(degree + 1), values, len(knots) - degree - 1)
 
 
 def _rows(index: Indices, values: Array, size: int) -> csr_array:
