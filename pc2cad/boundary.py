@@ -273,13 +273,11 @@ class _Representation:
         while True:
             bound = [self._is_bound(edge) for edge in range(len(self._edges))]
             courses = Courses(self._classes, self._strands(bound), self._profile)
-            rough = {
-                face
-                for edge, uses in self.boundary.edge_uses().items()
-                if not self._holds(edge, courses, bound[edge])
-                for face, _ in uses
-                if self._laid[face] is not None
-            }
+            rough: set[int] = set()
+            for edge, uses in self.boundary.edge_uses().items():
+                laid = {face for face, _ in uses if self._laid[face] is not None}
+                if laid and not self._holds(edge, courses, bound[edge]):
+                    rough |= laid
             if not rough:
                 return bound, courses
             self._laid = [None if i in rough else laid for i, laid in enumerate(self._laid)]

@@ -129,7 +129,8 @@ class CellFunction:
         The chords along one axis of these are in one plane, whatever the other parameter is.
         """
         if len(self.pieces) == 1:
-            return _flat_rank(self(SECTIONS[::2])[1:], self(np.zeros(1))) < 2
+            values = self(SECTIONS[::2])
+            return _flat_rank(values[1:], values[:1]) < 2
         values = self(SECTIONS[::2], SECTIONS[::2])
         return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
 

@@ -8,6 +8,7 @@ sin² = 1 - cos² is applied here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
 from typing import Final
@@ -27,12 +28,18 @@ class _TooLargeError(Exception):
     pass
 
 
-def normal_form(root: Expr, largest: int = LARGEST_FORM) -> NormalForm | None:
-    """Return the normal form of a tree, or None when it has more than `largest` terms."""
+def normal_form(
+    root: Expr, largest: int = LARGEST_FORM, whole: Callable[[Expr], bool] | None = None
+) -> NormalForm | None:
+    """Return the normal form of a tree, or None when it has more than `largest` terms.
+
+    Sub-trees that are `whole` are atoms, whatever they are made of.
+    """
     forms: dict[Expr, NormalForm] = {}
     try:
-        for node in walk((root,)):
-            forms[node] = _form_of(node, forms, largest)
+        for node in walk((root,), whole and (lambda n: () if whole(n) else n.args)):
+            atom = whole is not None and whole(node)
+            forms[node] = {((node, 1),): Fraction(1)} if atom else _form_of(node, forms, largest)
     except _TooLargeError:
         return None
     return forms[root]

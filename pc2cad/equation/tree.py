@@ -356,7 +356,9 @@ def walk(
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:
     """Return the trees with symbols replaced and everything folded anew."""
-    names = frozenset(values)
+    names = frozenset(name for name, value in values.items() if value is not symbol(name))
+    if not names:
+        return roots
     done: dict[Expr, Expr] = {}
     for node in walk(roots, lambda n: () if n.symbols.isdisjoint(names) else n.args):
         if node.symbols.isdisjoint(names):

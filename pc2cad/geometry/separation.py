@@ -114,7 +114,7 @@ def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
         return None
     forms = []
     for root in trees:
-        form = normal_form(root, largest=LARGEST_FORM)
+        form = normal_form(root, LARGEST_FORM, _is_constant)
         if form is None or any(len(atom.symbols) > 1 for m in form for atom, _ in m):
             return None
         forms.append(form)
@@ -131,6 +131,11 @@ def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
         if set(key) == {CONSTANT} or np.linalg.norm(v) > ROUNDING * every.scale
     }
     return Separation(axes, kept)
+
+
+def _is_constant(node: Expr) -> bool:
+    """Say whether a tree is a constant to be worked out: only its value counts."""
+    return not node.symbols and node.op != "number"
 
 
 def _is_sum_of_products(node: Expr) -> bool:

@@ -308,11 +308,11 @@ def _clamp_start(knots: Array, poles: Array, degree: int) -> Array:
     """
     p = degree
     result = poles.copy()
-    for j in range(p):
-        work = poles[j : p + 1]
-        for r in range(1, p - j + 1):
-            left, right = knots[j + r : p + 1], knots[p + 1 + j : 2 * p + 2 - r]
-            ratio = (-left / (right - left))[:, None]
-            work = (1 - ratio) * work[:-1] + ratio * work[1:]
-        result[j] = work[0]
+    # one triangle of means serves all: pole j is the last of what p - j rounds leave
+    work = poles[: p + 1]
+    for r in range(1, p + 1):
+        left, right = knots[r : p + 1], knots[p + 1 : 2 * p + 2 - r]
+        ratio = (-left / (right - left))[:, None]
+        work = (1 - ratio) * work[:-1] + ratio * work[1:]
+        result[p - r] = work[-1]
     return result
