@@ -159,11 +159,26 @@ class MapQuestions:
     def _at(self, cell: Cell) -> Array:
         """Return samples of a cell: one axis of nodes per direction in which it extends."""
         if cell not in self._samples:
-            grid = open_grid(*(self._positions(d, cell[d]) for d in range(3)))
-            points = self._map.points(*grid)
-            keep = tuple(slice(None) if cell[d] % 2 else 0 for d in range(3))
-            self._samples[cell] = points[keep]
+            points = self._limit_of_known(cell)
+            if points is None:
+                grid = open_grid(*(self._positions(d, cell[d]) for d in range(3)))
+                keep = tuple(slice(None) if cell[d] % 2 else 0 for d in range(3))
+                points = self._map.points(*grid)[keep]
+            self._samples[cell] = points
         return self._samples[cell]
+
+    def _limit_of_known(self, cell: Cell) -> Array | None:
+        """Return samples of an edge as those of a known patch that it ends, of a corner likewise."""
+        fixed = [d for d in range(3) if cell[d] % 2 == 0]
+        for d in fixed if len(fixed) > 1 else ():
+            for step, end in ((1, 0), (-1, -1)):
+                i, j, k = (p + step if axis == d else p for axis, p in enumerate(cell))
+                wider = i, j, k
+                inside = 0 < wider[d] < 2 * len(self._bounds[d]) - 2
+                if inside and (len(fixed) == 3 or wider in self._samples):
+                    axis = directions_of(wider).index(d)
+                    return np.asarray(np.take(self._at(wider), end, axis=axis))
+        return None
 
     def _positions(self, direction: int, position: int) -> Array:
         bounds = self._bounds[direction]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pc2cad.equation.functions import FUNCTIONS
 from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import Expr, operands, program
+from pc2cad.equation.tree import Expr, operands, walk
 
 Array = NDArray[np.float64]
 Value = Any  # a float or an array of any broadcastable shape
@@ -32,9 +32,9 @@ class Program:
     """Straight-line program of some trees; call it with one array (or float) per symbol."""
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
-        nodes = program(roots)
+        nodes = list(walk(roots, _operands))
         index = {node: i for i, node in enumerate(nodes)}
-        before = [tuple(index[arg] for arg in operands(node)) for node in nodes]
+        before = [tuple(index[arg] for arg in _operands(node)) for node in nodes]
         last = list(range(len(nodes)))
         for i, row in enumerate(before):
             for k in row:
@@ -82,9 +82,22 @@ class Program:
 _Run = Callable[..., Value]
 
 
+def _operands(node: Expr) -> tuple[Expr, ...]:
+    """Return what has to be worked out before a node: a difference is one operation, not two."""
+    if node.op == "add":
+        a, b = node.args
+        if b.op == "neg":
+            return a, b.args[0]
+        if a.op == "neg":
+            return b, a.args[0]
+    return operands(node)
+
+
 def _step(node: Expr) -> _Run:
     """Return the operation of a node on the values of its operands."""
     op, payload = node.op, node.payload
+    if op == "add" and _operands(node) != node.args:
+        return np.subtract
     if op == "number":
         constant = np.float64(float(payload))
         return lambda: constant
