@@ -168,7 +168,7 @@ class MapQuestions:
         return self._samples[cell]
 
     def _limit_of_known(self, cell: Cell) -> Array | None:
-        """Return samples of an edge as those of a known patch that it ends, of a corner likewise."""
+        """Return samples of an edge from those of a known patch, of a corner from an edge's."""
         fixed = [d for d in range(3) if cell[d] % 2 == 0]
         for d in fixed if len(fixed) > 1 else ():
             for step, end in ((1, 0), (-1, -1)):

@@ -52,14 +52,17 @@ def represent(
     outer_shell: int = 0,
     tolerance: float | None = None,
     profile: SplineProfile = COMPACT,
+    *,
+    prove: bool = True,
 ) -> BoundaryModel:
     """Return the boundary model within `tolerance` of the equation (a length, model units).
 
-    For its default see `check_tolerance`. Raises ToleranceNotReachedError.
+    For its default see `check_tolerance`. Without `prove` deviations stay sampled, which shows what
+    the proofs cost. Raises ToleranceNotReachedError.
     """
     tolerance = check_tolerance(analysis, tolerance)
     work = _Representation(analysis, tolerance, _rounding(analysis), profile)
-    edges, faces = work.carriers()
+    edges, faces = work.carriers(prove)
     boundary = analysis.complex
     shells = [_faces_of(shell, faces) for shell in boundary.shells]
     shells.insert(0, shells.pop(outer_shell))
@@ -161,16 +164,16 @@ class _Representation:
             CellFunction(analysis, vertex.corners[0])() for vertex in self.boundary.vertices
         ])  # fmt: skip
 
-    def carriers(self) -> tuple[list[ModelEdge], list[ModelFace]]:
+    def carriers(self, prove: bool) -> tuple[list[ModelEdge], list[ModelFace]]:
         """Return all edges and faces; raise ToleranceNotReachedError."""
         while True:
             try:
-                return self._carriers()
+                return self._carriers(prove)
             except _NotLaidError as error:
                 self._laid[error.face] = None
                 self._bound, self._courses = self._settle()
 
-    def _carriers(self) -> tuple[list[ModelEdge], list[ModelFace]]:
+    def _carriers(self, prove: bool) -> tuple[list[ModelEdge], list[ModelFace]]:
         target = DIRECTION_SHARE * self._tolerance
         for _ in range(TRIES):
             self._courses.resolve(target, self._rounding)
@@ -179,8 +182,9 @@ class _Representation:
             faces = [self._face(group, edges) for group in groups]
             worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
             if worst <= SAMPLED_SHARE * self._tolerance:
-                edges, faces = self._proved(edges, faces)
-                worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
+                if prove:
+                    edges, faces = self._proved(edges, faces)
+                    worst = max([e.deviation for e in edges] + [f.deviation for f in faces])
                 if worst <= self._tolerance:
                     return join_straight_edges(self.boundary, edges, faces)
             target *= 0.8 * min(1.0, SAMPLED_SHARE * self._tolerance / worst)

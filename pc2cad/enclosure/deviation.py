@@ -238,10 +238,10 @@ def _windows(values: Array, axis: int, degree: int) -> Array:
 
 
 def _coefficients(gap: Array, s: int, t: int) -> Array:
-    """Return Bernstein coefficients on cells of degrees s and t, (t cells, t nodes, 3, s cells,
-    s nodes), from values at the nodes (see `_difference`).
+    """Return Bernstein coefficients on cells of degrees s and t, from values at their nodes.
 
-    What a step works along is last or alone between others, in one piece: that is many times faster.
+    Shapes: (t cells, t nodes, 3, s cells, s nodes) from (places t, 3, places s). What a step works
+    along is last, or has what lies behind it in one piece: that is many times faster.
     """
     along = _windows(gap, 0, t)
     along = to_bernstein(t) @ along.reshape(*along.shape[:2], -1)

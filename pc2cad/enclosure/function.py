@@ -35,7 +35,7 @@ MOST_PRODUCTS = 12
 LEAST_SUM = 1e-2
 
 
-#: values on a grid of parameters s and t, (rows, 3, len(s)), for some of the rows along t: one after
+#: values on a grid of parameters s and t for some of the rows along t, (rows, 3, len(s)), one after
 #: the other in memory
 Slabs = Callable[[slice], Array]
 

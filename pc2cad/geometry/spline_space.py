@@ -26,6 +26,9 @@ Indices = NDArray[np.int_]
 
 #: up to this degree normal equations and one step of refinement hold all digits
 _NORMAL_EQUATIONS = 9
+#: up to this size full matrices cost less than banded ones, and hold all digits where no interval
+#: is shorter than this share of another
+_SMALL, _SHORTEST = 64, 1e-4
 
 
 class SplineSpace:
@@ -235,6 +238,10 @@ def _projector(
     Row i of the design matrix has `values[i]` in the columns `index[i]`. Rows of weight 0 are
     equations that hold exactly (by multipliers), the others are met in the least-squares sense.
     """
+    inner = weights[weights > 0]
+    is_even = inner.min() >= _SHORTEST * inner.max()
+    if size <= _SMALL and is_even and degree <= _NORMAL_EQUATIONS:
+        return _by_matrix(index, values, weights, size)
     design = _rows(index, values, size)
     limits = np.flatnonzero(weights == 0)
     exact = design[limits].toarray()
@@ -257,6 +264,34 @@ def _projector(
 
 
 _Solve = Callable[[Array], Array]
+
+
+def _by_matrix(
+    index: Indices, values: Array, weights: Array, size: int
+) -> Callable[[Array], Array]:
+    """Return the map of `_projector` as one full matrix, from the equations with multipliers."""
+    count = len(index)
+    place = index + size * np.arange(count)[:, None]
+    design = np.bincount(place.ravel(), values.ravel(), minlength=count * size)
+    design = design.reshape(count, size)
+    limits = np.flatnonzero(weights == 0)
+    # functions over short intervals have small weights: they are made alike first
+    scale = 1 / np.sqrt(weights @ (design * design))
+    scaled = design * scale
+    adjoint = scaled.T * weights
+    full = np.zeros((size + len(limits),) * 2)
+    full[:size, :size] = adjoint @ scaled
+    full[size:, :size] = scaled[limits]
+    full[:size, size:] = scaled[limits].T
+    inverse = np.linalg.inv(full)[:size] * scale[:, None]
+    matrix = inverse[:, :size] @ adjoint
+    matrix[:, limits] = inverse[:, size:]
+
+    def project(flat: Array) -> Array:
+        result = matrix @ flat
+        return np.asarray(result + matrix @ (flat - design @ result))
+
+    return project
 
 
 def _by_cholesky(
