@@ -32,7 +32,7 @@ from pc2cad.geometry.spline_space import basis_matrix, local_basis
 Array = NDArray[np.float64]
 
 #: a bound within this factor of the largest sample is sharp enough
-SHARP = 1.3
+SHARP = 1.45
 #: share of the largest sample that the remainder may have before cells are made smaller
 REMAINDER_SHARE = 0.25
 #: degrees more than the spline's that hold all of an error that converges; with fewer, more cells
@@ -161,13 +161,13 @@ def _bound(
         function = Whole(trees, names, known)
         found = function.remainders(directions, reach, size or 1.0, allowed)
     directions, rest = found
-    known.finer |= {d.key: x.cells.points for d, x in zip(coarse, directions, strict=True)}
+    known.finer |= {d.key: x.cells for d, x in zip(coarse, directions, strict=True)}
     return _Survey(function, spline, directions, rest, max(expected, floor / SHARP)).bound()
 
 
-def _reused(direction: Direction, finer: Array | None) -> Direction:
+def _reused(direction: Direction, finer: Cells | None) -> Direction:
     """Return the direction with the cells that another face asked for, where they are not many."""
-    if finer is None or len(finer) > MOST_REUSED * len(direction.cells.points):
+    if finer is None or finer.count > MOST_REUSED * direction.cells.count:
         return direction
     return direction.on(finer)
 

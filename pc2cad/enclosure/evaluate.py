@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.enclosure.cells import Cells
 from pc2cad.enclosure.functions import (
     FUNCTIONS,
     angle,
@@ -43,7 +44,7 @@ class Known:
         self._stores: dict[tuple[object, ...], dict[Expr, Model]] = {}
         #: cells by a parameter's name and the cells first tried: what is hard for one function of
         #: a parameter is hard for its others
-        self.finer: dict[tuple[str, bytes], Array] = {}
+        self.finer: dict[tuple[str, int, bytes], Cells] = {}
 
     def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> dict[Expr, Model]:
         """Return the models known for the product of some places, to be added to."""

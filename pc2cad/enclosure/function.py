@@ -65,7 +65,7 @@ class Whole:
     ) -> tuple[list[Direction], Remainders]:
         """Return cells that are small enough, and the remainders on them (see `remainders`)."""
         vectors = Vectors((self._trees,), (1.0,), self._known)
-        return remainders(vectors, directions, reach, size, allowed)
+        return remainders(vectors, directions, reach, allowed)
 
 
 class Products:
@@ -97,16 +97,16 @@ class Products:
     ) -> tuple[list[Direction], Remainders] | None:
         """Return the same as `Whole`; None where the products are too large or not bounded."""
         part = allowed / max(1, sum(not d.exact for d in directions))
-        lebesgue = directions[0].cells.lebesgue
-        second = self._largest(directions[1], reach[1], part / lebesgue / size)
-        s, along = self._remainders(0, second, directions, reach, size, part)
+        second = self._largest(directions[1], reach[1])
+        s, along = self._remainders(0, second, directions, reach, part)
+        across_first = part / s.cells.lebesgue
         first = along.sizes.max(axis=(1, 2))
         total = float(first @ second)
         if not total * LEAST_SUM <= size:
             return None
-        t, across = self._remainders(1, first, directions, reach, size, part / lebesgue)
+        t, across = self._remainders(1, first, directions, reach, across_first)
         rounding = along.rounding + across.rounding.T + (len(first) + 4) * UNIT * total
-        errors = along.along[0], lebesgue * across.along[0].T
+        errors = along.along[0], s.cells.lebesgue * across.along[0].T
         a, b = (error + np.zeros_like(rounding) for error in errors)
         return [s, t], Remainders((a, b), rounding, np.full((1, *rounding.shape), total))
 
@@ -116,20 +116,19 @@ class Products:
         weights: Array,
         directions: Sequence[Direction],
         reach: Sequence[float],
-        size: float,
         allowed: float,
     ) -> tuple[Direction, Remainders]:
         vectors = Vectors(self._rows[axis], tuple(weights.tolist()), self._known)
         (direction,), rest = remainders(
-            vectors, directions[axis : axis + 1], reach[axis : axis + 1], size, allowed
+            vectors, directions[axis : axis + 1], reach[axis : axis + 1], allowed
         )
         return direction, rest
 
-    def _largest(self, direction: Direction, reach: float, allowed: float) -> Array:
+    def _largest(self, direction: Direction, reach: float) -> Array:
         """Return bounds of the sizes of all factors, over the whole second parameter."""
         rows = Vectors(self._rows[1], (), self._known)
         for wide in (True, False):
-            places = [first_places(direction, reach, allowed, wide)]
+            places = [first_places(direction, reach, wide)]
             models = rows.models([direction.name], places, order_of([direction]))
             found = np.array([length([m.largest for m in row]).max() for row in models])
             if np.isfinite(found).all():

@@ -34,9 +34,10 @@ SHARE_ACROSS = 0.2
 FEW = 64
 #: halvings of cells
 DEEPEST = 12
-#: what a function, relative to its size, deviates from its Taylor model where discs are as wide as
-#: can be
-TYPICAL = 0.01
+#: degrees by which all cells may be raised at a time until no more than this share is bad: each
+#: leaves a sixth of the error, which is cheaper than halving
+RAISED = 4
+MOST_BAD = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +54,17 @@ class Direction:
     breaks: tuple[float, ...] = ()
 
     @property
-    def key(self) -> tuple[str, bytes]:
+    def key(self) -> tuple[str, int, bytes]:
         """What tells the parameter and its cells from others."""
-        return self.name, self.cells.points.tobytes()
+        return self.name, self.cells.degree, self.cells.points.tobytes()
 
-    def on(self, points: Array) -> Direction:
+    def on(self, cells: Cells) -> Direction:
         """Return the direction with other cells."""
-        return replace(self, cells=Cells(points, self.cells.degree))
+        return replace(self, cells=cells)
 
     def halved(self, which: Mask) -> Direction:
         """Return the direction with some cells halved."""
-        return replace(self, cells=self.cells.split(which))
+        return self.on(self.cells.split(which))
 
     def groups(self, wanted: Mask, size: int) -> _Groups:
         """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
@@ -145,15 +146,14 @@ def remainders(
     vectors: Vectors,
     directions: Sequence[Direction],
     reach: Sequence[float],
-    size: float,
     allowed: float,
 ) -> tuple[list[Direction], Remainders]:
     """Return cells, and the remainders of the weighted vectors on them.
 
     Each direction in turn is taken as complex, the other as real, on boxes of several cells:
-    `reach` says over how many cells the function can be expected to be analytic, `size` how large
-    it is. Cells for which that gives more than `allowed` are halved, `DEEPEST` times at most. What
-    then remains may be inf.
+    `reach` says over how many cells the function can be expected to be analytic. Where that gives
+    more than `allowed`, boxes are made smaller, degrees raised, and cells halved, `DEEPEST` times
+    at most. What then remains may be inf.
     """
     directions = list(directions)
     rest = Remainders.unknown([d.cells.count for d in directions], len(vectors.trees))
@@ -171,26 +171,25 @@ def remainders(
             bad = ~(rest.along[axis] <= part)
             if not bad.any():
                 continue
-            smallest = [1, 1]
-            smallest[axis] = _fewest(directions[axis].cells.degree, part / size)
             share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
             counts = [
-                _cells_per_box(direction, least, part_of * r / 4**depth, len(directions))
-                for direction, least, part_of, r in zip(
-                    directions, smallest, share, reach, strict=False
-                )
+                _cells_per_box(direction, part_of * r / 4**depth, len(directions))
+                for direction, part_of, r in zip(directions, share, reach, strict=False)
             ]
             # few boxes along one parameter cost no less than all, and all serve other functions
             few = len(directions) == 1 and directions[0].cells.count <= FEW
             wanted = np.ones_like(bad) if few else bad
-            _evaluate(vectors, directions, axis, _boxes(wanted, directions, counts), rest)
+            boxes = _boxes(wanted, directions, counts)
+            before = directions[0].cells.lebesgue
+            directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, part)
+            rest.along[1][...] *= directions[0].cells.lebesgue / before
             split = rest.to_split(axis, part, depth % 2 == 0)
             hard = hard or any(mask.any() for mask in split)
             if depth == DEEPEST:
                 break
             for d, mask in enumerate(split):
                 # smaller boxes come first
-                mask[:] &= d < len(directions) and counts[d] == smallest[d]
+                mask[:] &= d < len(directions) and counts[d] == 1
             for d, mask in enumerate(split):
                 if mask.any():
                     directions[d] = directions[d].halved(mask)
@@ -200,32 +199,26 @@ def remainders(
     return directions, rest
 
 
-def first_places(direction: Direction, reach: float, allowed: float, wide: bool) -> Place:
+def first_places(direction: Direction, reach: float, wide: bool) -> Place:
     """Return the boxes with which `remainders` begins on a single direction.
 
-    `allowed` is relative to the function's size. Discs that are not `wide` hold the cells only.
+    Discs that are not `wide` hold the cells only.
     """
     count = 1
     if not direction.exact:
-        least = _fewest(direction.cells.degree, allowed)
-        count = _cells_per_box(direction, least, SHARE_ALONG * reach, 1)
+        count = _cells_per_box(direction, SHARE_ALONG * reach, 1)
     everything = np.ones(direction.cells.count, dtype=bool)
     return _place(direction, direction.groups(everything, count), wide)
 
 
-def _cells_per_box(direction: Direction, least: int, most: float, parameters: int) -> int:
-    """Return a whole power of 2, or `least`, so that functions alike get the same boxes.
+def _cells_per_box(direction: Direction, most: float, parameters: int) -> int:
+    """Return a whole power of 2, so that functions alike get the same boxes.
 
     Few boxes along one parameter cost no less than `FEW`, and smaller ones are sooner good enough.
     """
     if parameters == 1:
         most = min(most, direction.cells.count / FEW)
-    return max(least, 1 << (int(max(most, 1.0)).bit_length() - 1))
-
-
-def _fewest(degree: int, allowed: float) -> int:
-    """Return how many cells a disc is put round at least: a single one leaves it little room."""
-    return 1 if 4 * TYPICAL * 6.0 ** -(degree + 1) <= allowed else 2
+    return 1 << (int(max(most, 1.0)).bit_length() - 1)
 
 
 def _boxes(
@@ -244,8 +237,12 @@ def _evaluate(
     axis: int,
     groups: tuple[_Groups, _Groups],
     found: Remainders,
-) -> None:
-    """Evaluate the product of two lists of groups, complex along one axis; note what got better."""
+    goal: float = np.inf,
+) -> Direction:
+    """Evaluate the product of two lists of groups, complex along one axis; note what got better.
+
+    Return the direction of that axis, its degree raised if that leaves less than the goal.
+    """
     places = [_place(d, g, i == axis) for i, (d, g) in enumerate(zip(directions, groups,
               strict=False))]  # fmt: skip
     order = order_of(directions)
@@ -258,21 +255,43 @@ def _evaluate(
     for weight, coordinates in zip(vectors.weights, models, strict=True):
         distance += weight * length([m.radius for m in coordinates])
         rounding += weight * length([m.error for m in coordinates])
-    share = _shares(directions[axis], groups[axis], places[axis])
-    if axis == 1:
-        # an error along the second direction passes through the interpolation along the first
-        share = directions[0].cells.lebesgue * share
     # boxes that hold each cell
     row, column = (np.repeat(np.arange(len(g)), g[:, 1] - g[:, 0]) for g in groups)
     box = np.ix_(row, column)
     cells = np.ix_(*(np.concatenate([np.arange(a, b) for a, b in g]) for g in groups))
-    with np.errstate(invalid="ignore"):
-        gap = distance[box] * (share[:, None] if axis == 0 else share)
-    gap = np.where(np.isfinite(distance[box]), gap, np.inf)
+    # an error along the second direction passes through the interpolation along the first
+    disc = distance[box] * (directions[0].cells.lebesgue if axis else 1.0)
+    direction, gap = directions[axis], np.zeros_like(disc)
+    if not direction.exact:
+        left = _left_per_degree(direction, groups[axis], places[axis])
+        left = left[:, None] if axis == 0 else left
+        bad = np.count_nonzero(~(found.along[axis] <= goal)) - disc.size
+        direction = _raised(direction, disc, left, goal, MOST_BAD * found.rounding.size - bad)
+        gap = _interpolated(disc, left, direction.cells.degree)
     found.along[axis][cells] = np.minimum(found.along[axis][cells], gap)
     found.rounding[cells] = np.minimum(found.rounding[cells], rounding[box])
     for known, size in zip(found.sizes, sizes, strict=True):
         known[cells] = np.minimum(known[cells], size[box])
+    return direction
+
+
+def _raised(
+    direction: Direction, disc: Array, left: Array, goal: float, most: float
+) -> Direction:
+    """Return the direction in the lowest degree that leaves so many cells above the goal at most.
+
+    Where none does, its own degree.
+    """
+    cells = direction.cells
+    for degree in range(cells.degree, cells.degree + RAISED + 1):
+        if np.count_nonzero(~(_interpolated(disc, left, degree) <= goal)) <= most:
+            return direction.on(Cells(cells.points, degree))
+    return direction
+
+
+def _interpolated(disc: Array, left: Array, degree: int) -> Array:
+    """Return how far interpolation is off, cell by cell, from what is so on discs."""
+    return np.where(np.isfinite(disc), 4 * disc * left ** (degree + 1), np.inf)
 
 
 def order_of(directions: Sequence[Direction]) -> int:
@@ -300,13 +319,11 @@ def _place(direction: Direction, groups: _Groups, wide: bool) -> Place:
     return Place(centre, half, half + 3 * np.maximum(half, longest))
 
 
-def _shares(direction: Direction, groups: _Groups, place: Place) -> Array:
-    """Return, cell by cell, what interpolation leaves of a deviation of 1 on the disc."""
+def _left_per_degree(direction: Direction, groups: _Groups, place: Place) -> Array:
+    """Return, cell by cell, what each degree of interpolation leaves of a deviation on the disc."""
     cells = np.concatenate([np.arange(a, b) for a, b in groups])
-    if direction.exact:
-        return np.zeros(len(cells))
     box = np.repeat(np.arange(len(groups)), groups[:, 1] - groups[:, 0])
-    points, half, m = direction.cells.points, direction.cells.half[cells], direction.cells.degree
+    points, half = direction.cells.points, direction.cells.half[cells]
     middle = (points[cells] + points[cells + 1]) / 2
     room = place.radius[box] - np.abs(middle - place.centre[box]) - half - 8 * UNIT
-    return np.asarray(4 * (half / (2 * room) * (1 + 1e-12)) ** (m + 1))
+    return np.asarray(half / (2 * room) * (1 + 1e-12))
