@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -165,17 +165,20 @@ class Patch:
         done: list[tuple[Array, Array]] = []
         sizes: Array | float = 0.0
         reach = np.sqrt((self.poles[..., :3] ** 2).sum(axis=-1)).max()
-        for depth in range(DEEPEST):
-            orders = _ORDERS if depth == 0 else _ORDERS[1:]
-            found = self._panel_sums(direction, panels, lines, orders)
-            sizes = np.maximum(sizes, np.abs(found[-1]).sum(axis=0))
+        for depth in range(DEEPEST + 1):
+            # the two lower orders settle most rules; the higher ones where they do not
+            orders = _ORDERS[:2] if depth == 0 else _ORDERS[1:]
+            few, many = self._panel_sums(direction, panels, lines, orders)
+            sizes = np.maximum(sizes, np.abs(many).sum(axis=0))
             # lines near a pole add little: what counts is the largest
             volume, area = np.max(sizes, axis=0)[:2]
             scale = np.array([volume, area, *[volume * reach] * 3]) + np.finfo(float).tiny
-            gaps = [(np.abs(sums - found[-1]) / scale).max(axis=(1, 2)) for sums in found[:-1]]
-            if depth == 0 and gaps[0].max() <= accuracy:
-                return _gauss(panels, _ORDERS[0])
-            right = gaps[-1] <= accuracy
+            gaps = (np.abs(few - many) / scale).max(axis=(1, 2))
+            if depth == 0:
+                if gaps.max() <= accuracy:
+                    return _gauss(panels, _ORDERS[0])
+                continue
+            right = gaps <= accuracy
             done.append(_gauss(panels[right], _ORDERS[1]))
             panels = panels[~right]
             if len(panels) == 0:
@@ -190,7 +193,7 @@ class Patch:
         return nodes[order], weights[order]
 
     def _panel_sums(
-        self, direction: int, panels: Array, lines: Array, orders: tuple[int, ...]
+        self, direction: int, panels: Array, lines: Array, orders: Sequence[int]
     ) -> list[Array]:
         """Return the integrands of `flux` along each line over each panel, (panels, lines, 5)."""
         rules = [_gauss(panels, order) for order in orders]

@@ -275,9 +275,7 @@ def _evaluate(
     return direction
 
 
-def _raised(
-    direction: Direction, disc: Array, left: Array, goal: float, most: float
-) -> Direction:
+def _raised(direction: Direction, disc: Array, left: Array, goal: float, most: float) -> Direction:
     """Return the direction in the lowest degree that leaves so many cells above the goal at most.
 
     Where none does, its own degree.

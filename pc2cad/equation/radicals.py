@@ -11,6 +11,9 @@ from fractions import Fraction
 from pc2cad.equation.normal_form import NormalForm, normal_form
 from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol, walk
 
+#: the operations that polynomials are made of: others are not worked out to see them cancel
+_POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
+
 
 def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return the trees with powers of parameters t, and of 1-t, taken out of roots of polynomials.
@@ -71,6 +74,8 @@ def _arc(node: Expr) -> Expr:
 
 def _polynomial(tree: Expr) -> NormalForm | None:
     """Return the normal form of a polynomial in the parameters with rational coefficients."""
+    if any(node.op not in _POLYNOMIAL for node in walk((tree,))):
+        return None
     form = normal_form(tree, largest=60)
     if not form or any(atom.op != "symbol" for monomial in form for atom, _ in monomial):
         return None
