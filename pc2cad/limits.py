@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Field = Callable[[Array, Array, Array], Array]
 
 #: places per smooth piece of a direction, at least and over the whole of it
-PER_PIECE, PER_DIRECTION = 9, 160
+PER_PIECE, PER_DIRECTION = 9, 96
 #: rounds in which a smallest value is looked at more closely
 ZOOMS = 5
 #: largest cosine between M - N and the tangent that rounding can leave
