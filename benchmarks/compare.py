@@ -134,8 +134,9 @@ SOLID_HEAD: Row = (
 )  # fmt: skip
 
 
-#: what of pc2cad's work is timed by itself: what peers do, and that with proofs
-FITTED, PROVED = "faces fitted, built", "faces fitted, proved, built"
+#: what of pc2cad's work is timed by itself: what peers do, that with proofs, and with the faces
+#: derived before; ratios are taken to the first two
+PARTS = ("faces fitted, built", "faces fitted, proved, built", "derived, fitted, proved, built")
 
 
 @dataclass(frozen=True)
@@ -158,10 +159,11 @@ def solids(channels: tuple[Channel, ...], quick: bool) -> Iterator[Row]:
         volume = analyse_volume(channel)
         for target in TARGETS:
             attempts = {"pc2cad, everything": [_own(channel, target)]}
-            parts = {what: _own_parts(channel, target, what == PROVED) for what in (FITTED, PROVED)}
+            parts = dict(zip(PARTS, _own_parts(channel, target), strict=True))
             for name, settings in _routes(target, quick).items():
                 attempts[name] = list(_try(channel, settings, target))
-            units = (*parts.values(), attempts["pc2cad, everything"][0].seconds)
+            fitted, proved, _ = parts.values()
+            units = (fitted, proved, attempts["pc2cad, everything"][0].seconds)
             for what, took in parts.items():
                 head = (channel.name, f"{target:.0e}", f"pc2cad, {what}", f"{took:.3f}")
                 yield (*head, *_ratios(took, units), "", "", "", "")
@@ -180,9 +182,14 @@ def _own(channel: Channel, target: float) -> Attempt:
     return Attempt(f"tolerance {target:.0e}", took, part.shape, gap)
 
 
-def _own_parts(channel: Channel, target: float, prove: bool) -> float:
+def _own_parts(channel: Channel, target: float) -> tuple[float, float, float]:
     analysis = analyse(channel.equation())
-    return seconds(lambda: build(represent(analysis, 0, target, prove=prove)))[0]
+    fitted, proved = (
+        seconds(lambda prove=prove: build(represent(analysis, 0, target, prove=prove)))[0]
+        for prove in (False, True)
+    )
+    whole = seconds(lambda: build(represent(analyse(channel.equation()), 0, target)))[0]
+    return fitted, proved, whole
 
 
 def _ratios(took: float, units: tuple[float, ...]) -> tuple[str, ...]:
