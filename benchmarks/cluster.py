@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -39,9 +39,9 @@ TEMPLATE = "channel_ellipse"
 LAID_OUT = 100_000
 
 
-def received(answer: bytes, key: str, number: int) -> Outcome:
+def received(line: bytes, key: str, number: int) -> Outcome:
     """Return an outcome as it comes from a worker, with figures of its own."""
-    outcome: Outcome = pickle.loads(answer)
+    outcome = Outcome.from_dict(json.loads(line))
     figures = {**outcome.figures, "volume": number / math.pi, "area": number / math.e}
     return replace(outcome, key=key, figures=figures, files={"step": f"{key}.step"})
 
@@ -54,15 +54,14 @@ def costs() -> None:
         own = sum(row["seconds"] for row in result.rows) / len(result.rows)
         step = sum((folder / row["step"]).stat().st_size for row in result.rows) / len(result.rows)
         line = (folder / "journal.jsonl").read_bytes().splitlines()[-1]
-    outcome = Outcome.from_dict(json.loads(line))
     task = Task("", TEMPLATE, ("step",), "/files")
     plan = grid([read_axis("delta", f"0.2:0.6:{LAID_OUT}")])
-    order, answer = pickle.dumps(Job("0" * 32, plan.values(0))), pickle.dumps(outcome)
+    order = pickle.dumps(Job("0" * 32, plan.values(0)))
     begun = time.process_time()
     keys = [task.key(plan.values(i)) for i in range(LAID_OUT)]
     named = time.process_time() - begun
     tracemalloc.start()
-    outcomes = {key: received(answer, key, i) for i, key in enumerate(keys)}
+    outcomes = {key: received(line, key, i) for i, key in enumerate(keys)}
     kept = tracemalloc.get_traced_memory()[0]
     tracemalloc.reset_peak()
     table = rows(plan, keys, outcomes, ("step",))
@@ -89,8 +88,7 @@ def costs() -> None:
           f"| build and write, on a worker | {own:.2f} s | {own * 1e6 / 3600:.0f} h of one core |\n"
           f"| STEP file | {step / 1e3:.0f} kB | {step / 1e3:.0f} GB |\n"
           f"| job sent (pickled) | {len(order)} B | {len(order)} MB |\n"
-          f"| outcome sent back (pickled) | {len(answer)} B | {len(answer)} MB |\n"
-          f"| journal | {len(line) + 1} B | {len(line) + 1} MB |\n"
+          f"| outcome told, line of the journal | {len(line) + 1} B | {len(line) + 1} MB |\n"
           f"| results.csv | {len(csv) / LAID_OUT:.0f} B | {len(csv) / LAID_OUT:.0f} MB |\n"
           f"| results.parquet | {parquet_row:.0f} B | {parquet_row:.0f} MB |\n"
           f"| name by content hash | {named * micro:.0f} µs | {named * micro:.0f} s |\n"
@@ -114,15 +112,22 @@ def seconds_of(job: Job, mean: float, stragglers: float) -> float:
     return mean * long * dice.lognormvariate(-0.125, 0.5)
 
 
-def sleeping(job: Job, task: Task, limits: Limits) -> Outcome:
-    """Stand in for `_guarded`: the task's fields say how long variants take."""
-    from distributed import get_worker
+class Sleeping:
+    """Stands in for a guarded process: the task's fields say how long variants take."""
 
-    mean, stragglers = task.tolerance or 0.0, task.fixed["stragglers"]
-    slow = 5.0 if get_worker().name.endswith("slow") else 1.0
-    if mean:
-        time.sleep(slow * seconds_of(job, mean, float(stragglers)))
-    return Outcome(job.key, "built", figures={"volume": 1.0}, times={"total": mean})
+    def __init__(self, task: Task, limits: Limits) -> None:
+        self._mean, self._stragglers = task.tolerance or 0.0, float(task.fixed["stragglers"])
+
+    def run(self, jobs: Sequence[Job]) -> Iterator[list[Outcome]]:
+        """Sleep once for every job."""
+        from distributed import get_worker
+
+        slow = 5.0 if get_worker().name.endswith("slow") else 1.0
+        for job in jobs:
+            seconds = slow * seconds_of(job, self._mean, self._stragglers)
+            if seconds:
+                time.sleep(seconds)
+            yield [Outcome(job.key, "built", figures={"volume": 1.0}, times={"total": seconds})]
 
 
 async def host(address: str, count: int, slow: int, lose: int, every: float) -> None:
@@ -136,6 +141,7 @@ async def host(address: str, count: int, slow: int, lose: int, every: float) -> 
         "distributed.admin.tick.interval": "10s",
         "distributed.admin.system-monitor.interval": "60s",
     })  # fmt: skip
+    engine._guarded = Sleeping
     names = [f"{i}-slow" if i < slow else str(i) for i in range(count)]
     workers = [
         Worker(
@@ -204,11 +210,12 @@ def simulate(
 def on_dask(variants: int, count: int) -> None:
     """Print the table of the simulations."""
     logging.disable(logging.CRITICAL)  # Dask tells of every lost worker
-    engine._guarded = sleeping
     print("| | variants | workers | wall | / ideal | CPU of supervisor and scheduler | rows |")
     print("|---|---|---|---|---|---|---|")
-    simulate("nothing to do: the scheduler's limit", variants, count, 0.0)
-    simulate("all alike", variants, count, 2.0)
+    simulate("nothing to do: the scheduler's limit", 5 * variants, count, 0.0)
+    simulate("all alike, of 0.1 s", 5 * variants, count, 0.1)
+    simulate("all alike, of 0.5 s", 5 * variants, count, 0.5)
+    simulate("all alike, of 2 s", variants, count, 2.0)
     simulate("1 % take 20 times as long", variants, count, 2.0, stragglers=0.01)
     simulate("a tenth of the workers 5 times slower", variants, count, 2.0, slow=count // 10)
     simulate("a tenth of the workers lost", variants, count, 2.0, lose=count // 10)

@@ -8,10 +8,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -21,7 +25,7 @@ from pc2cad.errors import InputError
 from pc2cad.studies.journal import Journal, JournalInUseError, StudyDiffersError
 from pc2cad.studies.local import Limits, LocalEngine, WorkerNotStartedError
 from pc2cad.studies.plan import Plan, PlanError, grid, read_axis, read_table, sample
-from pc2cad.studies.run import NothingBuiltError, StudyResult, run_study
+from pc2cad.studies.run import NothingBuiltError, Progress, StudyResult, run_study
 from pc2cad.studies.table import rows
 from pc2cad.studies.variant import Job, Outcome, Task
 
@@ -166,6 +170,16 @@ def test_a_worker_is_replaced_after_so_many_jobs(tmp_path: Path) -> None:
     assert [row["status"] for row in result.rows] == ["built"] * 5
     first, second, third, fourth, fifth = (row["faces"] for row in result.rows)
     assert first == second != third == fourth != fifth != first
+
+
+def test_answers_to_a_run_that_was_left_are_not_those_of_the_next(tmp_path: Path) -> None:
+    jobs = [Job(str(i), {}) for i in range(4)]
+    command = ("-c", ANSWERING.format(number="0"))
+    with LocalEngine(task(tmp_path), 1, Limits(), command) as engine:
+        left = engine.run(jobs[:2])
+        assert [outcome.key for outcome in next(left)] == ["0"]
+        left.close()
+        assert [outcome.key for batch in engine.run(jobs[2:]) for outcome in batch] == ["2", "3"]
 
 
 def test_workers_keep_their_memory_below_a_dask_nanny(
@@ -363,7 +377,7 @@ def test_dask_gives_the_same_rows(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_dask_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    values = [0.05 * i for i in range(1, 13)]
+    values = [0.02 * i for i in range(1, 41)]
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=":0"
     ) as cluster:
@@ -372,8 +386,8 @@ def test_a_dask_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> 
         def engine(task: Task) -> DaskEngine:
             return DaskEngine(task, cluster)
 
-        def kill(state: object) -> None:
-            if killed:
+        def kill(state: Progress) -> None:
+            if killed or state.finished < 8:  # from then on there are bundles
                 return
             nanny = next(iter(cluster.workers.values()))
             killed.append(nanny.process.pid)
@@ -382,49 +396,154 @@ def test_a_dask_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> 
         killed: list[int] = []
         result = run_study(plan(values), task(tmp_path), tmp_path, engine, progress=kill)
     assert killed
-    assert result.counts == {"built": 12}
+    assert result.counts == {"built": 40}
     lines = (tmp_path / "journal.jsonl").read_text().splitlines()[1:]
-    assert len({json.loads(line)["key"] for line in lines}) == len(lines) == 12
+    assert len({json.loads(line)["key"] for line in lines}) == len(lines) == 40
 
 
-def test_an_outcome_that_is_lost_with_its_worker_is_waited_for(tmp_path: Path) -> None:
-    """Its future ends twice: lost at first, and finished when it was worked out again."""
+def test_bundles_are_as_long_as_pays_and_end_with_single_jobs() -> None:
     pytest.importorskip("distributed")
-    from pc2cad.studies.dask import DaskEngine
+    from pc2cad.studies.dask import BUNDLE, Supply
 
-    class Future:
-        def __init__(self, job: Job) -> None:
-            self.job, self.status = job, "finished"
+    jobs = [Job(str(i), {}) for i in range(1000)]
+    supply = Supply(jobs)
+    first = [supply.bundle(threads=2) for _ in range(4)]
+    assert [len(bundle) for bundle in first] == [1] * 4, "nobody knows how long they take"
+    supply.note(Outcome(job.key, "built", times={"total": BUNDLE / 50}) for (job,) in first)
+    bundles = list(iter(lambda: supply.bundle(threads=2), []))
+    assert [job for bundle in [*first, *bundles] for job in bundle] == jobs
+    sizes = [len(bundle) for bundle in bundles]
+    assert sizes[:10] == [50] * 10
+    assert sizes == sorted(sizes, reverse=True)
+    assert all(size <= max(1, sum(sizes[i:]) / 4) for i, size in enumerate(sizes))
+    assert sizes[-4:] == [1] * 4
 
-        def result(self) -> Outcome:
-            assert self.status == "finished"
-            return Outcome(self.job.key, "built")
 
-    class Ended:
-        def __init__(self, futures: list[Future]) -> None:
-            self.futures = futures
-            futures[0].status = "lost"
+Guarded = Callable[[Sequence[Job]], Iterator[list[Outcome]]]
 
-        def update(self, futures: list[Future]) -> None:
-            self.futures = [*self.futures, *futures]
 
-        def batches(self) -> Iterator[list[Future]]:
-            while self.futures:
-                batch, self.futures = self.futures, []
-                yield batch
-                batch[0].status = "finished"
+@pytest.fixture
+def on_dask(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[[Guarded, int], Any]]:
+    """Yield a maker of engines on clusters in this process; a function runs their bundles."""
+    distributed = pytest.importorskip("distributed")
+    from pc2cad.studies import dask
 
-    engine = DaskEngine.__new__(DaskEngine)
-    client = SimpleNamespace(
-        nthreads=lambda: {"worker": 1}, map=lambda run, jobs, **_: [Future(job) for job in jobs]
-    )
-    engine._client, engine._task, engine._limits = client, task(tmp_path), Limits()
-    engine._distributed = SimpleNamespace(as_completed=Ended)
-    ended = [
-        outcome.key for batch in engine.run(Job(str(i), {}) for i in range(7)) for outcome in batch
+    with ExitStack() as stack:
+
+        def make(run: Guarded, workers: int) -> dask.DaskEngine:
+            monkeypatch.setattr(dask, "_guarded", lambda task, limits: SimpleNamespace(run=run))
+            cluster = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=workers, threads_per_worker=1, processes=False, dashboard_address=":0"
+                )
+            )
+            return stack.enter_context(dask.DaskEngine(task(tmp_path), cluster))
+
+        yield make
+
+
+JOBS = [Job(str(i), {}) for i in range(60)]
+
+
+def built(job: Job) -> list[Outcome]:
+    return [Outcome(job.key, "built", times={"total": 0.1})]
+
+
+def test_what_became_of_a_job_is_told_before_its_bundle_ends(on_dask: Any) -> None:
+    known: dict[str, threading.Event] = defaultdict(threading.Event)
+    lengths = []
+
+    def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
+        lengths.append(len(bundle))
+        for job in bundle:
+            yield built(job)
+            assert known[job.key].wait(3), "nobody knows of it before its bundle ends"
+
+    engine = on_dask(run, 1)
+    told = []
+    for outcomes in engine.run(JOBS):
+        told += [outcome.key for outcome in outcomes]
+        for outcome in outcomes:
+            known[outcome.key].set()
+    assert told == [job.key for job in JOBS]
+    assert max(lengths) > 10
+
+
+def test_what_was_not_told_comes_with_its_bundle(
+    on_dask: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine = on_dask(lambda bundle: map(built, bundle), 1)
+    monkeypatch.setattr("pc2cad.studies.dask._Run._listen", lambda run, event: None)
+    assert [outcome.key for batch in engine.run(JOBS) for outcome in batch] == [
+        job.key for job in JOBS
     ]
-    assert sorted(ended) == [str(i) for i in range(7)]
-    assert ended[0] != "0"
+
+
+def test_the_bundle_of_a_lost_worker_is_counted_once(on_dask: Any) -> None:
+    ran: list[str] = []
+    lost = threading.Event()
+
+    def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
+        from distributed import get_worker
+
+        for job in bundle:
+            ran.append(job.key)
+            yield built(job)
+            if job in bundle[2:3] and not lost.is_set():
+                lost.set()
+                worker = get_worker()
+                worker.loop.add_callback(worker.batched_stream.abort)
+                worker.loop.add_callback(worker.close, executor_wait=False)
+                time.sleep(0.3)
+
+    engine = on_dask(run, 2)
+    told = [outcome.key for outcomes in engine.run(JOBS) for outcome in outcomes]
+    assert lost.is_set()
+    assert sorted(told) == sorted(job.key for job in JOBS)
+    assert len(ran) > len(told), "no bundle was run again"
+
+
+def test_of_a_bundle_that_fails_each_job_is_tried_alone(on_dask: Any) -> None:
+    def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
+        for job in bundle:
+            if job.key == "20":
+                raise WorkerNotStartedError("no kernel")
+            yield built(job)
+
+    engine = on_dask(run, 1)
+    told = {outcome.key: outcome for outcomes in engine.run(JOBS) for outcome in outcomes}
+    assert set(told) == {job.key for job in JOBS}
+    assert [key for key, outcome in told.items() if outcome.status != "built"] == ["20"]
+    assert told["20"].reason == "the cluster gave it up: no kernel"
+
+
+def test_a_cluster_that_is_lost_ends_the_study_with_what_had_come(on_dask: Any) -> None:
+    from pc2cad.studies.dask import ClusterLostError
+
+    lost = threading.Event()
+
+    def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
+        for job in bundle:
+            if job.key == "9":
+                lost.wait(10)
+            yield built(job)
+
+    engine = on_dask(run, 1)
+    told = []
+
+    def follow() -> None:
+        for outcomes in engine.run(JOBS):
+            told.extend(outcome.key for outcome in outcomes)
+            if len(told) == 9:
+                client = engine._client
+                client.loop.add_callback(client.scheduler_comm.comm.abort)
+
+    with pytest.raises(ClusterLostError, match="--resume"):
+        follow()
+    lost.set()
+    assert told == [str(i) for i in range(9)]
 
 
 def test_a_cluster_that_is_not_there_is_one_sentence(

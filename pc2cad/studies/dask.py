@@ -1,17 +1,22 @@
 """The same jobs on a Dask cluster.
 
-A Dask worker hands each job to a guarded process of its own (`LocalEngine` with one worker), so
+A Dask worker hands its jobs to a guarded process of its own (`LocalEngine` with one worker), so
 that a crash of the kernel ends that process and never the Dask worker, whose other tasks would be
-blamed for it.
+blamed for it. What a task costs the cluster is paid once for a bundle of jobs. What became of each
+job is told at once, as an event: the process of the study may be killed before the bundle ends.
 """
 
 from __future__ import annotations
 
 import atexit
+import json
 import threading
+import time
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from itertools import islice
+from dataclasses import asdict
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
@@ -19,8 +24,15 @@ from pc2cad.errors import InputError, KernelError
 from pc2cad.studies.local import Limits, LocalEngine
 from pc2cad.studies.variant import STATUS, Job, Outcome, Task
 
-#: jobs under way for each thread of the cluster: none waits for the scheduler
-AHEAD = 3
+#: bundles under way for each thread of the cluster: none waits for the scheduler
+AHEAD = 2
+#: seconds that a bundle should take
+BUNDLE = 2.5
+#: of the events that tell what became of a job, of any study: the scheduler keeps ten thousand of
+#: every topic for good
+TOPIC = "pc2cad"
+#: seconds between two looks at how many threads the cluster has
+LOOK = 2.0
 
 
 class ClusterLostError(KernelError):
@@ -30,8 +42,8 @@ class ClusterLostError(KernelError):
 _engines = threading.local()
 
 
-def _guarded(job: Job, task: Task, limits: Limits) -> Outcome:
-    """Run one job in this thread's guarded process; runs on a Dask worker."""
+def _guarded(task: Task, limits: Limits) -> LocalEngine:
+    """Return the guarded process of this thread of a Dask worker."""
     kept: tuple[Task, Limits, LocalEngine] | None = getattr(_engines, "engine", None)
     if kept is None or kept[:2] != (task, limits):
         if kept is not None:
@@ -39,8 +51,131 @@ def _guarded(job: Job, task: Task, limits: Limits) -> Outcome:
         kept = (task, limits, LocalEngine(task, 1, limits))
         _engines.engine = kept
         atexit.register(kept[2].__exit__, None, None, None)
-    ((outcome,),) = kept[2].run([job])
-    return outcome
+    return kept[2]
+
+
+def _run_bundle(bundle: Sequence[Job], task: Task, limits: Limits, client: str) -> list[Outcome]:
+    """Run jobs one after another, tell of each when it ends; runs on a Dask worker."""
+    from distributed import get_worker
+
+    tell = get_worker().log_event
+    outcomes: list[Outcome] = []
+    for ended in _guarded(task, limits).run(bundle):
+        for outcome in ended:
+            tell(TOPIC, (client, json.dumps(asdict(outcome))))
+        outcomes += ended
+    return outcomes
+
+
+class Supply:
+    """The jobs that no worker has yet, in bundles that become shorter towards the end."""
+
+    def __init__(self, jobs: Iterable[Job]) -> None:
+        self._left = deque(jobs)
+        self._alone: deque[Job] = deque()
+        self._ended, self._seconds = 0, 0.0
+
+    def note(self, outcomes: Iterable[Outcome]) -> None:
+        """Learn how long jobs take."""
+        for outcome in outcomes:
+            self._ended += 1
+            self._seconds += outcome.times.get("total", 0.0)
+
+    def put_back(self, jobs: Iterable[Job]) -> None:
+        """Take back jobs of a bundle that failed as a whole: each goes alone."""
+        self._alone.extend(jobs)
+
+    def bundle(self, threads: int) -> Sequence[Job]:
+        """Return the next jobs, none when all have gone.
+
+        They take as long as pays, but no thread gets more than half its share of what is left
+        (guided self-scheduling), so that all threads end together.
+        """
+        if self._alone:
+            return [self._alone.popleft()]
+        pays = BUNDLE * self._ended / max(self._seconds, 1e-9)
+        share = len(self._left) / (2 * threads)
+        count = min(max(1, int(min(pays, share))), len(self._left))
+        return [self._left.popleft() for _ in range(count)]
+
+
+class _Run:
+    """What is under way on a cluster."""
+
+    def __init__(self, client: Any, task: Task, limits: Limits, jobs: Sequence[Job]) -> None:
+        self._client, self._task, self._limits = client, task, limits
+        self._supply = Supply(jobs)
+        #: keys of the jobs whose outcomes are not known
+        self.waiting = {job.key for job in jobs}
+        self._bundles: dict[Any, Sequence[Job]] = {}
+        #: outcomes as texts, and futures of bundles that ended
+        self._news: SimpleQueue[Any] = SimpleQueue()
+        self._threads, self._looked = 0, -LOOK
+        client.subscribe_topic(TOPIC, self._listen)
+
+    def _listen(self, event: tuple[float, tuple[str, str]]) -> None:
+        client, told = event[1]
+        if client == self._client.id:
+            self._news.put(told)
+
+    def send(self) -> None:
+        """Send the next bundles in one message, which costs the scheduler far less than many.
+
+        Raises OSError or ClosedClientError when there is no cluster.
+        """
+        if time.monotonic() > self._looked + LOOK:
+            self._threads = max(1, sum(self._client.nthreads().values()))
+            self._looked = time.monotonic()
+        room = range(AHEAD * self._threads - len(self._bundles))
+        bundles = [bundle for _ in room if (bundle := self._supply.bundle(self._threads))]
+        if not bundles:
+            return
+        futures = self._client.map(
+            # with each bundle, a few kB: data that is spread over the workers beforehand is lost
+            # with them, and a worker that comes later has none
+            _run_bundle, bundles, task=self._task, limits=self._limits, client=self._client.id,
+            pure=False, retries=2,
+        )  # fmt: skip
+        self._bundles.update(zip(futures, bundles, strict=True))
+        for future in futures:
+            future.add_done_callback(self._news.put)
+
+    def hear(self) -> tuple[list[Outcome], list[Any]]:
+        """Wait for news; return outcomes, and the futures of bundles that ended."""
+        news = [self._news.get()]
+        while not self._news.empty():
+            news.append(self._news.get())
+        told = [Outcome.from_dict(json.loads(item)) for item in news if isinstance(item, str)]
+        return self._first(told), [item for item in news if not isinstance(item, str)]
+
+    def end(self, future: Any) -> list[Outcome]:
+        """Forget a bundle that ended; return the outcomes that it had not told.
+
+        Raises OSError, ClosedClientError or FutureCancelledError when there is no cluster.
+        """
+        bundle = self._bundles.pop(future)
+        missing = [job for job in bundle if job.key in self.waiting]
+        if not missing:
+            return []
+        try:
+            return self._first(future.result())
+        except Exception as error:
+            if future.status != "error":
+                raise
+            # what happened is the fate of a variant, but of which one?
+            if len(bundle) > 1:
+                self._supply.put_back(missing)
+                return []
+            return self._first(
+                [Outcome(bundle[0].key, STATUS[5], f"the cluster gave it up: {error}")]
+            )
+
+    def _first(self, outcomes: Iterable[Outcome]) -> list[Outcome]:
+        """Return those that were not known: the bundle of a lost worker is run again."""
+        fresh = {outcome.key: outcome for outcome in outcomes if outcome.key in self.waiting}
+        self.waiting -= fresh.keys()
+        self._supply.note(fresh.values())
+        return list(fresh.values())
 
 
 class DaskEngine:
@@ -51,7 +186,6 @@ class DaskEngine:
             import distributed
         except ImportError as error:
             raise InputError("Dask is not installed: pip install 'pc2cad[study]'") from error
-        self._distributed = distributed
         self._task = task
         self._limits = limits or Limits()
         try:
@@ -61,40 +195,28 @@ class DaskEngine:
                 error
             )
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Sequence[Outcome]]:
+    def run(self, jobs: Sequence[Job]) -> Iterator[Sequence[Outcome]]:
         """Yield the outcomes of all jobs, those together that ended together."""
-        source = iter(jobs)
-        waiting: dict[Any, Job] = {}
+        from distributed.client import ClosedClientError, FutureCancelledError
 
-        def submit(count: int) -> list[Any]:
-            """Send the next jobs in one message, which costs the scheduler far less than many."""
-            jobs = list(islice(source, count))
-            futures = self._client.map(
-                # with each job, a few kB: data that is spread over the workers beforehand is lost
-                # with them, and a worker that comes later has none
-                _guarded, jobs, task=self._task, limits=self._limits, pure=False, retries=2,
-            )  # fmt: skip
-            waiting.update(zip(futures, jobs, strict=True))
-            return list(futures)
-
-        threads = max(1, sum(self._client.nthreads().values()))
-        ended = self._distributed.as_completed(submit(AHEAD * threads))
-        for futures in ended.batches():
-            # an outcome that was lost with its worker is being worked out again
-            lost = [future for future in futures if future.status == "lost"]
-            here = [future for future in futures if future not in lost]
-            # the next jobs go out before anybody looks at these outcomes
-            ended.update([*lost, *submit(len(here))])
-            yield [self._result(future, waiting.pop(future)) for future in here]
-
-    def _result(self, future: Any, job: Job) -> Outcome:
-        try:
-            outcome: Outcome = future.result()
-        except Exception as error:  # what the cluster raises is the fate of this variant
-            if isinstance(error, self._distributed.client.FutureCancelledError):
-                raise ClusterLostError("the Dask cluster has ended; go on with --resume") from error
-            return Outcome(job.key, STATUS[5], f"the cluster gave it up: {error}")
-        return outcome
+        run = _Run(self._client, self._task, self._limits, jobs)
+        outcomes: list[Outcome] = []
+        futures: list[Any] = []
+        while True:
+            lost: Exception | None = None
+            try:
+                for future in futures:
+                    outcomes += run.end(future)
+                run.send()  # the next jobs go out before anybody looks at these outcomes
+            except (OSError, ClosedClientError, FutureCancelledError) as error:
+                lost = error
+            if outcomes:
+                yield outcomes
+            if lost:
+                raise ClusterLostError("the Dask cluster has ended; go on with --resume") from lost
+            if not run.waiting:
+                return
+            outcomes, futures = run.hear()
 
     def __enter__(self) -> DaskEngine:
         return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ from pc2cad.studies.variant import BUILT, Job, Outcome, Task
 class Engine(Protocol):
     """Something that runs jobs: processes of this machine, or a cluster."""
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Sequence[Outcome]]:
+    def run(self, jobs: Sequence[Job]) -> Iterator[Sequence[Outcome]]:
         """Yield the outcomes of all jobs in any order, those together that ended together."""
 
 
