@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from itertools import islice
 from math import comb
 from typing import Any
 
@@ -22,12 +23,14 @@ from pc2cad.certificate.wholes import Wholes, sign_inside
 from pc2cad.equation.intervals import IntervalProgram, interval
 from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.equation.point_equation import PARAMETERS
-from pc2cad.equation.tree import PI, Expr
+from pc2cad.equation.tree import PI, Expr, walk
 from pc2cad.mapping import Mapping3
 
 Range = tuple[Fraction, Fraction]
 
-#: terms of det J, Bernstein coefficients, and halvings beyond which the proof is left to others
+#: nodes of the derivatives, terms of det J, Bernstein coefficients, and halvings beyond which the
+#: proof is left to others
+MOST_NODES = 200
 MOST_TERMS = 60
 MOST_COEFFICIENTS = 500
 DEEPEST = 4
@@ -36,6 +39,8 @@ MOST_BOXES = 64
 
 def sign_from_factors(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
+    if len(list(islice(walk(sum(mapping.derivatives, ())), MOST_NODES + 1))) > MOST_NODES:
+        return 0
     form = normal_form(determinant(mapping.derivatives), MOST_TERMS)
     if not form:
         return 0

@@ -9,6 +9,7 @@ one by one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
@@ -29,7 +30,7 @@ Array = NDArray[np.float64]
 #: more products than this are left to others
 MOST_PRODUCTS = 6
 #: boxes per direction, if need be
-BOXES = (16, 64, 256)
+BOXES = (32, 128, 256)
 #: boxes of the third direction, in which walls are thin
 FEWER = 8
 ORDER = 3
@@ -83,26 +84,32 @@ class _Sum:
         """Return the sign of the sum where it is proved to be one, else 0."""
         if not self._terms:
             return 0
-        for count in BOXES:
-            counts = count, count, max(1, count // FEWER)
-            found = self._sign_in([_boxes(n, b) for n, b in zip(counts, breaks, strict=True)])
-            # where it vanishes on a side, no number of boxes is enough
-            if found or (count == BOXES[0] and not self._sign_in([_CORNERS] * 3)):
-                return found
-        return 0
+        common = _refined(self._sign_of_common, breaks)
+        return common and common * _refined(self._sign_of_terms, breaks)
 
-    def _sign_in(self, places: list[Place]) -> int:
+    def _sign_of_common(self, places: list[Place]) -> int:
+        middle, off = _enclosed([self._common], self._names[1:], places[1:])
+        return _one_sign(middle[0], off[0])
+
+    def _sign_of_terms(self, places: list[Place]) -> int:
         first, *others = places
-        common = _enclosed([self._common], self._names[1:], others)
-        sign = _one_sign(common[0][0], common[1][0])
-        if not sign:
-            return 0
         a, da = _enclosed([x for x, _ in self._terms], self._names[:1], [first])
         b, db = _enclosed([x for _, x in self._terms], self._names[1:], others)
         with np.errstate(all="ignore"):  # what is not bounded is nan, and of no sign
             size = np.abs(a).T @ np.abs(b)
             off = np.abs(a).T @ db + da.T @ (np.abs(b) + db) + (len(a) + 4) * UNIT * size
-            return sign * _one_sign(a.T @ b, off)
+            return _one_sign(a.T @ b, off)
+
+
+def _refined(sign_in: Callable[[list[Place]], int], breaks: list[tuple[float, ...]]) -> int:
+    """Return the sign that is proved on boxes, more and more of them; 0 where none is."""
+    for count in BOXES:
+        counts = count, count, max(1, count // FEWER)
+        found = sign_in([_boxes(n, b) for n, b in zip(counts, breaks, strict=True)])
+        # where it vanishes on a side, no number of boxes is enough
+        if found or (count == BOXES[0] and not sign_in([_CORNERS] * 3)):
+            return found
+    return 0
 
 
 def _without_powers(tree: Expr, names: tuple[str, ...]) -> Expr:
