@@ -261,28 +261,36 @@ def _evaluate(
     cells = np.ix_(*(np.concatenate([np.arange(a, b) for a, b in g]) for g in groups))
     # an error along the second direction passes through the interpolation along the first
     disc = distance[box] * (directions[0].cells.lebesgue if axis else 1.0)
-    direction, gap = directions[axis], np.zeros_like(disc)
+    direction, known_here = directions[axis], found.along[axis][cells]
+    gap = np.zeros_like(disc)
     if not direction.exact:
         left = _left_per_degree(direction, groups[axis], places[axis])
         left = left[:, None] if axis == 0 else left
-        bad = np.count_nonzero(~(found.along[axis] <= goal)) - disc.size
-        direction = _raised(direction, disc, left, goal, MOST_BAD * found.rounding.size - bad)
+        most = MOST_BAD * found.rounding.size
+        most -= _bad(found.along[axis], goal) - _bad(known_here, goal)
+        direction = _raised(direction, known_here, disc, left, goal, most)
         gap = _interpolated(disc, left, direction.cells.degree)
-    found.along[axis][cells] = np.minimum(found.along[axis][cells], gap)
+    found.along[axis][cells] = np.minimum(known_here, gap)
     found.rounding[cells] = np.minimum(found.rounding[cells], rounding[box])
     for known, size in zip(found.sizes, sizes, strict=True):
         known[cells] = np.minimum(known[cells], size[box])
     return direction
 
 
-def _raised(direction: Direction, disc: Array, left: Array, goal: float, most: float) -> Direction:
+def _bad(off: Array, goal: float) -> int:
+    return int(np.count_nonzero(~(off <= goal)))
+
+
+def _raised(
+    direction: Direction, before: Array, disc: Array, left: Array, goal: float, most: float
+) -> Direction:
     """Return the direction in the lowest degree that leaves so many cells above the goal at most.
 
-    Where none does, its own degree.
+    Where none does, its own degree. What was known `before` holds for higher degrees as well.
     """
     cells = direction.cells
     for degree in range(cells.degree, cells.degree + RAISED + 1):
-        if np.count_nonzero(~(_interpolated(disc, left, degree) <= goal)) <= most:
+        if _bad(np.minimum(before, _interpolated(disc, left, degree)), goal) <= most:
             return direction.on(Cells(cells.points, degree))
     return direction
 
