@@ -21,15 +21,13 @@ from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.equation.template_bodies import Bodies, Kind, Tree
 from pc2cad.errors import KernelError, NotASolidError, PointCadError, ToleranceNotReachedError
 from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
+from pc2cad.meetings import BOTH, prove_meetings
 from pc2cad.part import SIDE_COLOURS, Part, Solid
-from pc2cad.report import BodiesReport, EdgeReport, FaceReport, Integrals, StepReport
+from pc2cad.report import BodiesReport, FaceReport, Integrals, StepReport
 from pc2cad.validation import check_expectations
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
-
-#: parts of faces that coincide carry both names
-BOTH = " = "
 
 
 class EmptyResultError(NotASolidError):
@@ -208,24 +206,23 @@ def _report(
             f"{bodies.result} falls into {len(solids)} pieces of the volumes {volumes}; a template "
             "makes one solid: join them, or write a template for each"
         )
-    findings = inspect(solids[0])
-    _check(findings)
     reports = {name: part.report for name, part in joining.parts.items()}
     tolerance = max(report.tolerance for report in reports.values())
-    curves = tuple(
-        EdgeReport(
-            " / ".join(BOTH.join(names) for names in edge.names), edge.curve, "sampled",
-            edge.deviation, edge.deviation, "", 0, 0,
-        )
-        for edge in edges if _bodies(edge.names[0]).isdisjoint(_bodies(edge.names[1]))
-    )  # fmt: skip
+    size = max(report.size for report in reports.values())
+    meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
+    faces = {
+        f"{name}:{face.name}": face
+        for name, part in joining.parts.items() for face in part.model.faces
+    }  # fmt: skip
+    curves = tuple(prove_meetings(shape, meeting, faces, size))
     for curve in curves:
-        if curve.deviation > max(tolerance, KERNEL_TOLERANCE):
+        if curve.off_faces > max(tolerance, KERNEL_TOLERANCE):
             raise ToleranceNotReachedError(
-                f"the kernel's edge {curve.name} is {curve.deviation:.2g} {bodies.units} off its "
+                f"the kernel's edge {curve.name} is {curve.off_faces:.2g} {bodies.units} off its "
                 f"faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
             )
-    size = max(report.size for report in reports.values())
+    findings = inspect(solids[0])
+    _check(findings)
     # an edge off its faces leaves a strip open; seen from the middle it is half the size away
     strips = sum(edge.length * edge.deviation for edge in edges) * size / 6
     error = (strips + sum(abs(step.gap) for step in joining.steps)) / found.volume

@@ -79,6 +79,9 @@ class EdgeReport:
     open: str
     degree: int
     poles: int
+    #: where bodies meet: a bound of its distance from the surfaces of its two faces at equal
+    #: parameters (the largest seen, where the edge is sampled)
+    off_faces: float = 0.0
 
 
 _WORDS = {

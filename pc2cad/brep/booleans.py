@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,7 +21,9 @@ from OCP.TopTools import (
     TopTools_ListOfShape,
 )
 
+from pc2cad.brep.shapes import curve_function, path_function, surface_function
 from pc2cad.errors import KernelError
+from pc2cad.geometry.functions import EdgeFunction, SurfaceFunction, Trace
 
 _OPERATIONS = {
     "union": BOPAlgo_Operation.BOPAlgo_FUSE,
@@ -106,6 +108,7 @@ def _named(
 class NamedEdge:
     """An edge between two differently named faces."""
 
+    edge: TopoDS_Edge
     names: tuple[tuple[str, ...], tuple[str, ...]]
     #: numbers of those faces in the shape, and of its vertices
     faces: tuple[int, int]
@@ -139,9 +142,39 @@ def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
                 ends = (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge))
                 kind = type(BRep_Tool.Curve_s(edge, 0.0, 1.0)).__name__
                 yield NamedEdge(
-                    (one[1], other[1]), (owners[0], owners[1]), frozenset(map(vertices.Add, ends)),
+                    edge, (one[1], other[1]), (owners[0], owners[1]),
+                    frozenset(map(vertices.Add, ends)),
                     _CURVES.get(kind, kind), *_traced(edge, (one[0], other[0])),
                 )  # fmt: skip
+
+
+def edge_functions(shape: NamedShape, edges: Iterable[NamedEdge]) -> Iterator[EdgeFunction]:
+    """Yield what edges hold, with the surfaces of their faces, relative to a place in the shape."""
+    surfaces: dict[int, SurfaceFunction] = {}
+    origin = np.zeros(0)
+    for named in edges:
+        first, last = BRep_Tool.Range_s(named.edge)
+        if not len(origin):
+            origin = named.points[0]
+        traces = []
+        for index in named.faces:
+            face = shape.faces[index][0]
+            if index not in surfaces:
+                surfaces[index] = surface_function(BRep_Tool.Surface_s(face), origin)
+            path = BRep_Tool.CurveOnSurface_s(named.edge, face, first, last)
+            traces.append(Trace(path_function(path), surfaces[index]))
+        curve = curve_function(BRep_Tool.Curve_s(named.edge, first, last), origin)
+        yield EdgeFunction(curve, (first, last), (traces[0], traces[1]))
+
+
+def loosen(edge: TopoDS_Edge, tolerance: float) -> None:
+    """Raise the tolerance of an edge and its ends to a length, where it is less (in place)."""
+    builder = BRep_Builder()
+    if BRep_Tool.Tolerance_s(edge) < tolerance:
+        builder.UpdateEdge(edge, tolerance)
+    for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
+        if BRep_Tool.Tolerance_s(vertex) < tolerance:
+            builder.UpdateVertex(vertex, tolerance)
 
 
 def _traced(

@@ -222,6 +222,11 @@ class Patch:
         point, along_s, along_t = (np.concatenate(part) for part in zip(*rows, strict=True))
         return point, along_s, along_t
 
+    def weight(self, s: Array, t: Array) -> Array:
+        """Return a rational patch's weights (n,) at places."""
+        three = np.broadcast_to(self.poles[..., 3:], (*self.poles.shape[:2], 3))
+        return Patch(three, self.knots, self.degrees, self.sign).scattered(s, t)[0][:, 0]
+
     def _scattered(self, s: Array, t: Array) -> list[Array]:
         places = [np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True)]
         basis, slope = (
@@ -229,11 +234,11 @@ class Patch:
              for x, k, n in zip(places, self.knots, self.degrees, strict=True)]
             for o in (0, 1)
         )  # fmt: skip
-        differences = [_differences(self.poles, self.knots[d], self.degrees[d], d) for d in (0, 1)]
+        nets = [differences(self.poles, self.knots[d], self.degrees[d], d) for d in (0, 1)]
         return project(
             _sum(basis[0], self.poles, basis[1]),
-            _sum(slope[0], differences[0], basis[1]),
-            _sum(basis[0], differences[1], slope[1]),
+            _sum(slope[0], nets[0], basis[1]),
+            _sum(basis[0], nets[1], slope[1]),
         )
 
     def _jet(self, s: Array, t: Array) -> tuple[Array, Array]:
@@ -241,11 +246,11 @@ class Patch:
         p = self.degrees
         basis = [_basis(x, k, n) for x, k, n in zip((s, t), self.knots, p, strict=True)]
         slope = [_basis(x, k[1:-1], n - 1) for x, k, n in zip((s, t), self.knots, p, strict=True)]
-        differences = [_differences(self.poles, self.knots[d], p[d], d) for d in (0, 1)]
+        nets = [differences(self.poles, self.knots[d], p[d], d) for d in (0, 1)]
         point, ds, dt = project(
             _tensor(basis[0], self.poles, basis[1]),
-            _tensor(slope[0], differences[0], basis[1]),
-            _tensor(basis[0], differences[1], slope[1]),
+            _tensor(slope[0], nets[0], basis[1]),
+            _tensor(basis[0], nets[1], slope[1]),
         )
         return point, self.sign * cross(ds, dt)
 
@@ -283,7 +288,7 @@ def _basis(t: Array, knots: Array, degree: int) -> Array | csr_array:
     return table.toarray() if table.shape[1] <= DENSE else csr_array(table)
 
 
-def _differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
+def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
     """Return the poles of the derivative along one axis."""
     n = poles.shape[axis]
     scale = degree / (knots[degree + 1 : degree + n] - knots[1:n])

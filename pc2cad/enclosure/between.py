@@ -1,9 +1,9 @@
 """How far a function of three parameters is from a spline between the slices where that is known.
 
 Along one parameter, on a cell, M - S is within R of a polynomial of degree m. Such a polynomial is
-at most 1/cos(πm/2N) times its largest value at N + 1 Chebyshev-Lobatto places (Ehlich & Zeller
-1964), for vectors too, since it holds in every fixed direction. So a bound D of M - S at these
-places, for all values of the other two parameters, makes it at most (D + R)/cos(πm/2N) + R.
+at most 1/cos(πm/2N) times its largest value at N + 1 Chebyshev-Lobatto places (`enlargement`). So a
+bound D of M - S at these places, for all values of the other two parameters, makes it at most
+(D + R)/cos(πm/2N) + R.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import cos, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.enclosure.cells import Cells
+from pc2cad.enclosure.cells import Cells, enlargement
 from pc2cad.enclosure.deviation import direction_along
 from pc2cad.enclosure.evaluate import Known, enclose
 from pc2cad.enclosure.models import UNIT, Model, Place
@@ -52,7 +51,7 @@ class Between:
         step = _PER_DEGREE * self.cells.degree
         seen = np.array([slices[k * step : (k + 1) * step + 1].max()
                          for k in range(self.cells.count)])  # fmt: skip
-        factor = 1 / cos(pi / (2 * _PER_DEGREE)) * (1 + 1e-9)
+        factor = enlargement(_PER_DEGREE)
         return float(((seen + self.rest) * factor + self.rest).max())
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from math import comb, log, pi
+from math import comb, cos, log, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,15 @@ class Cells:
         """Return the partition with some cells halved."""
         middles = (self.points[:-1] + self.points[1:]) / 2
         return Cells(np.sort(np.concatenate((self.points, middles[which]))), self.degree)
+
+
+def enlargement(per_degree: int) -> float:
+    """Return by how much a polynomial may exceed its values at per_degree · degree + 1 nodes.
+
+    Ehlich & Zeller 1964: 1/cos(πm/2N) for a degree m and N + 1 nodes; for vectors too, since it
+    holds in every fixed direction.
+    """
+    return 1 / cos(pi / (2 * per_degree)) * (1 + 1e-9)
 
 
 @lru_cache(maxsize=64)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.equation.tree import ZERO, Expr, number
+from pc2cad.equation.tree import ZERO, Expr, call, number, symbol
 from pc2cad.equation.vanishing import vanishes
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
@@ -42,6 +42,21 @@ ROUNDING = 1e-12
 def holds(carrier: Plane | AnalyticSurface | CurveCarrier, point: Point) -> bool:
     """Say whether a point is proved to lie on a surface, a line or a conic, to rounding."""
     return all(vanishes(*equation) for equation in _equations(carrier, point))
+
+
+def lies_on(curve: Line | Arc, carriers: Sequence[Plane | AnalyticSurface]) -> bool:
+    """Say whether a line, circle or ellipse is proved to lie on surfaces, to rounding."""
+    t = symbol("t")
+    if isinstance(curve, Line):
+        start, factors = curve.start, [(t, curve.end - curve.start)]
+    else:
+        x, y = curve.frame.axes[0] * curve.radii[0], curve.frame.axes[1] * curve.radii[1]
+        start, factors = curve.frame.origin, [(call("cos", t), x), (call("sin", t), y)]
+    point = [number(float(c)) for c in start]
+    for factor, vector in factors:
+        shares = _numbers(vector)
+        point = [c + share * factor for c, share in zip(point, shares, strict=True)]
+    return all(holds(carrier, point) for carrier in carriers)
 
 
 def _equations(carrier: Plane | AnalyticSurface | CurveCarrier, point: Point) -> list[Equation]:

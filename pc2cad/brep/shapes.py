@@ -1,0 +1,308 @@
+"""The kernel's curves and surfaces as functions on arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from OCP.Geom import (
+    Geom_BSplineCurve,
+    Geom_BSplineSurface,
+    Geom_Circle,
+    Geom_ConicalSurface,
+    Geom_Curve,
+    Geom_CylindricalSurface,
+    Geom_ElementarySurface,
+    Geom_Ellipse,
+    Geom_Line,
+    Geom_Plane,
+    Geom_SphericalSurface,
+    Geom_Surface,
+    Geom_SurfaceOfLinearExtrusion,
+    Geom_SurfaceOfRevolution,
+    Geom_ToroidalSurface,
+    Geom_TrimmedCurve,
+)
+from OCP.Geom2d import (
+    Geom2d_BSplineCurve,
+    Geom2d_Circle,
+    Geom2d_Curve,
+    Geom2d_Ellipse,
+    Geom2d_Line,
+    Geom2d_TrimmedCurve,
+)
+from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
+
+from pc2cad.brep.patches import Array, differences, read_curve, read_patch, spline_jet
+from pc2cad.errors import KernelError
+from pc2cad.geometry.carriers import Arc, Frame, Line
+from pc2cad.geometry.functions import CurveFunction, Jet, Sizes, SurfaceFunction
+
+NOWHERE = np.empty(0)
+
+
+def vector(data: gp_Pnt | gp_Dir | gp_Pnt2d | gp_Dir2d) -> Array:
+    """Return coordinates."""
+    return np.array(data.Coord())
+
+
+def frame(place: gp_Ax3 | gp_Ax2, origin: Array) -> tuple[Array, Array]:
+    """Return the origin and the axes (rows) of a frame."""
+    axes = np.array([vector(d) for d in (place.XDirection(), place.YDirection(),
+                                         place.Direction())])  # fmt: skip
+    return vector(place.Location()) - origin, axes
+
+
+# -- curves ----------------------------------------------------------------------------------------
+
+
+def curve_function(curve: Geom_Curve, origin: Array) -> CurveFunction:
+    """Return a curve in space relative to `origin`; raise KernelError for one of another kind."""
+    if isinstance(curve, Geom_TrimmedCurve):
+        return curve_function(curve.BasisCurve(), origin)
+    if isinstance(curve, Geom_BSplineCurve):
+        data = read_curve(curve, origin)
+        return _spline(data.knots, data.poles, data.degree, data.jet, 3)
+    if isinstance(curve, Geom_Line):
+        place = curve.Position()
+        return _line(vector(place.Location()) - origin, vector(place.Direction()))
+    if not isinstance(curve, Geom_Circle | Geom_Ellipse):
+        raise KernelError(f"no integral is known along a {type(curve).__name__}")
+    centre, axes = frame(curve.Position(), origin)
+    return _conic(centre, *(r * axis for r, axis in zip(radii(curve), axes, strict=False)))
+
+
+def radii(
+    conic: Geom_Circle | Geom_Ellipse | Geom2d_Circle | Geom2d_Ellipse,
+) -> tuple[float, float]:
+    """Return the longer and the shorter radius."""
+    if isinstance(conic, Geom_Circle | Geom2d_Circle):
+        return conic.Radius(), conic.Radius()
+    return conic.MajorRadius(), conic.MinorRadius()
+
+
+def conic_carrier(curve: Geom_Curve, first: float, last: float) -> Line | Arc | None:
+    """Return a line, circle or ellipse over a range of its parameter as data, else None."""
+    if isinstance(curve, Geom_TrimmedCurve):
+        return conic_carrier(curve.BasisCurve(), first, last)
+    if isinstance(curve, Geom_Line):
+        return Line(vector(curve.Value(first)), vector(curve.Value(last)))
+    if not isinstance(curve, Geom_Circle | Geom_Ellipse):
+        return None
+    return Arc(Frame(*frame(curve.Position(), np.zeros(3))), radii(curve), first, last)
+
+
+def path_function(curve: Geom2d_Curve) -> CurveFunction:
+    """Return a curve in a parameter plane; raise KernelError for one of another kind."""
+    if isinstance(curve, Geom2d_TrimmedCurve):
+        return path_function(curve.BasisCurve())
+    if isinstance(curve, Geom2d_Line):
+        return _line(vector(curve.Location()), vector(curve.Direction()))
+    if isinstance(curve, Geom2d_Circle | Geom2d_Ellipse):
+        place, (major, minor) = curve.Position(), radii(curve)
+        x, y = vector(place.XDirection()), vector(place.YDirection())
+        return _conic(vector(place.Location()), major * x, minor * y)
+    if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational():
+        raise KernelError(f"no integral is known along a {type(curve).__name__}")
+    poles = np.array([vector(p) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))])
+    knots = np.repeat([curve.Knot(i + 1) for i in range(curve.NbKnots())],
+                      [curve.Multiplicity(i + 1) for i in range(curve.NbKnots())])  # fmt: skip
+    degree = curve.Degree()
+    return _spline(knots, poles, degree, spline_jet(knots, poles, degree), 2)
+
+
+def _line(start: Array, slope: Array) -> CurveFunction:
+    def line(t: Array) -> tuple[Array, Array]:
+        return start + t[:, None] * slope, np.broadcast_to(slope, (len(t), len(slope)))
+
+    return CurveFunction(line, NOWHERE, 1, lambda: Sizes((1.0,), (0.0,)))
+
+
+def _conic(centre: Array, x: Array, y: Array) -> CurveFunction:
+    def conic(t: Array) -> tuple[Array, Array]:
+        cos, sin = np.cos(t)[:, None], np.sin(t)[:, None]
+        return centre + cos * x + sin * y, cos * y - sin * x
+
+    largest = float(max(np.linalg.norm(x), np.linalg.norm(y)))
+    return CurveFunction(conic, None, 1, lambda: Sizes((largest,), (largest,)))
+
+
+def _spline(
+    knots: Array,
+    poles: Array,
+    degree: int,
+    jet: Callable[[Array], tuple[Array, Array]],
+    dimension: int,
+) -> CurveFunction:
+    def sizes() -> Sizes:
+        found = net_sizes(poles[:, None], (knots, np.array([0.0, 1.0])), (degree, 0), dimension)
+        return Sizes(found.first[:1], found.second[:1], found.poles)
+
+    weight = None
+    if poles.shape[1] > dimension:
+        weights = spline_jet(knots, poles[:, dimension:], degree)
+
+        def weight(t: Array) -> Array:
+            return weights(t)[0][:, 0]
+
+    return CurveFunction(jet, np.unique(knots), degree, sizes, weight)
+
+
+def net_sizes(
+    poles: Array, knots: tuple[Array, Array], degrees: tuple[int, int], dimension: int = 3
+) -> Sizes:
+    """Return bounds from the nets of homogeneous poles (n, m, …) and of their derivatives."""
+    (u, v), (p, q) = knots, degrees
+
+    def along(net: Array, axis: int, order: int) -> Array:
+        inner, degree = (u, p) if axis == 0 else (v, q)
+        inner = inner[order : len(inner) - order]
+        return differences(net, inner, degree - order, axis)
+
+    with np.errstate(all="ignore"):
+        a, b = along(poles, 0, 0), along(poles, 1, 0)
+        nets = (poles, a, b, along(a, 0, 1) if p > 1 else 0 * a, along(a, 1, 0),
+                along(b, 1, 1) if q > 1 else 0 * b)  # fmt: skip
+        n, na, nb, naa, nab, nbb = (_longest(net[..., :dimension]) for net in nets)
+        if poles.shape[-1] == dimension:
+            return Sizes((na, nb), (naa, nab, nbb), n)
+        # S = N/W, so W S_a = N_a - S W_a, and so on
+        w, wa, wb, waa, wab, wbb = (_longest(net[..., dimension:]) for net in nets)
+        least = float(poles[..., dimension].min())
+        s = _longest(poles[..., :dimension] / poles[..., dimension:])
+        sa, sb = (na + s * wa) / least, (nb + s * wb) / least
+        second = (naa + 2 * sa * wa + s * waa, nab + sa * wb + sb * wa + s * wab,
+                  nbb + 2 * sb * wb + s * wbb)  # fmt: skip
+    return Sizes((sa, sb), tuple(x / least for x in second), s * w / least)
+
+
+def _longest(net: Array) -> float:
+    """Return the largest length; inf where a spline has a crease."""
+    largest = float(np.sqrt((net * net).sum(axis=-1)).max(initial=0.0))
+    return largest if np.isfinite(largest) else np.inf
+
+
+# -- surfaces --------------------------------------------------------------------------------------
+
+
+def surface_function(surface: Geom_Surface, origin: Array) -> SurfaceFunction:
+    """Return a surface relative to `origin`; raise KernelError for one of another kind."""
+    if isinstance(surface, Geom_SurfaceOfLinearExtrusion):
+        return _extrusion(surface, origin)
+    if isinstance(surface, Geom_SurfaceOfRevolution):
+        return _revolution(surface, origin)
+    if isinstance(surface, Geom_BSplineSurface):
+        return _patch(surface, origin)
+    if isinstance(surface, Geom_Plane):
+        return _plane(surface, origin)
+    if not isinstance(surface, Geom_ElementarySurface):
+        raise KernelError(f"no integral is known for a {type(surface).__name__}")
+    centre, axes = frame(surface.Position(), origin)
+    profile, bend = _profile(surface)
+
+    def jet(a: Array, b: Array) -> Jet:
+        radius, height, radius_b, height_b = (x[:, None] for x in profile(b))
+        out = np.cos(a)[:, None] * axes[0] + np.sin(a)[:, None] * axes[1]
+        round_ = np.cos(a)[:, None] * axes[1] - np.sin(a)[:, None] * axes[0]
+        return (centre + radius * out + height * axes[2], radius * round_,
+                radius_b * out + height_b * axes[2])  # fmt: skip
+
+    breaks = (None, None if bend else NOWHERE)
+    sizes = Sizes((np.inf, bend or 1.0), (np.inf, np.inf, bend))
+    return SurfaceFunction(jet, breaks, (1, 1), lambda: sizes, turns=True)
+
+
+def _patch(surface: Geom_BSplineSurface, origin: Array) -> SurfaceFunction:
+    patch = read_patch(surface, origin)
+    return SurfaceFunction(
+        patch.scattered, (np.unique(patch.knots[0]), np.unique(patch.knots[1])), patch.degrees,
+        lambda: net_sizes(patch.poles, patch.knots, patch.degrees),
+        weight=patch.weight if patch.poles.shape[2] > 3 else None,
+    )  # fmt: skip
+
+
+def _plane(surface: Geom_Plane, origin: Array) -> SurfaceFunction:
+    start, (x, y, _) = frame(surface.Position(), origin)
+
+    def jet(a: Array, b: Array) -> Jet:
+        shape = (len(a), 3)
+        point = start + a[:, None] * x + b[:, None] * y
+        return point, np.broadcast_to(x, shape), np.broadcast_to(y, shape)
+
+    sizes = Sizes((1.0, 1.0), (0.0, 0.0, 0.0))
+    return SurfaceFunction(jet, (NOWHERE, NOWHERE), (1, 1), lambda: sizes)
+
+
+_Profile = Callable[[Array], tuple[Array, Array, Array, Array]]
+
+
+def _profile(surface: Geom_ElementarySurface) -> tuple[_Profile, float]:
+    """Return radius and height along b with their derivatives, and the length of the second ones.
+
+    Where that is 0, b is a length, else an angle.
+    """
+    if isinstance(surface, Geom_CylindricalSurface):
+        r = surface.Radius()
+        return lambda b: (np.full_like(b, r), b, np.zeros_like(b), np.ones_like(b)), 0.0
+    if isinstance(surface, Geom_ConicalSurface):
+        r, angle = surface.RefRadius(), surface.SemiAngle()
+        s, c = np.sin(angle), np.cos(angle)
+        return lambda b: (r + s * b, c * b, np.full_like(b, s), np.full_like(b, c)), 0.0
+    if isinstance(surface, Geom_SphericalSurface):
+        major, minor = 0.0, surface.Radius()
+    elif isinstance(surface, Geom_ToroidalSurface):
+        major, minor = surface.MajorRadius(), surface.MinorRadius()
+    else:
+        raise KernelError(f"no integral is known for a {type(surface).__name__}")
+
+    def meridian(b: Array) -> tuple[Array, Array, Array, Array]:
+        cos, sin = minor * np.cos(b), minor * np.sin(b)
+        return major + cos, sin, -sin, cos
+
+    return meridian, minor
+
+
+def _extrusion(surface: Geom_SurfaceOfLinearExtrusion, origin: Array) -> SurfaceFunction:
+    basis, along = curve_function(surface.BasisCurve(), origin), vector(surface.Direction())
+
+    def jet(a: Array, b: Array) -> Jet:
+        point, slope = basis.jet(a)
+        return point + b[:, None] * along, slope, np.broadcast_to(along, point.shape)
+
+    def sizes() -> Sizes:
+        own = basis.sizes()
+        return Sizes((*own.first, 1.0), (*own.second, 0.0, 0.0), own.poles)
+
+    weight = basis.weight
+    return SurfaceFunction(
+        jet, (basis.breaks, NOWHERE), (basis.degree, 1), sizes,
+        weight=None if weight is None else lambda a, b: weight(a),
+    )  # fmt: skip
+
+
+def _revolution(surface: Geom_SurfaceOfRevolution, origin: Array) -> SurfaceFunction:
+    basis = curve_function(surface.BasisCurve(), origin)
+    centre, axis = vector(surface.Location()) - origin, vector(surface.Direction())
+    quarter = np.cross(axis, np.eye(3))  # v @ quarter is axis × v
+
+    def jet(a: Array, b: Array) -> Jet:
+        cos, sin = np.cos(a)[:, None], np.sin(a)[:, None]
+
+        def turned(vectors: Array) -> tuple[Array, Array]:
+            height = (vectors @ axis)[:, None] * axis
+            out, side = vectors - height, vectors @ quarter
+            return height + cos * out + sin * side, cos * side - sin * out
+
+        point, slope = basis.jet(b)
+        place, swept = turned(point - centre)
+        return centre + place, swept, turned(slope)[0]
+
+    def sizes() -> Sizes:
+        own = basis.sizes()
+        return Sizes((np.inf, *own.first), (np.inf, np.inf, *own.second), own.poles)
+
+    weight = basis.weight
+    return SurfaceFunction(
+        jet, (None, basis.breaks), (1, basis.degree), sizes, turns=True,
+        weight=None if weight is None else lambda a, b: weight(b),
+    )  # fmt: skip

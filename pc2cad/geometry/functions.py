@@ -1,0 +1,103 @@
+"""Curves and surfaces as functions on arrays, whatever holds them, with what a proof needs to know.
+
+Pieces are polynomial or, over a weight, rational; along an angle they are sums of sine and cosine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Jet = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Bounds that hold all over a curve or a surface (inf where there are none)."""
+
+    #: lengths of its first derivatives, of a curve or along a and b
+    first: tuple[float, ...]
+    #: lengths of its second derivatives: of a curve, or along aa, ab and bb
+    second: tuple[float, ...]
+    #: distance of a pole from the origin, 0 where there are none
+    poles: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFunction:
+    """A curve in space or in a parameter plane."""
+
+    #: points and derivatives, (n, k) each, at parameters (n,)
+    jet: Callable[[Array], tuple[Array, Array]]
+    #: parameters where it is not smooth, ascending; None along an angle
+    breaks: Array | None
+    #: degree of its pieces; 1 along an angle
+    degree: int
+    sizes: Callable[[], Sizes]
+    #: of a rational curve
+    weight: Callable[[Array], Array] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFunction:
+    """A surface with parameters a and b."""
+
+    #: points and both derivatives, (n, 3) each, at places (n,), (n,)
+    jet: Callable[[Array, Array], Jet]
+    #: parameters where it is not smooth, ascending; None along an angle
+    breaks: tuple[Array | None, Array | None]
+    #: degree of its pieces along both; 1 along an angle
+    degrees: tuple[int, int]
+    sizes: Callable[[], Sizes]
+    #: it turns about an axis by the angle a: |S_aa| is |S_a| at each place, |S_ab| at most |S_b|
+    turns: bool = False
+    #: of a rational surface
+    weight: Callable[[Array, Array], Array] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """An edge on one of its faces: its curve in the parameter plane of the face's surface."""
+
+    path: CurveFunction
+    surface: SurfaceFunction
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeFunction:
+    """An edge between two faces: what it holds in space and on both, over one parameter."""
+
+    curve: CurveFunction
+    span: tuple[float, float]
+    traces: tuple[Trace, Trace]
+
+
+def cuts_between(span: tuple[float, float], *breaks: Array | None) -> Array:
+    """Return the ends of a range of a parameter and all breaks between them, ascending."""
+    first, last = span
+    found = [b[(b > first) & (b < last)] for b in breaks if b is not None]
+    return np.unique(np.concatenate([[first, last], *found]))
+
+
+def crossings(path: CurveFunction, cuts: Array, axis: int, values: Array) -> Array:
+    """Return the parameters at which a coordinate of a curve takes values, as far as they are seen.
+
+    It is looked at between its `cuts`; values that it reaches at their ends only are left out.
+    """
+    t = np.unique(np.concatenate([np.linspace(a, b, 17) for a, b in pairwise(cuts)]))
+    at = path.jet(t)[0][:, axis]
+    lowest, highest = float(at.min()), float(at.max())
+    inner = values[(values > lowest) & (values < highest)]
+    side = at[None, :] > inner[:, None]
+    rows, columns = np.nonzero(side[:, 1:] != side[:, :-1])
+    low, high, rising = t[columns], t[columns + 1], side[rows, columns + 1]
+    for _ in range(52):
+        middle = (low + high) / 2
+        beyond = (path.jet(middle)[0][:, axis] > inner[rows]) == rising if len(rows) else rising
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.asarray((low + high) / 2)

@@ -1,0 +1,82 @@
+"""What is known of the edges where bodies meet: curves that the kernel's Booleans have made.
+
+Such an edge is *exact* where it is a line, a circle or an ellipse that lies on both carriers by
+algebra, and *bounded* where its distance from where the equations' faces meet is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite
+
+from OCP.BRep import BRep_Tool
+from OCP.Geom import Geom_BSplineCurve
+
+from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, loosen
+from pc2cad.brep.shapes import conic_carrier
+from pc2cad.enclosure.meeting import Meeting, bound_meeting
+from pc2cad.geometry.carriers import Evidence, SplineSurface
+from pc2cad.geometry.implicit import ROUNDING, lies_on
+from pc2cad.model import ModelFace
+from pc2cad.report import EdgeReport
+
+#: parts of faces that coincide carry both names
+BOTH = " = "
+
+
+def prove_meetings(
+    shape: NamedShape, edges: Sequence[NamedEdge], faces: Mapping[str, ModelFace], size: float
+) -> Iterator[EdgeReport]:
+    """Yield what is known of edges between faces of different bodies.
+
+    `faces` are the bodies' own, by the names that the shape's faces have, `size` is that of the
+    part. Tolerances of the kernel's edges are raised to the bounds, where they are less.
+    """
+    for edge, function in zip(edges, edge_functions(shape, edges), strict=True):
+        sides = [faces[names[0]] for names in edge.names]
+        found = bound_meeting(function, (sides[0].deviation, sides[1].deviation))
+        off = max(found.off)
+        if isfinite(off):
+            loosen(edge.edge, off)
+        evidence, deviation, where = _judged(edge, sides, found, size)
+        curve = BRep_Tool.Curve_s(edge.edge, 0.0, 1.0)
+        spline = curve if isinstance(curve, Geom_BSplineCurve) else None
+        yield EdgeReport(
+            " / ".join(BOTH.join(names) for names in edge.names), edge.curve, evidence, deviation,
+            0.0 if evidence == "exact" else found.seen if evidence == "bounded" else deviation,
+            where, spline.Degree() if spline else 0, spline.NbPoles() if spline else 0,
+            off if isfinite(off) else found.off_seen,
+        )  # fmt: skip
+
+
+def _judged(
+    edge: NamedEdge, sides: Sequence[ModelFace], found: Meeting, size: float
+) -> tuple[Evidence, float, str]:
+    """Return the evidence, the deviation and where no bound could be had."""
+    for side, names in zip(sides, edge.names, strict=True):
+        if side.evidence == "sampled":
+            return "sampled", found.off_seen, f"all of it, as {names[0]} is"
+    if isfinite(max(found.off)) and found.seen <= ROUNDING * size and _lies_on(edge, sides):
+        return "exact", 0.0, ""
+    if isfinite(max(*found.off, found.largest)):
+        return "bounded", found.largest, ""
+    first, last = BRep_Tool.Range_s(edge.edge)
+    curve = BRep_Tool.Curve_s(edge.edge, first, last)
+    where = []
+    for ends in found.open:
+        places = ["({:.6g}, {:.6g}, {:.6g})".format(*curve.Value(t).Coord()) for t in ends]
+        where.append(" to ".join(places))
+    return "sampled", found.off_seen, ", ".join(where)
+
+
+def _lies_on(edge: NamedEdge, sides: Sequence[ModelFace]) -> bool:
+    """Say whether a conic lies on both carriers by algebra."""
+    first, last = BRep_Tool.Range_s(edge.edge)
+    conic = conic_carrier(BRep_Tool.Curve_s(edge.edge, first, last), first, last)
+    carriers = [side.carrier for side in sides if not isinstance(side.carrier, SplineSurface)]
+    return (
+        conic is not None
+        and len(carriers) == len(sides)
+        and all(side.evidence == "exact" for side in sides)
+        and lies_on(conic, carriers)
+    )
