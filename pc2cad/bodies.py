@@ -10,7 +10,7 @@ An arithmetic form of point equations (M1 + M2 - D) is one equation and does not
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -21,13 +21,17 @@ from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.equation.template_bodies import Bodies, Kind, Tree
 from pc2cad.errors import KernelError, NotASolidError, PointCadError, ToleranceNotReachedError
 from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
-from pc2cad.meetings import BOTH, prove_meetings
+from pc2cad.meetings import BOTH, Side, prove_meetings, sides_of
 from pc2cad.part import SIDE_COLOURS, Part, Solid
-from pc2cad.report import BodiesReport, FaceReport, Integrals, StepReport
+from pc2cad.report import BodiesReport, EdgeReport, FaceReport, Integrals, Report, StepReport
 from pc2cad.validation import check_expectations
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
+
+
+#: share of a part's size that a tolerance of the kernel's may be
+LOOSEST = 0.01
 
 
 class EmptyResultError(NotASolidError):
@@ -36,6 +40,10 @@ class EmptyResultError(NotASolidError):
 
 class SeveralPiecesError(NotASolidError):
     """The result is more than one solid."""
+
+
+class KernelTooLooseError(KernelError):
+    """The kernel takes places for one that are far apart."""
 
 
 class VolumesDisagreeError(KernelError):
@@ -209,22 +217,26 @@ def _report(
     reports = {name: part.report for name, part in joining.parts.items()}
     tolerance = max(report.tolerance for report in reports.values())
     size = max(report.size for report in reports.values())
+    sides: dict[str, Side] = {}
+    for name, part in joining.parts.items():
+        sides |= sides_of(name, part.model)
     meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
-    faces = {
-        f"{name}:{face.name}": face
-        for name, part in joining.parts.items() for face in part.model.faces
-    }  # fmt: skip
-    curves = tuple(prove_meetings(shape, meeting, faces, size))
+    curves = tuple(prove_meetings(shape, meeting, sides, size))
+    loosest = max(tolerance, KERNEL_TOLERANCE)
     for curve in curves:
-        if curve.off_faces > max(tolerance, KERNEL_TOLERANCE):
+        if curve.off_faces > loosest:
             raise ToleranceNotReachedError(
                 f"the kernel's edge {curve.name} is {curve.off_faces:.2g} {bodies.units} off its "
                 f"faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
             )
     findings = inspect(solids[0])
-    _check(findings)
+    _check(findings, size, bodies.units)
     # an edge off its faces leaves a strip open; seen from the middle it is half the size away
-    strips = sum(edge.length * edge.deviation for edge in edges) * size / 6
+    strips = (
+        sum(edge.length * curve.off_faces for edge, curve in zip(meeting, curves, strict=True))
+        * size
+        / 6
+    )
     error = (strips + sum(abs(step.gap) for step in joining.steps)) / found.volume
     return BodiesReport(
         bodies.name, bodies.title, bodies.units, dict(bodies.parameters),
@@ -233,16 +245,36 @@ def _report(
         len({v for edge in edges for v in edge.ends}), findings.shells, findings.euler,
         Integrals("B-rep (divergence theorem)", found.volume, found.area, found.centroid, error),
         kernel_tolerance=findings.largest_tolerance,
-        warnings=tuple(
-            f"body {name}: {text}" for name, report in reports.items() for text in report.warnings
-        ) + tuple(
-            f"{step.name} changes nothing: the bodies have nothing in common"
-            for step in joining.steps if "nothing is cut" in step.sentence
-        ),
+        warnings=tuple(_warnings(reports, joining.steps, curves, loosest)),
     )  # fmt: skip
 
 
-def _check(findings: KernelFindings) -> None:
+def _warnings(
+    reports: Mapping[str, Report],
+    steps: Sequence[StepReport],
+    curves: Sequence[EdgeReport],
+    loosest: float,
+) -> Iterator[str]:
+    for name, report in reports.items():
+        yield from (f"body {name}: {text}" for text in report.warnings)
+    for step in steps:
+        if "nothing is cut" in step.sentence:
+            yield f"{step.name} changes nothing: the bodies have nothing in common"
+    for curve in curves:
+        if curve.evidence == "bounded" and curve.deviation > loosest:
+            yield (
+                f"edge {curve.name} is proved to within {curve.deviation:.2g} only, which is more "
+                "than the tolerance: its faces meet at a shallow angle"
+            )
+
+
+def _check(findings: KernelFindings, size: float, units: str) -> None:
+    if findings.largest_tolerance > LOOSEST * size:
+        raise KernelTooLooseError(
+            f"the CAD kernel joined the bodies within {findings.largest_tolerance:.2g} {units} "
+            f"only, of a part of {size:.2g}: it has lost where they meet; move one of them a "
+            "little, or turn its seam away"
+        )
     if not findings.valid or findings.free_edges:
         what = (
             f"{findings.free_edges} of its edges do not bound exactly two faces: the bodies touch "

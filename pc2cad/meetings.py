@@ -7,6 +7,7 @@ algebra, and *bounded* where its distance from where the equations' faces meet i
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
 
 from OCP.BRep import BRep_Tool
@@ -15,17 +16,41 @@ from OCP.Geom import Geom_BSplineCurve
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, loosen
 from pc2cad.brep.shapes import conic_carrier
 from pc2cad.enclosure.meeting import Meeting, bound_meeting
-from pc2cad.geometry.carriers import Evidence, SplineSurface
-from pc2cad.geometry.implicit import ROUNDING, lies_on
-from pc2cad.model import ModelFace
+from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
+from pc2cad.geometry.implicit import ROUNDING, holds, point_along
+from pc2cad.model import BoundaryModel
 from pc2cad.report import EdgeReport
 
 #: parts of faces that coincide carry both names
 BOTH = " = "
 
 
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A face of a body, as far as its equation's side is known."""
+
+    evidence: Evidence
+    deviation: float
+    #: surfaces and edges that the side lies on, or that lie on it, exactly
+    exact: tuple[Plane | AnalyticSurface | Line | Arc, ...]
+
+
+def sides_of(name: str, model: BoundaryModel) -> dict[str, Side]:
+    """Return the faces of a body by the names that they have in a shape."""
+    found = {}
+    for face in model.faces:
+        exact: list[Plane | AnalyticSurface | Line | Arc] = []
+        if face.evidence == "exact" and not isinstance(face.carrier, SplineSurface):
+            exact.append(face.carrier)
+        for edge in (model.edges[index] for index in face.border):
+            if edge.evidence == "exact" and isinstance(edge.carrier, Line | Arc):
+                exact.append(edge.carrier)
+        found[f"{name}:{face.name}"] = Side(face.evidence, face.deviation, tuple(exact))
+    return found
+
+
 def prove_meetings(
-    shape: NamedShape, edges: Sequence[NamedEdge], faces: Mapping[str, ModelFace], size: float
+    shape: NamedShape, edges: Sequence[NamedEdge], faces: Mapping[str, Side], size: float
 ) -> Iterator[EdgeReport]:
     """Yield what is known of edges between faces of different bodies.
 
@@ -33,7 +58,7 @@ def prove_meetings(
     part. Tolerances of the kernel's edges are raised to the bounds, where they are less.
     """
     for edge, function in zip(edges, edge_functions(shape, edges), strict=True):
-        sides = [faces[names[0]] for names in edge.names]
+        sides = [max((faces[name] for name in names), key=_weakness) for names in edge.names]
         found = bound_meeting(function, (sides[0].deviation, sides[1].deviation))
         off = max(found.off)
         if isfinite(off):
@@ -49,14 +74,20 @@ def prove_meetings(
         )  # fmt: skip
 
 
+def _weakness(side: Side) -> tuple[int, float]:
+    """Return what sorts sides: where two coincide, the shape has the surface of either."""
+    return ("exact", "bounded", "sampled").index(side.evidence), side.deviation
+
+
 def _judged(
-    edge: NamedEdge, sides: Sequence[ModelFace], found: Meeting, size: float
+    edge: NamedEdge, sides: Sequence[Side], found: Meeting, size: float
 ) -> tuple[Evidence, float, str]:
     """Return the evidence, the deviation and where no bound could be had."""
     for side, names in zip(sides, edge.names, strict=True):
         if side.evidence == "sampled":
             return "sampled", found.off_seen, f"all of it, as {names[0]} is"
-    if isfinite(max(found.off)) and found.seen <= ROUNDING * size and _lies_on(edge, sides):
+    fine = isfinite(max(found.off)) and found.across_seen <= ROUNDING * size
+    if fine and _lies_on(edge, sides):
         return "exact", 0.0, ""
     if isfinite(max(*found.off, found.largest)):
         return "bounded", found.largest, ""
@@ -69,14 +100,11 @@ def _judged(
     return "sampled", found.off_seen, ", ".join(where)
 
 
-def _lies_on(edge: NamedEdge, sides: Sequence[ModelFace]) -> bool:
-    """Say whether a conic lies on both carriers by algebra."""
+def _lies_on(edge: NamedEdge, sides: Sequence[Side]) -> bool:
+    """Say whether an edge is a conic that lies on both equations' faces by algebra."""
     first, last = BRep_Tool.Range_s(edge.edge)
     conic = conic_carrier(BRep_Tool.Curve_s(edge.edge, first, last), first, last)
-    carriers = [side.carrier for side in sides if not isinstance(side.carrier, SplineSurface)]
-    return (
-        conic is not None
-        and len(carriers) == len(sides)
-        and all(side.evidence == "exact" for side in sides)
-        and lies_on(conic, carriers)
-    )
+    if conic is None:
+        return False
+    point = point_along(conic)
+    return all(any(holds(carrier, point) for carrier in side.exact) for side in sides)

@@ -228,7 +228,9 @@ class BodiesReport(Evidence):
     """What is known of a solid made of several bodies; lengths are in `units`.
 
     A face is known as its body's face is that it is a part of; its deviation is that of the whole
-    side. `curves` are the edges where bodies meet, found by the kernel: sampled.
+    side. `curves` are the edges where bodies meet, found by the kernel; their deviation bounds the
+    distance from places common to both equations' faces, and what was seen of it is that from
+    where the carriers meet. Sampled, it is the largest distance seen from the surface of either.
     """
 
     name: str

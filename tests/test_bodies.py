@@ -79,13 +79,11 @@ def test_faces_are_named_by_body_and_side_and_keep_their_evidence():
     assert areas["big:u=1"] == pytest.approx(3)  # 4 less the mouth of the hole
     assert areas["small:v=0"] == pytest.approx(0.5)
     assert {face.evidence for face in part.report.faces} == {"exact"}
-    # where bodies meet, the kernel has found the edge: no more than sampled
-    assert {(edge.name, edge.evidence) for edge in part.report.curves} == {
-        (f"{a} / {b}", "sampled")
-        for a, b in [(edge.name.split(" / ")) for edge in part.report.curves]
+    # where bodies meet, the kernel has found lines that lie on both planes
+    assert {edge.name for edge in part.report.curves} == {
+        f"big:u=1 / small:{s}" for s in ("v=0", "v=1", "w=0", "w=1")
     }
-    assert len(part.report.curves) == 4
-    assert part.report.evidence == "sampled"
+    assert part.report.evidence == "exact"
 
 
 def test_faces_that_coincide_have_both_names():
@@ -321,4 +319,4 @@ def test_a_variant_of_bodies(tmp_path):
     outcome = run_variant(task, Job("1", {"d": 1.5}))
     assert outcome.status == BUILT, outcome.reason
     assert outcome.figures["volume"] == pytest.approx(7.5)
-    assert (outcome.figures["evidence"], outcome.figures["faces"]) == ("sampled", 11)
+    assert (outcome.figures["evidence"], outcome.figures["faces"]) == ("exact", 11)

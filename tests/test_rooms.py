@@ -37,7 +37,10 @@ ALLOWED = {
         "analysis", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
         "planar", "point_sets", "proof", "topology", "numpy",
     },
-    "bodies": {"brep", "equation", "errors", "export", "part", "report", "validation", "OCP"},
+    "bodies": {
+        "brep", "equation", "errors", "export", "meetings", "part", "report", "validation", "OCP",
+    },
+    "meetings": {"brep", "enclosure", "geometry", "model", "report", "OCP"},
     "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
     "wires": {"equation", "numpy", "OCP"},

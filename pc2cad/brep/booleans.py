@@ -39,7 +39,7 @@ _CURVES = {
     "Geom_BezierCurve": "Bézier curve",
     "Geom_BSplineCurve": "B-spline curve",
 }
-#: points on an edge, at which it is held against its faces
+#: points on an edge
 PLACES = 65
 
 
@@ -117,8 +117,6 @@ class NamedEdge:
     curve: str
     #: along it, (PLACES, 3)
     points: NDArray[np.float64]
-    #: largest distance from the faces (seen)
-    deviation: float
 
     @property
     def length(self) -> float:
@@ -144,7 +142,7 @@ def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
                 yield NamedEdge(
                     edge, (one[1], other[1]), (owners[0], owners[1]),
                     frozenset(map(vertices.Add, ends)),
-                    _CURVES.get(kind, kind), *_traced(edge, (one[0], other[0])),
+                    _CURVES.get(kind, kind), _points(edge),
                 )  # fmt: skip
 
 
@@ -177,22 +175,10 @@ def loosen(edge: TopoDS_Edge, tolerance: float) -> None:
             builder.UpdateVertex(vertex, tolerance)
 
 
-def _traced(
-    edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]
-) -> tuple[NDArray[np.float64], float]:
-    """Return points of an edge and its largest distance from its faces at equal parameters."""
+def _points(edge: TopoDS_Edge) -> NDArray[np.float64]:
     first, last = BRep_Tool.Range_s(edge)
     curve = BRep_Tool.Curve_s(edge, first, last)
-    places = np.linspace(first, last, PLACES).tolist()
-    points = [curve.Value(t) for t in places]
-    apart = 0.0
-    for face in faces:
-        surface = BRep_Tool.Surface_s(face)
-        trace = BRep_Tool.CurveOnSurface_s(edge, face, first, last)
-        for t, point in zip(places, points, strict=True):
-            foot = trace.Value(t)
-            apart = max(apart, point.Distance(surface.Value(foot.X(), foot.Y())))
-    return np.array([(p.X(), p.Y(), p.Z()) for p in points]), apart
+    return np.array([curve.Value(t).Coord() for t in np.linspace(first, last, PLACES).tolist()])
 
 
 def _listed(shape: TopoDS_Shape) -> TopTools_ListOfShape:

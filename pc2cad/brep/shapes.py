@@ -115,7 +115,7 @@ def _line(start: Array, slope: Array) -> CurveFunction:
     def line(t: Array) -> tuple[Array, Array]:
         return start + t[:, None] * slope, np.broadcast_to(slope, (len(t), len(slope)))
 
-    return CurveFunction(line, NOWHERE, 1, lambda: Sizes((1.0,), (0.0,)))
+    return CurveFunction(line, NOWHERE, 1, lambda: Sizes((1.0,), (0.0,), np.abs(start)))
 
 
 def _conic(centre: Array, x: Array, y: Array) -> CurveFunction:
@@ -124,7 +124,9 @@ def _conic(centre: Array, x: Array, y: Array) -> CurveFunction:
         return centre + cos * x + sin * y, cos * y - sin * x
 
     largest = float(max(np.linalg.norm(x), np.linalg.norm(y)))
-    return CurveFunction(conic, None, 1, lambda: Sizes((largest,), (largest,)))
+    return CurveFunction(
+        conic, None, 1, lambda: Sizes((largest,), (largest,), np.abs(centre) + largest)
+    )
 
 
 def _spline(
@@ -161,19 +163,19 @@ def net_sizes(
 
     with np.errstate(all="ignore"):
         a, b = along(poles, 0, 0), along(poles, 1, 0)
-        nets = (poles, a, b, along(a, 0, 1) if p > 1 else 0 * a, along(a, 1, 0),
-                along(b, 1, 1) if q > 1 else 0 * b)  # fmt: skip
-        n, na, nb, naa, nab, nbb = (_longest(net[..., :dimension]) for net in nets)
+        nets = (a, b, along(a, 0, 1), along(a, 1, 0), along(b, 1, 1))
+        na, nb, naa, nab, nbb = (_longest(net[..., :dimension]) for net in nets)
+        places = np.abs(poles[..., :dimension]).max(axis=(0, 1))
         if poles.shape[-1] == dimension:
-            return Sizes((na, nb), (naa, nab, nbb), n)
+            return Sizes((na, nb), (naa, nab, nbb), places)
         # S = N/W, so W S_a = N_a - S W_a, and so on
-        w, wa, wb, waa, wab, wbb = (_longest(net[..., dimension:]) for net in nets)
+        wa, wb, waa, wab, wbb = (_longest(net[..., dimension:]) for net in nets)
         least = float(poles[..., dimension].min())
         s = _longest(poles[..., :dimension] / poles[..., dimension:])
         sa, sb = (na + s * wa) / least, (nb + s * wb) / least
         second = (naa + 2 * sa * wa + s * waa, nab + sa * wb + sb * wa + s * wab,
                   nbb + 2 * sb * wb + s * wbb)  # fmt: skip
-    return Sizes((sa, sb), tuple(x / least for x in second), s * w / least)
+    return Sizes((sa, sb), tuple(x / least for x in second), places / least)
 
 
 def _longest(net: Array) -> float:
@@ -199,6 +201,7 @@ def surface_function(surface: Geom_Surface, origin: Array) -> SurfaceFunction:
         raise KernelError(f"no integral is known for a {type(surface).__name__}")
     centre, axes = frame(surface.Position(), origin)
     profile, bend = _profile(surface)
+    radius = float(np.abs(profile(np.zeros(1))[0]).max())
 
     def jet(a: Array, b: Array) -> Jet:
         radius, height, radius_b, height_b = (x[:, None] for x in profile(b))
@@ -208,7 +211,7 @@ def surface_function(surface: Geom_Surface, origin: Array) -> SurfaceFunction:
                 radius_b * out + height_b * axes[2])  # fmt: skip
 
     breaks = (None, None if bend else NOWHERE)
-    sizes = Sizes((np.inf, bend or 1.0), (np.inf, np.inf, bend))
+    sizes = Sizes((np.inf, bend or 1.0), (np.inf, np.inf, bend), np.abs(centre) + radius)
     return SurfaceFunction(jet, breaks, (1, 1), lambda: sizes, turns=True)
 
 
@@ -229,7 +232,7 @@ def _plane(surface: Geom_Plane, origin: Array) -> SurfaceFunction:
         point = start + a[:, None] * x + b[:, None] * y
         return point, np.broadcast_to(x, shape), np.broadcast_to(y, shape)
 
-    sizes = Sizes((1.0, 1.0), (0.0, 0.0, 0.0))
+    sizes = Sizes((1.0, 1.0), (0.0, 0.0, 0.0), np.abs(start))
     return SurfaceFunction(jet, (NOWHERE, NOWHERE), (1, 1), lambda: sizes)
 
 
@@ -299,7 +302,8 @@ def _revolution(surface: Geom_SurfaceOfRevolution, origin: Array) -> SurfaceFunc
 
     def sizes() -> Sizes:
         own = basis.sizes()
-        return Sizes((np.inf, *own.first), (np.inf, np.inf, *own.second), own.poles)
+        return Sizes((np.inf, *own.first), (np.inf, np.inf, *own.second),
+                     own.poles + np.abs(centre))  # fmt: skip
 
     weight = basis.weight
     return SurfaceFunction(

@@ -104,6 +104,8 @@ def _along(
     nodes, inner = _inner(data.breaks[1], level, place[:, 1], count)
     both = inner * outer[:, None]
     used = both != 0.0
+    if not used.any():
+        return total
     a = np.broadcast_to(place[:, :1], nodes.shape)[used]
     point, along_a, along_b = data.jet(a, nodes[used])
     normal = sign * cross(along_a, along_b)

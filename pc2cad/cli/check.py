@@ -138,16 +138,17 @@ def _carrier(face: FaceReport) -> str:
 
 def _edges(report: Report | BodiesReport) -> str:
     rows: list[tuple[str, ...]] = [
-        ("edge", "carrier", "evidence", "deviation", "seen", "degree", "poles")
+        ("edge", "carrier", "evidence", "deviation", "seen", "degree", "poles", "off faces")
     ]
     rows += [
         (
             edge.name, edge.carrier, edge.evidence, *_deviations(edge), str(edge.degree or "-"),
-            str(edge.poles or "-"),
+            str(edge.poles or "-"), f"{edge.off_faces:.2g}",
         )
         for edge in report.curves
     ]  # fmt: skip
-    return table(rows)
+    joined = isinstance(report, BodiesReport)
+    return table([row if joined else row[:-1] for row in rows])
 
 
 def _deviations(part: FaceReport | EdgeReport) -> tuple[str, str]:

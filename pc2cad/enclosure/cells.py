@@ -58,7 +58,7 @@ class Cells:
         return Cells(np.sort(np.concatenate((self.points, middles[which]))), self.degree)
 
 
-def enlargement(per_degree: int) -> float:
+def enlargement(per_degree: float) -> float:
     """Return by how much a polynomial may exceed its values at per_degree · degree + 1 nodes.
 
     Ehlich & Zeller 1964: 1/cos(πm/2N) for a degree m and N + 1 nodes; for vectors too, since it

@@ -3,8 +3,8 @@
 The edge C(t) was made by a Boolean, with a curve p(t) in the parameters of each surface S. Between
 breaks C(t) - S(p(t)) is a polynomial (times a weight, where something is rational), because one of
 a polynomial is one; sines and cosines of angles that turn by `TURN` at most are within rounding of
-polynomials of degree `ORDER`. A polynomial of degree D is at most 1/cos(πD/2N) times its largest
-value at N + 1 Chebyshev-Lobatto places (see `between`), for vectors too.
+polynomials of degree `ORDER`. Such a polynomial is bounded by its values at a few times as many
+places as its degree (`cells.enlargement`).
 
 Where two surfaces at the distances d and e from a point meet at an angle α, they meet at most
 √(d² + e² + 2de|cos α|)/sin α away from it, if they were planes. They bend: within a distance r a
@@ -18,30 +18,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.enclosure.cells import Cells, conversion_loss, enlargement, to_bernstein
 from pc2cad.enclosure.models import UNIT
-from pc2cad.geometry.functions import (
-    EdgeFunction,
-    Trace,
-    crossings,
-    cuts_between,
-)
+from pc2cad.geometry.functions import EdgeFunction, Trace, crossings, cuts_between
 
 Array = NDArray[np.float64]
 
 #: angles turn by this much either way within a cell; sines and cosines are off their Taylor
-#: polynomials by TURN^(ORDER + 1)/(ORDER + 1)! = 2e-18 then
-TURN, ORDER = 0.25, 12
-#: places per degree and cell: what is seen at them is enlarged by 1.16
-PER_DEGREE = 3
-#: share of what is seen that a cell which straddles a break of a surface may cost
-SPILLED = 0.05
-#: cells are halved for that as long as it leaves no more than this of it
-HELPFUL = 0.7
+#: polynomials by TURN^(ORDER + 1)/(ORDER + 1)! = 7e-19 then
+TURN, ORDER = 0.5, 15
+#: places per degree and cell: what is seen at them is enlarged by 1.035
+PER_DEGREE = 6
+#: share of a surface's piece by which a path may leave it within a cell: the piece's polynomial
+#: changes as it does inside
+OVER = 1e-5
+#: halvings of cells for the sake of these
+DEEPEST = 40
+#: share of what is seen that leaving a piece may cost, and what halving cells has to leave of it at
+#: most to go on
+SPILLED, HELPFUL = 0.05, 0.7
+#: cells are halved so often where the bound is above so many times what is seen
+SHARPEST, SHARP = 2, 2.0
 #: within κr no larger than this the curvature κ says how far a surface bends within r
 STRAIGHT = 1 / 16
 
@@ -55,8 +57,10 @@ class Meeting:
     #: bound of the distance from the places common to both faces of the equations; inf where there
     #: is none
     largest: float
-    #: largest distances seen: from a surface, and from where the two meet (by first order)
+    #: largest distances seen: from a surface at equal parameters, from a surface's tangent plane
+    #: there, and from where the two planes meet (inf or nan where they are parallel)
     off_seen: float
+    across_seen: float
     seen: float
     #: where no bound could be had: ranges of the edge's parameter
     open: tuple[tuple[float, float], ...] = ()
@@ -69,17 +73,21 @@ def bound_meeting(edge: EdgeFunction, deviations: tuple[float, float]) -> Meetin
     """
     with np.errstate(all="ignore"):
         survey = _settled(edge)
-        off = [survey.off(k) for k in (0, 1)]
-        largest = survey.meeting(off, deviations)
-    lost = ~np.isfinite(largest)
-    points = survey.cells.points
-    runs = np.flatnonzero(np.diff(np.concatenate(([False], lost, [False])).astype(int)))
+        for sharper in range(SHARPEST + 1):
+            off = [survey.off(k) for k in (0, 1)]
+            largest = survey.meeting(off, deviations)
+            seen = survey.seen
+            goal = SHARP * max(seen[2], survey.given(deviations))
+            blunt = np.isfinite(largest) & (largest > goal)
+            if sharper == SHARPEST or not blunt.any():
+                break
+            survey = _Survey(edge, survey.cells.split(blunt).points)
+    lost = np.concatenate(([False], ~np.isfinite(largest), [False]))
+    ends = survey.cells.points[np.flatnonzero(lost[1:] != lost[:-1])].reshape(-1, 2)
     return Meeting(
         (float(off[0].max()), float(off[1].max())),
-        float(np.inf if lost.any() else largest.max()),
-        *survey.seen,
-        tuple((float(points[i]), float(points[j])) for i, j in runs.reshape(-1, 2)),
-    )
+        float(largest.max()), *seen, tuple((first, last) for first, last in ends.tolist()),
+    )  # fmt: skip
 
 
 def _settled(edge: EdgeFunction) -> _Survey:
@@ -93,8 +101,10 @@ def _settled(edge: EdgeFunction) -> _Survey:
         if breaks is not None and len(breaks) > 2
     ]
     survey = _Survey(edge, cuts_between(span, cuts, *met))
-    while survey.far.any():
-        survey = _Survey(edge, survey.cells.split(survey.far).points)
+    for _ in range(DEEPEST):
+        if not survey.coarse.any():
+            break
+        survey = _Survey(edge, survey.cells.split(survey.coarse).points)
     while survey.spilling.max() > 1:
         finer = _Survey(edge, survey.cells.split(survey.spilling > 1).points)
         if finer.spilling.max() > HELPFUL * survey.spilling.max():
@@ -138,45 +148,53 @@ class _Survey:
         return found
 
     @cached_property
-    def far(self) -> NDArray[np.bool_]:
-        """Cells in which an angle turns by more than `TURN` either way."""
-        far = np.zeros(self.cells.count, dtype=bool)
-        angular = [self._curve.breaks is None]
-        angular += [trace.path.breaks is None for trace in self._edge.traces]
-        if any(angular):
-            far |= self.cells.half > TURN
-        for trace, (low, high) in zip(self._edge.traces, self.hulls, strict=True):
+    def coarse(self) -> NDArray[np.bool_]:
+        """Cells in which an angle turns far, or a path leaves the piece that its middle is on."""
+        traces = self._edge.traces
+        angles = [self._curve.breaks, *(trace.path.breaks for trace in traces)]
+        coarse = (self.cells.half > TURN) & any(breaks is None for breaks in angles)
+        for trace, (low, high), over in zip(traces, self.hulls, self._over, strict=True):
             for axis, breaks in enumerate(trace.surface.breaks):
-                if breaks is None:
-                    far |= high[:, axis] - low[:, axis] > 2 * TURN
-        return far
+                far = high[:, axis] - low[:, axis] > 2 * TURN if breaks is None else False
+                coarse |= far | (over[1][:, axis] > OVER)
+        return np.asarray(coarse)
 
     @cached_property
-    def spilling(self) -> Array:
-        """What breaks of a surface inside cells cost, as a share of what they may."""
-        return np.asarray(np.max([
-            spill / max(SPILLED * sizes.max(), rounding)
-            for spill, sizes, rounding in zip(self._spill, self._sizes, self._rounding, strict=True)
-        ], axis=0))  # fmt: skip
-
-    @cached_property
-    def _spill(self) -> list[Array]:
-        """What may be missing where a path leaves the piece of its surface that its middle is on.
-
-        Both pieces meet at the break, and neither changes faster than its derivative.
-        """
+    def _over(self) -> list[tuple[Array, Array]]:
+        """How far paths leave the pieces of their surfaces, and as shares of these, (cells, 2)."""
         found = []
         for trace, (low, high) in zip(self._edge.traces, self.hulls, strict=True):
-            slopes, spill = trace.surface.sizes().first, np.zeros(self.cells.count)
+            over, share = np.zeros((2, *low.shape))
             for axis, breaks in enumerate(trace.surface.breaks):
                 if breaks is not None and len(breaks):
                     below, above = low[:, axis], high[:, axis]
                     index = np.searchsorted(breaks, (below + above) / 2, side="right") - 1
                     index = np.clip(index, 0, len(breaks) - 2)
-                    over = np.maximum(breaks[index] - below, above - breaks[index + 1])
-                    spill += 2.01 * slopes[axis] * np.maximum(over, 0.0)
-            found.append(spill)
+                    start, end = breaks[index], breaks[index + 1]
+                    over[:, axis] = np.maximum(np.maximum(start - below, above - end), 0.0)
+                    share[:, axis] = over[:, axis] / (end - start)
+            found.append((over, share))
         return found
+
+    @cached_property
+    def _spill(self) -> list[Array]:
+        """What may be missing where a path leaves a piece of its surface.
+
+        The next one meets it at the break, and neither changes faster than its derivative.
+        """
+        found = []
+        for trace, (over, _) in zip(self._edge.traces, self._over, strict=True):
+            moved = np.where(over > 0, over * trace.surface.sizes().first, 0.0).sum(axis=1)
+            found.append(np.where(self.coarse, np.inf, 2.01 * moved))
+        return found
+
+    @cached_property
+    def spilling(self) -> Array:
+        """What breaks of a surface inside cells cost, as a share of what they may."""
+        return np.asarray(np.max([
+            np.where(self.coarse, 0.0, spill) / max(SPILLED * sizes.max(), rounding)
+            for spill, sizes, rounding in zip(self._spill, self._sizes, self._rounding, strict=True)
+        ], axis=0))  # fmt: skip
 
     # -- at the nodes ------------------------------------------------------------------------------
 
@@ -213,60 +231,87 @@ class _Survey:
     def _rounding(self) -> list[float]:
         """Bounds of the rounding of the differences, that of the parameters included.
 
-        Sums of products without cancellation: some 8 roundings per degree; a parameter is off by 4
-        units, and moves with the derivatives (twice those at the nodes are more than any).
+        Sums take some 8 roundings per degree; a parameter is off by 4 units, and moves with the
+        derivatives (twice those at the nodes are more than any).
         """
         found, (points, speed) = [], self._at
         for trace, jet, (place, motion) in zip(
             self._edge.traces, self._jets, self._paths, strict=True
         ):
             path, degrees = trace.path, (self._curve.degree, *trace.surface.degrees)
-            poles = self._curve.sizes().poles, trace.surface.sizes().poles
-            size = max(*poles, _lengths(points).max(), _lengths(jet[0]).max())
+            size = _lengths(points).max() + _lengths(jet[0]).max()
+            for held in (self._curve, trace.surface):
+                size += float(_lengths(held.sizes().poles))
             slopes = np.array([_lengths(slope).max() for slope in jet[1:]])
-            moved = 8 * (path.degree + 2) * max(path.sizes().poles, np.abs(place).max())
-            drift = 8 * np.abs(self._nodes).max() * (
+            moved = (path.degree + 2) * (path.sizes().poles + np.abs(place).max(axis=0))
+            drift = np.abs(self._nodes).max() * (
                 _lengths(speed).max() + np.abs(motion).max(axis=0) @ slopes
             )  # fmt: skip
-            total = 16 * (sum(degrees) + 8) * size + 2 * moved * slopes.sum() + drift
+            total = 8 * (sum(degrees) + 8) * size + 16 * moved @ slopes + 8 * drift
             found.append(float(UNIT * total))
         return found
 
     @cached_property
-    def seen(self) -> tuple[float, float]:
-        """The largest distances at the nodes: from a surface, and from where both meet."""
-        return float(max(size.max() for size in self._sizes)), float(self._seen_at.max())
-
-    @cached_property
-    def _seen_at(self) -> Array:
+    def seen(self) -> tuple[float, float, float]:
+        """The largest distances at the nodes (see `Meeting`)."""
         f, g = (
             np.einsum("ni,ni->n", normal, gap)
             for normal, gap in zip(self._normals, self._gaps, strict=True)
         )
-        return _apart(f, g, *self._angle)
+        across = np.maximum(np.abs(f), np.abs(g))
+        found = (*self._sizes, across, _apart(f, g, *self._angle))
+        off, other, flat, apart = (float(x.max()) for x in found)
+        return max(off, other), flat, apart
+
+    def given(self, deviations: tuple[float, float]) -> float:
+        """Return how far from where the surfaces meet deviations and rounding alone may be."""
+        f, g = (d + SHARP * r for d, r in zip(deviations, self._rounding, strict=True))
+        cosine, sine = self._angle
+        return float(_apart(f, -g, np.abs(cosine), sine).max())
 
     # -- bounds ------------------------------------------------------------------------------------
 
     def off(self, k: int) -> Array:
-        """Return bounds of the distance from one surface, cell by cell."""
-        return self._bounded(k, self._sizes[k])
+        """Return bounds of the distance from one surface at equal parameters, cell by cell."""
+        sizes, weight = self._sizes[k] + self._rounding[k], self._weight(k)
+        least: Array | float = 1.0
+        if weight is not None:
+            sizes, least = sizes * weight, self._range(weight, PER_DEGREE)[0]
+        found = enlargement(PER_DEGREE) * self._most(sizes) / least + self._spill[k]
+        return np.asarray(np.where(least > 0, found, np.inf))
 
-    def _bounded(self, k: int, sizes: Array) -> Array:
-        """Return bounds over cells of a difference from one surface, from its sizes at the nodes.
+    def _heights(self, k: int, off: Array) -> tuple[Array, Array]:
+        """Return the least and largest heights above one surface's tangent plane, cell by cell.
 
-        It may be the difference's part along a vector that does not change within a cell.
+        The product with the normal S_a x S_b is a polynomial too, of three times the degree at
+        most, and the square of its length one of four times. An edge that is slow or fast against
+        its path is far off along the surface, and near it all the same.
         """
-        seen, factor = sizes + self._rounding[k], enlargement(PER_DEGREE)
-        if sizes.ndim == 1:
-            seen = _by_cell(seen, self.cells)
-        weight = self._weight(k)
-        if weight is None:
-            return np.asarray(seen.max(axis=1) * factor + self._spill[k])
-        weights = _by_cell(weight, self.cells)
-        least, most = weights.min(axis=1), weights.max(axis=1)
-        least = (least + most) / 2 - factor * (most - least) / 2
-        found = (seen * weights).max(axis=1) * factor / least
-        return np.where(least > 0, found + self._spill[k], np.inf)
+        if self._weight(k) is not None:
+            return -off, off
+        normals = self._crossed[k]
+        square = (normals * normals).sum(axis=1)
+        longest = [np.sqrt(np.maximum(x, 0.0)) for x in self._range(square, PER_DEGREE / 4)]
+        products = np.einsum("ni,ni->n", normals, self._gaps[k])
+        low, high = (
+            np.stack([bound / length for length in longest])
+            for bound in self._range(products, PER_DEGREE / 3)
+        )
+        # nodes beyond a break have the next piece's normal, which is turned a little
+        turned = 4 * self._most(self._curvature(k)) * self._spill[k]
+        extra = 1.5 * self._rounding[k] * longest[1] / longest[0] + self._spill[k] + turned * off
+        return np.fmax(low.min(axis=0) - extra, -off), np.fmin(high.max(axis=0) + extra, off)
+
+    def _most(self, values: Array) -> Array:
+        """Return the largest values at nodes, cell by cell."""
+        return np.asarray(_by_cell(values, self.cells).max(axis=1))
+
+    def _range(self, values: Array, per_degree: float) -> tuple[Array, Array]:
+        """Return bounds of a polynomial from its values at nodes, cell by cell."""
+        values = _by_cell(values, self.cells)
+        low, high = values.min(axis=1), values.max(axis=1)
+        half = (enlargement(per_degree) * (high - low) + 1e-12 * np.abs(values).max(axis=1)) / 2
+        return (low + high) / 2 - half, (low + high) / 2 + half
 
     def _weight(self, k: int) -> Array | None:
         """Return what makes the difference a polynomial; None where it is one."""
@@ -277,9 +322,13 @@ class _Survey:
         return np.prod(found, axis=0) if found else None
 
     @cached_property
+    def _crossed(self) -> list[Array]:
+        """Normals of both surfaces, of the parameters' own length."""
+        return [np.cross(jet[1], jet[2]) for jet in self._jets]
+
+    @cached_property
     def _normals(self) -> list[Array]:
-        crossed = [np.cross(jet[1], jet[2]) for jet in self._jets]
-        return [normal / _lengths(normal)[:, None] for normal in crossed]
+        return [normal / _lengths(normal)[:, None] for normal in self._crossed]
 
     @cached_property
     def _angle(self) -> tuple[Array, Array]:
@@ -300,42 +349,34 @@ class _Survey:
         squares = second[0] ** 2 + 2 * second[1] ** 2 + second[2] ** 2
         return np.asarray(np.sqrt(squares) / (1 - skew))
 
-    def _across(self, k: int, off: Array, turned: Array) -> Array:
-        """Return bounds of the distance from one surface's tangent plane, cell by cell.
-
-        Normals are `turned` at most from the nearest node's. Those of a cell differ from the one in
-        its middle, along which the difference is bounded as a whole.
-        """
-        normals = _by_cell(self._normals[k], self.cells)
-        middle = normals[:, normals.shape[1] // 2]
-        sizes = np.abs(np.einsum("cni,ci->cn", _by_cell(self._gaps[k], self.cells), middle))
-        change = _lengths(normals - middle[:, None]).max(axis=1) + turned
-        return np.asarray(np.minimum(self._bounded(k, sizes) + change * off, off))
-
     def meeting(self, off: Sequence[Array], deviations: tuple[float, float]) -> Array:
         """Return bounds of the distance from where the equations meet, cell by cell."""
         cells = self.cells
         steps = np.diff(_by_cell(self._nodes, cells), axis=1).max(axis=1) / 2
         # a place between two nodes, and its points on the surfaces, are no further from one
         steps = self._curve.sizes().first[0] * steps
-        bends = [_by_cell(self._curvature(k), cells).max(axis=1) for k in (0, 1)]
-        ways = [steps + 2 * d for d in off]
+        bends = [self._most(self._curvature(k)) for k in (0, 1)]
+        ways = [steps + 2 * d + spill for d, spill in zip(off, self._spill, strict=True)]
         turned = [2 * bend * way for bend, way in zip(bends, ways, strict=True)]
         sine = (_by_cell(self._angle[1], cells).min(axis=1) - sum(turned)) * (1 - 1e-12)
         total = sum(off) + sum(deviations)
         reach = 2 * total / sine
         bows = [bend * reach**2 for bend in bends]
-        first, second = (
-            self._across(k, off[k], turned[k]) + deviations[k] + bows[k] for k in (0, 1)
-        )
-        found = _apart(first, -second, np.sqrt(np.maximum(1 - sine**2, 0.0)), sine)
+        heights = [
+            (low - deviations[k] - bows[k], high + deviations[k] + bows[k])
+            for k, (low, high) in enumerate(self._heights(k, off[k]) for k in (0, 1))
+        ]
+        cosine = _by_cell(self._angle[0], cells)
+        cosines = cosine.min(axis=1) - sum(turned), cosine.max(axis=1) + sum(turned)
+        # the square is convex in both heights, and linear in the cosine
+        found = np.max([_apart(f, g, c, sine) for f, g, c in product(*heights, cosines)], axis=0)
         right = (sine > 0) & (4 * (bows[0] + bows[1]) <= total)
         for bend, way in zip(bends, ways, strict=True):
             right &= bend * (reach + way) <= STRAIGHT
         return np.asarray(np.where(right, found * (1 + 1e-12), np.inf))
 
 
-def _apart(f: Array, g: Array, cosine: Array, sine: Array) -> Array:
+def _apart(f: Array | float, g: Array | float, cosine: Array, sine: Array) -> Array:
     """Return how far from a point two planes meet that are f and g away, on the sides of it."""
     return np.asarray(np.sqrt(np.maximum(f * f + g * g - 2 * f * g * cosine, 0.0)) / sine)
 

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Jet = tuple[Array, Array, Array]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sizes:
     """Bounds that hold all over a curve or a surface (inf where there are none)."""
 
@@ -24,8 +24,8 @@ class Sizes:
     first: tuple[float, ...]
     #: lengths of its second derivatives: of a curve, or along aa, ab and bb
     second: tuple[float, ...]
-    #: distance of a pole from the origin, 0 where there are none
-    poles: float = 0.0
+    #: coordinates of its poles, or of the places that it is laid about
+    poles: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,8 +44,8 @@ def holds(carrier: Plane | AnalyticSurface | CurveCarrier, point: Point) -> bool
     return all(vanishes(*equation) for equation in _equations(carrier, point))
 
 
-def lies_on(curve: Line | Arc, carriers: Sequence[Plane | AnalyticSurface]) -> bool:
-    """Say whether a line, circle or ellipse is proved to lie on surfaces, to rounding."""
+def point_along(curve: Line | Arc) -> Point:
+    """Return the point of a line, circle or ellipse as trees in a parameter."""
     t = symbol("t")
     if isinstance(curve, Line):
         start, factors = curve.start, [(t, curve.end - curve.start)]
@@ -56,7 +56,7 @@ def lies_on(curve: Line | Arc, carriers: Sequence[Plane | AnalyticSurface]) -> b
     for factor, vector in factors:
         shares = _numbers(vector)
         point = [c + share * factor for c, share in zip(point, shares, strict=True)]
-    return all(holds(carrier, point) for carrier in carriers)
+    return point
 
 
 def _equations(carrier: Plane | AnalyticSurface | CurveCarrier, point: Point) -> list[Equation]:

@@ -1,0 +1,332 @@
+"""Edges where bodies meet: bounds against dense samples; exact, tangent, displaced ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from OCP.BRep import BRep_Tool
+from OCP.Geom import Geom_BSplineCurve, Geom_CylindricalSurface, Geom_Line, Geom_Plane
+from OCP.Geom2d import Geom2d_Line
+from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
+from scipy.interpolate import BSpline
+
+import pc2cad as pc
+from pc2cad.bodies import BodiesPart, KernelTooLooseError
+from pc2cad.brep.booleans import NamedEdge, edge_functions
+from pc2cad.brep.shapes import curve_function, path_function, surface_function
+from pc2cad.enclosure.meeting import bound_meeting
+from pc2cad.equation.template_file import parse_template
+from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.geometry.functions import EdgeFunction, Trace
+from pc2cad.library import bodies_paths, template_paths
+from pc2cad.report import EdgeReport
+
+Array = NDArray[np.float64]
+
+
+def compiled(result: str, tolerance: float | None = None, **bodies: tuple[str, ...]) -> BodiesPart:
+    tables = "".join(
+        f'[[bodies]]\nname = "{name}"\n'
+        + (f"domain = {{ {domain[0]} }}\n" if domain else "")
+        + f'solid = {{ x = "{x}", y = "{y}", z = "{z}" }}\n'
+        for name, (x, y, z, *domain) in bodies.items()
+    )
+    template = parse_template(f'title = "t"\nresult = "{result}"\n{tables}', "t")
+    return pc.compile_equation(template.bind(), tolerance)
+
+
+def meetings(part: BodiesPart) -> list[tuple[NamedEdge, EdgeReport]]:
+    """Return the edges where bodies meet, each with what is reported of it."""
+    names = [" / ".join(" = ".join(side) for side in edge.names) for edge in part.edges]
+    met = [edge for edge, name in zip(part.edges, names, strict=True)
+           if name in {curve.name for curve in part.report.curves}]  # fmt: skip
+    return list(zip(met, part.report.curves, strict=True))
+
+
+def places(edge: NamedEdge, count: int) -> Array:
+    """Return points of the kernel's curve."""
+    first, last = BRep_Tool.Range_s(edge.edge)
+    curve, t = BRep_Tool.Curve_s(edge.edge, first, last), np.linspace(first, last, count)
+    if not isinstance(curve, Geom_BSplineCurve):
+        return np.array([curve.Value(x).Coord() for x in t])
+    knots = [curve.Knot(i + 1) for i in range(curve.NbKnots())]
+    counts = [curve.Multiplicity(i + 1) for i in range(curve.NbKnots())]
+    poles = [curve.Pole(i + 1).Coord() for i in range(curve.NbPoles())]
+    return np.asarray(BSpline(np.repeat(knots, counts), poles, curve.Degree())(t))
+
+
+def off_faces(edge: NamedEdge, part: BodiesPart, count: int) -> float:
+    """Return the largest distance from the surfaces of the faces, as the kernel evaluates them."""
+    first, last = BRep_Tool.Range_s(edge.edge)
+    curve, largest = BRep_Tool.Curve_s(edge.edge, first, last), 0.0
+    for index in edge.faces:
+        face = part.result.faces[index][0]
+        surface = BRep_Tool.Surface_s(face)
+        path = BRep_Tool.CurveOnSurface_s(edge.edge, face, first, last)
+        for t in np.linspace(first, last, count).tolist():
+            foot = path.Value(t)
+            largest = max(largest, curve.Value(t).Distance(surface.Value(foot.X(), foot.Y())))
+    return largest
+
+
+def test_nothing_that_the_templates_contain_is_sampled():
+    for path in bodies_paths().values():
+        part = pc.compile_equation(pc.read_template(path).bind())
+        for edge, report in meetings(part):
+            assert report.evidence == ("bounded" if "duct" in report.name else "exact")
+            assert (report.deviation == 0.0) == (report.evidence == "exact")
+            seen = off_faces(edge, part, 200)
+            assert seen <= report.off_faces <= 1.3 * seen + 1e-13 * part.report.size
+            assert report.off_faces <= BRep_Tool.Tolerance_s(edge.edge)
+
+
+@pytest.mark.parametrize("tolerance", [None, 4e-7])
+def test_the_duct_meets_the_block_within_its_bound(tolerance):
+    """On both ends the wavy duct's equation is a circle about (3, 2)."""
+    part = pc.compile_equation(pc.read_template(bodies_paths()["cooled_block"]).bind(), tolerance)
+    found = meetings(part)
+    assert len(found) == 2
+    for (edge, report), x in zip(found, (0.0, 8.0), strict=True):
+        points = places(edge, 20_000)
+        radial = np.hypot(points[:, 1] - 3, points[:, 2] - 2) - 0.8
+        distance = float(np.hypot(points[:, 0] - x, radial).max())
+        # the bound holds what the duct's face is off anywhere, which is most of it
+        assert distance <= report.deviation <= min(4 * distance, part.report.tolerance)
+        assert report.sampled < report.deviation
+        assert (report.degree, report.poles) == (edge_degree(edge), edge_poles(edge))
+    assert part.report.evidence == "bounded"
+    assert not any("sampled" in words for words in part.report.statements())
+
+
+def edge_degree(edge: NamedEdge) -> int:
+    return int(BRep_Tool.Curve_s(edge.edge, 0.0, 1.0).Degree())
+
+
+def edge_poles(edge: NamedEdge) -> int:
+    return int(BRep_Tool.Curve_s(edge.edge, 0.0, 1.0).NbPoles())
+
+
+def to_meeting(points: Array, *surfaces: Callable[[Array], tuple[Array, Array]]) -> Array:
+    """Return distances from where two surfaces meet, by Newton's steps across it (n,).
+
+    Each surface gives distances (n,) from it and their gradients (n, 3).
+    """
+    start = points
+    for _ in range(4):
+        (f, n), (g, m) = (surface(points) for surface in surfaces)
+        cosine = (n * m).sum(axis=1)
+        square = 1 - cosine**2
+        a, b = (f - cosine * g) / square, (g - cosine * f) / square
+        points = points - a[:, None] * n - b[:, None] * m
+    return np.asarray(np.linalg.norm(points - start, axis=1))
+
+
+def about(axis: Array, origin: Array, radius: float) -> Callable[[Array], tuple[Array, Array]]:
+    def cylinder(points: Array) -> tuple[Array, Array]:
+        away = points - origin
+        away = away - (away @ axis)[:, None] * axis
+        distance = np.linalg.norm(away, axis=1)
+        return distance - radius, away / distance[:, None]
+
+    return cylinder
+
+
+def tenths(first: int, last: int) -> st.SearchStrategy[float]:
+    return st.integers(first, last).map(lambda n: n / 10)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    turn=tenths(-9, 9), rise=tenths(-5, 5), radius=tenths(2, 8),
+    scale=st.sampled_from([1e-2, 1.0, 1e5]), moved=st.sampled_from([0.0, 100.0]),
+)  # fmt: skip
+def test_pipes_at_any_angle_and_of_any_size(turn, rise, radius, scale, moved):
+    """A bore of another width through a bar, obliquely and not through its axis."""
+    c, s, origin = np.cos(turn), np.sin(turn), scale * np.array([moved, 0.1, rise * (1 - radius)])
+    bar = (f"{scale}*(w*cos(2*pi*v) + {moved})", f"{scale}*w*sin(2*pi*v)", f"{scale}*6*(u - 1/2)")
+    across, along = f"{radius}*w*cos(2*pi*v)", "8*(u - 1/2)"
+    bore = (
+        f"{scale}*({c}*{along} - {s}*{radius}*w*sin(2*pi*v)) + {origin[0]}",
+        f"{scale}*{across} + {origin[1]}",
+        f"{scale}*({s}*{along} + {c}*{radius}*w*sin(2*pi*v)) + {origin[2]}",
+    )
+    part = compiled("cut(bar, bore)", 1e-6 * scale, bar=bar, bore=bore)
+    found = meetings(part)
+    assert found
+    surfaces = (
+        about(np.array([0.0, 0.0, 1.0]), scale * np.array([moved, 0, 0]), scale),
+        about(np.array([c, 0.0, s]), origin, radius * scale),
+    )
+    rounding = 1e-15 * scale * (1 + moved)
+    for edge, report in found:
+        distance = float(to_meeting(places(edge, 2_000), *surfaces).max())
+        assert report.evidence == "bounded"
+        assert distance <= report.deviation + rounding
+        assert report.deviation <= 4 * distance + 2e-11 * scale
+        assert report.off_faces <= BRep_Tool.Tolerance_s(edge.edge)
+
+
+@pytest.mark.slow
+@settings(max_examples=30, deadline=None)
+@given(
+    turn=tenths(-10, 10), rise=tenths(-6, 6), radius=tenths(2, 8), wave=tenths(1, 4),
+    scale=st.sampled_from([1.0, 30.0, 1e4]),
+)  # fmt: skip
+def test_wavy_tubes_through_a_block(turn, rise, radius, wave, scale):
+    """The tube is a spline; its equation says where it meets the block's planes."""
+    (c, s), (k, h) = ((np.cos(x), np.sin(x)) for x in (turn, rise))
+    y, z = f"({wave}*sin(u) + {radius}*w*cos(2*pi*v))", f"({radius}*w*sin(2*pi*v))"
+    tube = (
+        f"{scale}*({c}*({k}*u - {h}*{z}) - {s}*{y})", f"{scale}*({s}*({k}*u - {h}*{z}) + {c}*{y})",
+        f"{scale}*({h}*u + {k}*{z})", "u = [-8, 8]",
+    )  # fmt: skip
+    block = (f"{scale}*8*(u-1/2)", f"{scale}*6*(v-1/2)", f"{scale}*4*(w-1/2)")
+    part = compiled("cut(block, tube)", block=block, tube=tube)
+    axes = np.array([[c * k, s * k, h], [-s, c, 0.0], [-c * h, -s * h, k]])
+
+    def wall(points: Array) -> tuple[Array, Array]:
+        x, y, z = (points / scale @ axes.T).T
+        across = np.stack((y - wave * np.sin(x), z), axis=1)
+        width = np.linalg.norm(across, axis=1)
+        e, f = across.T / width
+        gradient = np.stack((-wave * np.cos(x) * e, e, f), axis=1) @ axes
+        steep = np.linalg.norm(gradient, axis=1)
+        return scale * (width - radius) / steep, gradient / steep[:, None]
+
+    for edge, report in meetings(part):
+        points = places(edge, 20_000)
+        middle = np.abs(points - points.mean(axis=0)).max(axis=0).argmin()
+        normal, level = np.eye(3)[middle], points[:, middle].mean()
+        distance = to_meeting(
+            points, wall, lambda p, n=normal, x=level: (p @ n - x, np.tile(n, (len(p), 1)))
+        )
+        assert report.evidence == "bounded"
+        assert distance.max() <= report.deviation
+        assert report.deviation <= max(2.5 * distance.max(), 1.5 * part.report.tolerance)
+
+
+def test_a_shallow_angle_is_warned_of():
+    """Two pipes, one turned by a twentieth: where they are nearly parallel d/sin α counts."""
+    c, s = np.cos(0.05), np.sin(0.05)
+    one = ("8*(u - 1/2)", "w*cos(2*pi*v)", "w*sin(2*pi*v)")
+    y, z = "0.9*w*cos(2*pi*v)", "0.3 + 0.9*w*sin(2*pi*v)"
+    two = (f"8*(u - 1/2)*{c} - {s}*{y}", f"8*(u - 1/2)*{s} + {c}*{y}", z)
+    report = compiled("union(one, two)", 1.5e-7, one=one, two=two).report
+    wide = [curve.name for curve in report.curves if curve.deviation > report.tolerance]
+    assert wide
+    assert report.evidence == "bounded"
+    assert len(report.warnings) == len(wide)
+    assert all("at a shallow angle" in warning for warning in report.warnings)
+
+
+def test_a_cut_along_a_line_of_knots():
+    """Where the face has no width beside the edge there is nothing to integrate."""
+    slab = ("4*(u - 1/2)", "4*(v - 1/2)", "3*(u - 1/2)*(v - 1/2) + w")
+    block = ("4*u + v/10", "8*(v - 1/2)", "u/5 + 8*(w - 1/2)")
+    report = compiled("cut(slab, block)", slab=slab, block=block).report
+    assert {curve.evidence for curve in report.curves} == {"exact", "bounded"}
+
+
+def test_a_boolean_that_the_kernel_loses_is_refused():
+    radius = "w*cos(pi*(u - 1/2))"
+    egg = (f"3*{radius}*cos(2*pi*v)", f"2*{radius}*sin(2*pi*v)", "4*w*sin(pi*(u - 1/2))")
+    bore = ("u", "0.3 + 0.5*w*cos(2*pi*v)", "0.2 + 0.5*w*sin(2*pi*v)", "u = [-6, 6]")
+    with pytest.raises(KernelTooLooseError, match="lost where they meet"):
+        compiled("cut(egg, bore)", egg=egg, bore=bore)
+
+
+def test_edges_of_a_body_that_lie_on_another_are_known_with_it():
+    """A rib whose sides are tangent to the block: no angle says where they meet, its edges do."""
+    rib = ("1 + 2*u", "v", "w*(1 + cos(pi*v))/2", "v = [-1, 1]")
+    block = ("4*u", "6*(v - 1/2)", "-w")
+    report = compiled("union(block, rib)", block=block, rib=rib).report
+    assert {(curve.carrier, curve.evidence) for curve in report.curves} == {("line", "exact")}
+
+
+def test_tangent_faces_leave_edges_sampled_and_say_where():
+    rib = ("1 + 2*u + sin(v)/4", "v + sin(2*u)/3", "w*(1 + cos(pi*v))/2", "v = [-1, 1]")
+    block = ("6*u - 1", "6*(v - 1/2)", "-w")
+    part = compiled("union(block, rib)", block=block, rib=rib)
+    tangent = [curve for curve in part.report.curves if "rib:w=1" in curve.name]
+    assert [curve.evidence for curve in tangent] == ["sampled", "sampled"]
+    assert all(curve.open.startswith("(") and ") to (" in curve.open for curve in tangent)
+    assert part.report.evidence == "sampled"
+
+
+def tangent_pair() -> EdgeFunction:
+    """The line along which a cylinder of radius 1 touches a plane."""
+    place = gp_Ax3(gp_Pnt(0, 0, 1), gp_Dir(1, 0, 0), gp_Dir(0, 0, -1))
+    origin = np.zeros(3)
+    traces = [
+        Trace(path_function(Geom2d_Line(gp_Pnt2d(0, 0), gp_Dir2d(*along))),
+              surface_function(surface, origin))
+        for surface, along in (
+            (Geom_Plane(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), (1, 0)),
+            (Geom_CylindricalSurface(place, 1.0), (0, 1)),
+        )
+    ]  # fmt: skip
+    line = curve_function(Geom_Line(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0)), origin)
+    return EdgeFunction(line, (0.0, 2.0), (traces[0], traces[1]))
+
+
+def test_no_bound_is_had_along_a_line_of_contact():
+    found = bound_meeting(tangent_pair(), (0.0, 0.0))
+    assert max(found.off) < 1e-13
+    assert found.largest == np.inf
+    assert found.open == ((0.0, 2.0),)
+
+
+def displaced(by: float):
+    """Return `edge_functions` with the kernel's curves moved by a length."""
+
+    def moved(shape, edges):
+        for function in edge_functions(shape, edges):
+            jet = function.curve.jet
+            curve = replace(function.curve, jet=lambda t, jet=jet: (jet(t)[0] + by, jet(t)[1]))
+            yield replace(function, curve=curve)
+
+    return moved
+
+
+def test_a_displaced_edge_is_found_out(monkeypatch):
+    """Moved by less than the tolerance it is no longer exact, moved ten times as far refused."""
+    block, bore = (
+        ("4*u - 2", "4*v - 2", "w"),
+        ("w*cos(2*pi*v)", "w*sin(2*pi*v)", "u", "u = [-1, 2]"),
+    )
+    exact = compiled("cut(block, bore)", 1e-6, block=block, bore=bore).report
+    assert {curve.evidence for curve in exact.curves} == {"exact"}
+    monkeypatch.setattr("pc2cad.meetings.edge_functions", displaced(4e-7))
+    report = compiled("cut(block, bore)", 1e-6, block=block, bore=bore).report
+    assert {curve.evidence for curve in report.curves} == {"bounded"}
+    assert 4e-7 * np.sqrt(3) <= report.deviation <= 1.6 * 4e-7 * np.sqrt(3)
+    monkeypatch.setattr("pc2cad.meetings.edge_functions", displaced(4e-6))
+    with pytest.raises(ToleranceNotReachedError, match="off its faces"):
+        compiled("cut(block, bore)", 1e-6, block=block, bore=bore)
+
+
+def test_bodies_that_are_sampled_make_no_proof(monkeypatch):
+    from pc2cad import meetings as module
+
+    right = module.sides_of
+
+    def unsure(name, model):
+        return {key: replace(side, evidence="sampled") for key, side in right(name, model).items()}
+
+    monkeypatch.setattr("pc2cad.bodies.sides_of", unsure)
+    report = pc.compile_equation(pc.read_template(bodies_paths()["common_of_pipes"]).bind()).report
+    assert {curve.evidence for curve in report.curves} == {"sampled"}
+    assert all("all of it" in curve.open for curve in report.curves)
+
+
+def test_every_template_of_one_equation_is_proved():
+    """The cheap ones; the others are looked at where they are compiled anyway."""
+    for name in ("pyramid", "helical_channel", "simplex_hyperboloid"):
+        report = pc.compile_equation(pc.read_template(template_paths()[name]).bind()).report
+        assert report.evidence != "sampled"
