@@ -11,20 +11,32 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
-from OCP.Geom import Geom_BSplineCurve, Geom_CylindricalSurface, Geom_Line, Geom_Plane
+from OCP.Geom import (
+    Geom_BSplineCurve,
+    Geom_ConicalSurface,
+    Geom_CylindricalSurface,
+    Geom_Line,
+    Geom_Plane,
+    Geom_SphericalSurface,
+    Geom_SurfaceOfLinearExtrusion,
+    Geom_SurfaceOfRevolution,
+    Geom_ToroidalSurface,
+)
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from scipy.interpolate import BSpline
 
 import pc2cad as pc
 from pc2cad.bodies import BodiesPart, KernelTooLooseError
+from pc2cad.brep import geometry
 from pc2cad.brep.booleans import NamedEdge, edge_functions
 from pc2cad.brep.shapes import curve_function, path_function, surface_function
 from pc2cad.enclosure.meeting import bound_meeting
 from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import ToleranceNotReachedError
-from pc2cad.geometry.functions import EdgeFunction, Trace
-from pc2cad.library import bodies_paths, template_paths
+from pc2cad.geometry.carriers import SplineCurve, SplinePath, SplineSurface
+from pc2cad.geometry.functions import EdgeFunction, SurfaceFunction, Trace
+from pc2cad.library import bodies_paths
 from pc2cad.report import EdgeReport
 
 Array = NDArray[np.float64]
@@ -75,21 +87,27 @@ def off_faces(edge: NamedEdge, part: BodiesPart, count: int) -> float:
     return largest
 
 
-def test_nothing_that_the_templates_contain_is_sampled():
-    for path in bodies_paths().values():
-        part = pc.compile_equation(pc.read_template(path).bind())
+@pytest.fixture(scope="module")
+def shipped() -> dict[str, BodiesPart]:
+    paths = bodies_paths().items()
+    return {name: pc.compile_equation(pc.read_template(path).bind()) for name, path in paths}
+
+
+def test_nothing_that_the_templates_contain_is_sampled(shipped):
+    for name, part in shipped.items():
         for edge, report in meetings(part):
             assert report.evidence == ("bounded" if "duct" in report.name else "exact")
             assert (report.deviation == 0.0) == (report.evidence == "exact")
             seen = off_faces(edge, part, 200)
-            assert seen <= report.off_faces <= 1.3 * seen + 1e-13 * part.report.size
+            assert seen <= report.off_faces <= 1.2 * seen + 1e-13 * part.report.size
             assert report.off_faces <= BRep_Tool.Tolerance_s(edge.edge)
+        assert part.report.evidence == ("bounded" if name == "cooled_block" else "exact")
+        assert not any("sampled" in words for words in part.report.statements())
 
 
-@pytest.mark.parametrize("tolerance", [None, 4e-7])
-def test_the_duct_meets_the_block_within_its_bound(tolerance):
+def test_the_duct_meets_the_block_within_its_bound(shipped):
     """On both ends the wavy duct's equation is a circle about (3, 2)."""
-    part = pc.compile_equation(pc.read_template(bodies_paths()["cooled_block"]).bind(), tolerance)
+    part = shipped["cooled_block"]
     found = meetings(part)
     assert len(found) == 2
     for (edge, report), x in zip(found, (0.0, 8.0), strict=True):
@@ -98,18 +116,8 @@ def test_the_duct_meets_the_block_within_its_bound(tolerance):
         distance = float(np.hypot(points[:, 0] - x, radial).max())
         # the bound holds what the duct's face is off anywhere, which is most of it
         assert distance <= report.deviation <= min(4 * distance, part.report.tolerance)
-        assert report.sampled < report.deviation
-        assert (report.degree, report.poles) == (edge_degree(edge), edge_poles(edge))
-    assert part.report.evidence == "bounded"
-    assert not any("sampled" in words for words in part.report.statements())
-
-
-def edge_degree(edge: NamedEdge) -> int:
-    return int(BRep_Tool.Curve_s(edge.edge, 0.0, 1.0).Degree())
-
-
-def edge_poles(edge: NamedEdge) -> int:
-    return int(BRep_Tool.Curve_s(edge.edge, 0.0, 1.0).NbPoles())
+        curve = BRep_Tool.Curve_s(edge.edge, 0.0, 1.0)
+        assert (report.degree, report.poles) == (curve.Degree(), curve.NbPoles())
 
 
 def to_meeting(points: Array, *surfaces: Callable[[Array], tuple[Array, Array]]) -> Array:
@@ -141,7 +149,7 @@ def tenths(first: int, last: int) -> st.SearchStrategy[float]:
     return st.integers(first, last).map(lambda n: n / 10)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     turn=tenths(-9, 9), rise=tenths(-5, 5), radius=tenths(2, 8),
     scale=st.sampled_from([1e-2, 1.0, 1e5]), moved=st.sampled_from([0.0, 100.0]),
@@ -325,8 +333,58 @@ def test_bodies_that_are_sampled_make_no_proof(monkeypatch):
     assert all("all of it" in curve.open for curve in report.curves)
 
 
-def test_every_template_of_one_equation_is_proved():
-    """The cheap ones; the others are looked at where they are compiled anyway."""
-    for name in ("pyramid", "helical_channel", "simplex_hyperboloid"):
-        report = pc.compile_equation(pc.read_template(template_paths()[name]).bind()).report
-        assert report.evidence != "sampled"
+def spline_knots(degree: int, breaks: int, rng: np.random.Generator, multiplicity: int) -> Array:
+    inner = np.repeat(np.sort(rng.uniform(0.05, 0.95, breaks)), multiplicity)
+    return np.concatenate([np.zeros(degree + 1), inner, np.ones(degree + 1)])
+
+
+def a_surface(kind: str, rng: np.random.Generator) -> SurfaceFunction:
+    """A surface of some kind over a part of its domain that holds [0, 1]²."""
+    place = gp_Ax3(gp_Pnt(*rng.normal(size=3)), gp_Dir(*rng.normal(size=3)))
+    origin = np.zeros(3)
+    if kind == "spline" or kind == "rational":
+        degrees = [int(d) for d in rng.integers(1, 6, 2)]
+        knots = [spline_knots(d, 3, rng, int(rng.integers(1, d + 1))) for d in degrees]
+        shape = tuple(len(k) - d - 1 for k, d in zip(knots, degrees, strict=True))
+        weights = rng.uniform(0.5, 2, shape) if kind == "rational" else None
+        carrier = SplineSurface((degrees[0], degrees[1]), (knots[0], knots[1]),
+                                rng.normal(size=(*shape, 3)), weights)  # fmt: skip
+        return surface_function(geometry.surface(carrier), origin)
+    basis = geometry.curve(SplineCurve(3, spline_knots(3, 2, rng, 1), rng.normal(size=(6, 3))))[0]
+    return surface_function({
+        "plane": lambda: Geom_Plane(place),
+        "cylinder": lambda: Geom_CylindricalSurface(place, 1.3),
+        "cone": lambda: Geom_ConicalSurface(place, 0.4, 1.1),
+        "sphere": lambda: Geom_SphericalSurface(place, 0.7),
+        "torus": lambda: Geom_ToroidalSurface(place, 2.0, 0.6),
+        "extrusion": lambda: Geom_SurfaceOfLinearExtrusion(basis, gp_Dir(*rng.normal(size=3))),
+        "revolution": lambda: Geom_SurfaceOfRevolution(basis, place.Ax2().Axis()),
+    }[kind](), origin)  # fmt: skip
+
+
+KINDS = ("plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "spline",
+         "rational")  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=2, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_curves_that_fit_nothing_are_as_far_off_as_they_are_seen_to_be(kind, seed):
+    """Any curve and any path over any surface, knots of all multiplicities: an edge far off."""
+    rng = np.random.default_rng(seed)
+    knots = spline_knots(3, 4, rng, 2)
+    path = rng.uniform(0, 1, (len(knots) - 4, 2))
+    curve = SplineCurve(4, spline_knots(4, 2, rng, 1), rng.normal(size=(7, 3)))
+    surface = a_surface(kind, rng)
+    traced = path_function(geometry.pcurve(SplinePath(3, knots, path), 0.0, 1.0))
+    function = curve_function(geometry.curve(curve)[0], np.zeros(3))
+    trace = Trace(traced, surface)
+    found = bound_meeting(EdgeFunction(function, (0.0, 1.0), (trace, trace)), (0.0, 0.0))
+    t = np.linspace(0, 1, 20_000)
+    place = traced.jet(t)[0]
+    gap = function.jet(t)[0] - surface.jet(place[:, 0], place[:, 1])[0]
+    seen = float(np.sqrt((gap * gap).sum(axis=1)).max())
+    assert found.off[0] == found.off[1]
+    # weights of random splines change fourfold within a cell
+    assert seen <= found.off[0] <= (4 if kind == "rational" else 1.2) * seen
+    assert found.largest == np.inf  # a surface does not cross itself
