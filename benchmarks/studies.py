@@ -25,6 +25,7 @@ TEMPLATE = "channel_ellipse"
 #: docs/studies.md: a cluster on the processors that also work
 QUIET = {
     "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
