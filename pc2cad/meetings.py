@@ -1,6 +1,6 @@
 """What is known of the edges where bodies meet: curves that the kernel's Booleans have made.
 
-Such an edge is *exact* where it is a line, a circle or an ellipse that lies on both carriers by
+Such an edge is *exact* where it is a line or a conic that lies on both sides by
 algebra, and *bounded* where its distance from where the equations' faces meet is.
 """
 
@@ -14,7 +14,7 @@ from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineCurve
 
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, loosen
-from pc2cad.brep.shapes import conic_carrier
+from pc2cad.brep.shapes import conic_terms
 from pc2cad.enclosure.meeting import Meeting, bound_meeting
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
 from pc2cad.geometry.implicit import ROUNDING, holds, point_along
@@ -102,9 +102,8 @@ def _judged(
 
 def _lies_on(edge: NamedEdge, sides: Sequence[Side]) -> bool:
     """Say whether an edge is a conic that lies on both equations' faces by algebra."""
-    first, last = BRep_Tool.Range_s(edge.edge)
-    conic = conic_carrier(BRep_Tool.Curve_s(edge.edge, first, last), first, last)
-    if conic is None:
+    curve = BRep_Tool.Curve_s(edge.edge, 0.0, 1.0)
+    if isinstance(curve, Geom_BSplineCurve):
         return False
-    point = point_along(conic)
+    point = point_along(*conic_terms(curve))
     return all(any(holds(carrier, point) for carrier in side.exact) for side in sides)

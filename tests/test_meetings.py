@@ -219,6 +219,32 @@ def test_wavy_tubes_through_a_block(turn, rise, radius, wave, scale):
         assert report.deviation <= max(2.5 * distance.max(), 1.5 * part.report.tolerance)
 
 
+@pytest.mark.parametrize(
+    ("carrier", "slope", "place"),
+    [("ellipse", -0.2, 3.0), ("parabola", 1.0, 0.5), ("hyperbola", 9.0, 1.2)],
+)
+def test_a_cone_cut_by_a_plane_has_exact_edges(carrier, slope, place):
+    """The cone x² + y² = (2 - z)² and what lies beyond the plane z = slope (x - place)."""
+    cone = ("2*(1 - w)*v*cos(2*pi*u)", "2*(1 - w)*v*sin(2*pi*u)", "2*w")
+    if carrier == "ellipse":
+        block = ("8*(u - 1/2)", "8*(v - 1/2)", f"{slope}*(8*(u - 1/2) - {place}) + 4*w")
+    else:
+        block = (f"{place} + 4*w/{slope} + 6*u", "8*(v - 1/2)", "4*w")
+    part = compiled("cut(cone, block)", cone=cone, block=block)
+    found = {report.carrier: edge for edge, report in meetings(part)}
+    assert {report.evidence for report in part.report.curves} == {"exact"}
+    x, y, z = places(found[carrier], 1000).T
+    assert np.abs(z - slope * (x - place)).max() < 1e-14 * max(abs(slope), 1) * 8
+    assert np.abs(x**2 + y**2 - (2 - z) ** 2).max() < 1e-14 * 8
+    # slices across z, each of a disc less what lies beyond a chord
+    node, weight = np.polynomial.legendre.leggauss(400)
+    height = 1 + node
+    radius, chord = 2 - height, place + height / slope
+    share = np.clip(chord / radius, -1, 1)
+    inside = radius**2 * (np.pi - np.arccos(share) + share * np.sqrt(1 - share**2))
+    assert part.report.solid.volume == pytest.approx(float(weight @ inside), rel=2e-4)
+
+
 def test_a_shallow_angle_is_warned_of():
     """Two pipes, one turned by a twentieth: where they are nearly parallel d/sin α counts."""
     c, s = np.cos(0.05), np.sin(0.05)

@@ -9,12 +9,15 @@ from OCP.Geom import (
     Geom_BSplineCurve,
     Geom_BSplineSurface,
     Geom_Circle,
+    Geom_Conic,
     Geom_ConicalSurface,
     Geom_Curve,
     Geom_CylindricalSurface,
     Geom_ElementarySurface,
     Geom_Ellipse,
+    Geom_Hyperbola,
     Geom_Line,
+    Geom_Parabola,
     Geom_Plane,
     Geom_SphericalSurface,
     Geom_Surface,
@@ -26,19 +29,24 @@ from OCP.Geom import (
 from OCP.Geom2d import (
     Geom2d_BSplineCurve,
     Geom2d_Circle,
+    Geom2d_Conic,
     Geom2d_Curve,
     Geom2d_Ellipse,
+    Geom2d_Hyperbola,
     Geom2d_Line,
+    Geom2d_Parabola,
     Geom2d_TrimmedCurve,
 )
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
 from pc2cad.brep.patches import Array, differences, read_curve, read_patch, spline_jet
 from pc2cad.errors import KernelError
-from pc2cad.geometry.carriers import Arc, Frame, Line
 from pc2cad.geometry.functions import CurveFunction, Jet, Sizes, SurfaceFunction
 
 NOWHERE = np.empty(0)
+
+#: a place, and vectors by the function of the parameter that they are multiplied by
+Terms = tuple[Array, dict[str, Array]]
 
 
 def vector(data: gp_Pnt | gp_Dir | gp_Pnt2d | gp_Dir2d) -> Array:
@@ -63,45 +71,39 @@ def curve_function(curve: Geom_Curve, origin: Array) -> CurveFunction:
     if isinstance(curve, Geom_BSplineCurve):
         data = read_curve(curve, origin)
         return _spline(data.knots, data.poles, data.degree, data.jet, 3)
-    if isinstance(curve, Geom_Line):
-        place = curve.Position()
-        return _line(vector(place.Location()) - origin, vector(place.Direction()))
-    if not isinstance(curve, Geom_Circle | Geom_Ellipse):
-        raise KernelError(f"no integral is known along a {type(curve).__name__}")
-    centre, axes = frame(curve.Position(), origin)
-    return _conic(centre, *(r * axis for r, axis in zip(radii(curve), axes, strict=False)))
+    return _conic(*conic_terms(curve, origin))
 
 
-def radii(
-    conic: Geom_Circle | Geom_Ellipse | Geom2d_Circle | Geom2d_Ellipse,
-) -> tuple[float, float]:
-    """Return the longer and the shorter radius."""
-    if isinstance(conic, Geom_Circle | Geom2d_Circle):
-        return conic.Radius(), conic.Radius()
-    return conic.MajorRadius(), conic.MinorRadius()
+def conic_terms(curve: Geom_Curve | Geom2d_Curve, origin: Array | float = 0.0) -> Terms:
+    """Return a line or a conic relative to `origin`; raise KernelError for another curve.
 
-
-def conic_carrier(curve: Geom_Curve, first: float, last: float) -> Line | Arc | None:
-    """Return a line, circle or ellipse over a range of its parameter as data, else None."""
+    It is a place, and vectors times functions of the parameter: t, t**2, cos, sin, cosh, sinh.
+    """
     if isinstance(curve, Geom_TrimmedCurve):
-        return conic_carrier(curve.BasisCurve(), first, last)
-    if isinstance(curve, Geom_Line):
-        return Line(vector(curve.Value(first)), vector(curve.Value(last)))
-    if not isinstance(curve, Geom_Circle | Geom_Ellipse):
-        return None
-    return Arc(Frame(*frame(curve.Position(), np.zeros(3))), radii(curve), first, last)
+        return conic_terms(curve.BasisCurve(), origin)
+    if isinstance(curve, Geom_Line | Geom2d_Line):
+        place = curve.Position()
+        return vector(place.Location()) - origin, {"t": vector(place.Direction())}
+    if isinstance(curve, Geom_Conic | Geom2d_Conic):
+        centre = vector(curve.Location()) - origin
+        x, y = vector(curve.XAxis().Direction()), vector(curve.YAxis().Direction())
+        if isinstance(curve, Geom_Circle | Geom2d_Circle):
+            return centre, {"cos": curve.Radius() * x, "sin": curve.Radius() * y}
+        if isinstance(curve, Geom_Ellipse | Geom2d_Ellipse):
+            return centre, {"cos": curve.MajorRadius() * x, "sin": curve.MinorRadius() * y}
+        if isinstance(curve, Geom_Parabola | Geom2d_Parabola):
+            return centre, {"t": y, "t**2": x / (4 * curve.Focal())}
+        if isinstance(curve, Geom_Hyperbola | Geom2d_Hyperbola):
+            return centre, {"cosh": curve.MajorRadius() * x, "sinh": curve.MinorRadius() * y}
+    raise KernelError(f"no integral is known along a {type(curve).__name__}")
 
 
 def path_function(curve: Geom2d_Curve) -> CurveFunction:
     """Return a curve in a parameter plane; raise KernelError for one of another kind."""
     if isinstance(curve, Geom2d_TrimmedCurve):
         return path_function(curve.BasisCurve())
-    if isinstance(curve, Geom2d_Line):
-        return _line(vector(curve.Location()), vector(curve.Direction()))
-    if isinstance(curve, Geom2d_Circle | Geom2d_Ellipse):
-        place, (major, minor) = curve.Position(), radii(curve)
-        x, y = vector(place.XDirection()), vector(place.YDirection())
-        return _conic(vector(place.Location()), major * x, minor * y)
+    if isinstance(curve, Geom2d_Line | Geom2d_Conic):
+        return _conic(*conic_terms(curve))
     if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational():
         raise KernelError(f"no integral is known along a {type(curve).__name__}")
     poles = np.array([vector(p) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))])
@@ -111,21 +113,31 @@ def path_function(curve: Geom2d_Curve) -> CurveFunction:
     return _spline(knots, poles, degree, spline_jet(knots, poles, degree), 2)
 
 
-def _line(start: Array, slope: Array) -> CurveFunction:
-    def line(t: Array) -> tuple[Array, Array]:
-        return start + t[:, None] * slope, np.broadcast_to(slope, (len(t), len(slope)))
+#: functions and their derivatives
+_FUNCTIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
+    "t": (lambda t: t, np.ones_like), "t**2": (np.square, lambda t: 2 * t),
+    "cos": (np.cos, lambda t: -np.sin(t)), "sin": (np.sin, np.cos),
+    "cosh": (np.cosh, np.sinh), "sinh": (np.sinh, np.cosh),
+}  # fmt: skip
 
-    return CurveFunction(line, NOWHERE, 1, lambda: Sizes((1.0,), (0.0,), np.abs(start)))
 
+def _conic(start: Array, terms: dict[str, Array]) -> CurveFunction:
+    def jet(t: Array) -> tuple[Array, Array]:
+        point, slope = np.tile(start, (len(t), 1)), np.zeros((len(t), len(start)))
+        for name, along in terms.items():
+            value, derivative = _FUNCTIONS[name]
+            point += value(t)[:, None] * along
+            slope += derivative(t)[:, None] * along
+        return point, slope
 
-def _conic(centre: Array, x: Array, y: Array) -> CurveFunction:
-    def conic(t: Array) -> tuple[Array, Array]:
-        cos, sin = np.cos(t)[:, None], np.sin(t)[:, None]
-        return centre + cos * x + sin * y, cos * y - sin * x
-
-    largest = float(max(np.linalg.norm(x), np.linalg.norm(y)))
+    size = max(float(np.linalg.norm(along)) for along in terms.values())
+    first, second = {
+        "t": (1.0, 0.0), "t**2": (np.inf, 2 * size), "sin": (size, size), "sinh": (np.inf, np.inf),
+    }[max(terms)]  # fmt: skip
+    places = np.abs(start) + (0.0 if "t" in terms else size)
+    degree = len(terms) if "t" in terms else 1
     return CurveFunction(
-        conic, None, 1, lambda: Sizes((largest,), (largest,), np.abs(centre) + largest)
+        jet, NOWHERE if "t" in terms else None, degree, lambda: Sizes((first,), (second,), places)
     )
 
 

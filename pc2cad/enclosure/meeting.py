@@ -354,7 +354,10 @@ class _Survey:
         cells = self.cells
         steps = np.diff(_by_cell(self._nodes, cells), axis=1).max(axis=1) / 2
         # a place between two nodes, and its points on the surfaces, are no further from one
-        steps = self._curve.sizes().first[0] * steps
+        if self._curve.weight is None:
+            steps *= enlargement(PER_DEGREE) * self._most(_lengths(self._at[1]))
+        else:
+            steps *= self._curve.sizes().first[0]
         bends = [self._most(self._curvature(k)) for k in (0, 1)]
         ways = [steps + 2 * d + spill for d, spill in zip(off, self._spill, strict=True)]
         turned = [2 * bend * way for bend, way in zip(bends, ways, strict=True)]

@@ -5,7 +5,7 @@ With them it can be proved that a face or an edge lies on its carrier, whatever 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,18 +44,16 @@ def holds(carrier: Plane | AnalyticSurface | CurveCarrier, point: Point) -> bool
     return all(vanishes(*equation) for equation in _equations(carrier, point))
 
 
-def point_along(curve: Line | Arc) -> Point:
-    """Return the point of a line, circle or ellipse as trees in a parameter."""
+def point_along(start: Array, terms: Mapping[str, Array]) -> Point:
+    """Return a place plus vectors times functions of a parameter, as trees: a line or a conic.
+
+    The functions are t, t**2, cos, sin, cosh and sinh.
+    """
     t = symbol("t")
-    if isinstance(curve, Line):
-        start, factors = curve.start, [(t, curve.end - curve.start)]
-    else:
-        x, y = curve.frame.axes[0] * curve.radii[0], curve.frame.axes[1] * curve.radii[1]
-        start, factors = curve.frame.origin, [(call("cos", t), x), (call("sin", t), y)]
     point = [number(float(c)) for c in start]
-    for factor, vector in factors:
-        shares = _numbers(vector)
-        point = [c + share * factor for c, share in zip(point, shares, strict=True)]
+    for name, along in terms.items():
+        factor = {"t": t, "t**2": t**2}.get(name) or call(name, t)
+        point = [c + x * factor for c, x in zip(point, _numbers(along), strict=True)]
     return point
 
 
