@@ -505,6 +505,26 @@ def test_the_bundle_of_a_lost_worker_is_counted_once(on_dask: Any) -> None:
     assert len(ran) > len(told), "no bundle was run again"
 
 
+def test_a_bundle_that_nobody_waits_for_goes_no_further(on_dask: Any) -> None:
+    left, went_on = threading.Event(), []
+
+    def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
+        for job in bundle:
+            if left.wait(0.1 if len(bundle) > 5 else 0):
+                time.sleep(0.1)  # until the worker has been told
+                went_on.append(job.key)
+            yield built(job)
+
+    engine = on_dask(run, 1)
+    for outcomes in engine.run(JOBS):
+        if int(outcomes[-1].key) >= 5:
+            break
+    engine.__exit__(None, None, None)
+    left.set()
+    time.sleep(0.4)
+    assert len(went_on) <= 1
+
+
 def test_of_a_bundle_that_fails_each_job_is_tried_alone(on_dask: Any) -> None:
     def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
         for job in bundle:

@@ -58,12 +58,15 @@ def _run_bundle(bundle: Sequence[Job], task: Task, limits: Limits, client: str) 
     """Run jobs one after another, tell of each when it ends; runs on a Dask worker."""
     from distributed import get_worker
 
-    tell = get_worker().log_event
+    worker = get_worker()
+    own = worker.state.tasks[worker.get_current_task()]
     outcomes: list[Outcome] = []
     for ended in _guarded(task, limits).run(bundle):
         for outcome in ended:
-            tell(TOPIC, (client, json.dumps(asdict(outcome))))
+            worker.log_event(TOPIC, (client, json.dumps(asdict(outcome))))
         outcomes += ended
+        if own.state == "cancelled":  # the study has ended, or was killed
+            break
     return outcomes
 
 
@@ -82,7 +85,7 @@ class Supply:
             self._seconds += outcome.times.get("total", 0.0)
 
     def put_back(self, jobs: Iterable[Job]) -> None:
-        """Take back jobs of a bundle that failed as a whole: each goes alone."""
+        """Take back what is left of a bundle that failed: each job goes alone."""
         self._alone.extend(jobs)
 
     def bundle(self, threads: int) -> Sequence[Job]:
@@ -153,22 +156,19 @@ class _Run:
 
         Raises OSError, ClosedClientError or FutureCancelledError when there is no cluster.
         """
-        bundle = self._bundles.pop(future)
-        missing = [job for job in bundle if job.key in self.waiting]
-        if not missing:
-            return []
-        try:
-            return self._first(future.result())
-        except Exception as error:
-            if future.status != "error":
-                raise
-            # what happened is the fate of a variant, but of which one?
-            if len(bundle) > 1:
-                self._supply.put_back(missing)
-                return []
-            return self._first(
-                [Outcome(bundle[0].key, STATUS[5], f"the cluster gave it up: {error}")]
-            )
+        bundle, outcomes = self._bundles.pop(future), []
+        if any(job.key in self.waiting for job in bundle):
+            try:
+                outcomes = future.result()
+            except Exception as error:
+                if future.status != "error":
+                    raise
+                if len(bundle) == 1:
+                    reason = f"the cluster gave it up: {error}"
+                    outcomes = [Outcome(bundle[0].key, STATUS[5], reason)]
+        outcomes = self._first(outcomes)
+        self._supply.put_back(job for job in bundle if job.key in self.waiting)
+        return outcomes
 
     def _first(self, outcomes: Iterable[Outcome]) -> list[Outcome]:
         """Return those that were not known: the bundle of a lost worker is run again."""
