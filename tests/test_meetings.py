@@ -275,6 +275,36 @@ def test_a_boolean_that_the_kernel_loses_is_refused():
         compiled("cut(egg, bore)", egg=egg, bore=bore)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [None, 1e-4])
+def test_a_wavy_tube_through_a_wavy_slab(tolerance):
+    """Both are splines, and both equations are known without their parameters."""
+    slab = ("4*(u - 1/2)", "4*(v - 1/2)", "0.3*sin(3*u)*cos(4*v) + w")
+    bore = ("0.3 + 0.5*w*cos(2*pi*v) + 0.2*sin(u)", "0.5*w*sin(2*pi*v)", "u", "u = [-3, 3]")
+    part = compiled("cut(slab, bore)", tolerance, slab=slab, bore=bore)
+
+    def height(points: Array, level: float) -> tuple[Array, Array]:
+        x, y, z = points.T
+        u, v = 3 * (x / 4 + 0.5), 4 * (y / 4 + 0.5)
+        slopes = -0.225 * np.cos(u) * np.cos(v), 0.3 * np.sin(u) * np.sin(v), np.ones_like(z)
+        gradient, steep = np.stack(slopes, axis=1), np.linalg.norm(slopes, axis=0)
+        return (z - 0.3 * np.sin(u) * np.cos(v) - level) / steep, gradient / steep[:, None]
+
+    def wall(points: Array) -> tuple[Array, Array]:
+        x, y, z = points.T
+        across = x - 0.3 - 0.2 * np.sin(z)
+        width = np.hypot(across, y)
+        slopes = across / width, y / width, -0.2 * np.cos(z) * across / width
+        gradient, steep = np.stack(slopes, axis=1), np.linalg.norm(slopes, axis=0)
+        return (width - 0.5) / steep, gradient / steep[:, None]
+
+    assert len(meetings(part)) == 2
+    for edge, report in meetings(part):
+        level = 0.0 if "w=0" in report.name else 1.0
+        distance = to_meeting(places(edge, 20_000), lambda p, w=level: height(p, w), wall).max()
+        assert distance <= report.deviation <= 3 * distance
+
+
 def test_edges_of_a_body_that_lie_on_another_are_known_with_it():
     """A rib whose sides are tangent to the block: no angle says where they meet, its edges do."""
     rib = ("1 + 2*u", "v", "w*(1 + cos(pi*v))/2", "v = [-1, 1]")
