@@ -275,6 +275,29 @@ def test_a_boolean_that_the_kernel_loses_is_refused():
         compiled("cut(egg, bore)", egg=egg, bore=bore)
 
 
+def test_arcs_of_a_rational_face_make_no_crease():
+    """An elliptic funnel, four arcs round, which is no cone: its second derivatives jump."""
+    funnel = ("(2 + u)*w*cos(2*pi*v)", "(3 - u/2)*w*sin(2*pi*v)", "4*u - 2")
+    block = ("1 + 4*u", "8*(v - 1/2) + 0.3*u", "9*(w - 1/2)")
+    part = compiled("cut(funnel, block)", 1e-5, funnel=funnel, block=block)
+
+    def wall(points: Array) -> tuple[Array, Array]:
+        x, y, z = points.T
+        a, b = 2 + (z + 2) / 4, 3 - (z + 2) / 8
+        slopes = 2 * x / a**2, 2 * y / b**2, -(x**2) / a**3 / 2 + y**2 / b**3 / 4
+        gradient, steep = np.stack(slopes, axis=1), np.linalg.norm(slopes, axis=0)
+        return ((x / a) ** 2 + (y / b) ** 2 - 1) / steep, gradient / steep[:, None]
+
+    found = [pair for pair in meetings(part) if pair[1].carrier == "B-spline curve"]
+    assert len(found) == 2
+    for edge, report in found:
+        assert report.evidence == "bounded"
+        distance = to_meeting(
+            places(edge, 2_000), wall, lambda p: (p[:, 0] - 1, np.tile([1.0, 0, 0], (len(p), 1)))
+        ).max()
+        assert distance <= report.deviation <= 3 * distance
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [None, 1e-4])
 def test_a_wavy_tube_through_a_wavy_slab(tolerance):

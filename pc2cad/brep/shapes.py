@@ -150,7 +150,7 @@ def _spline(
 ) -> CurveFunction:
     def sizes() -> Sizes:
         found = net_sizes(poles[:, None], (knots, np.array([0.0, 1.0])), (degree, 0), dimension)
-        return Sizes(found.first[:1], found.second[:1], found.poles)
+        return Sizes(found.first[:1], found.second[:1], found.poles, found.jumps[:1])
 
     weight = None
     if poles.shape[1] > dimension:
@@ -167,27 +167,45 @@ def net_sizes(
 ) -> Sizes:
     """Return bounds from the nets of homogeneous poles (n, m, …) and of their derivatives."""
     (u, v), (p, q) = knots, degrees
-
-    def along(net: Array, axis: int, order: int) -> Array:
-        inner, degree = (u, p) if axis == 0 else (v, q)
-        inner = inner[order : len(inner) - order]
-        return differences(net, inner, degree - order, axis)
-
     with np.errstate(all="ignore"):
-        a, b = along(poles, 0, 0), along(poles, 1, 0)
-        nets = (a, b, along(a, 0, 1), along(a, 1, 0), along(b, 1, 1))
-        na, nb, naa, nab, nbb = (_longest(net[..., :dimension]) for net in nets)
+        a, b = differences(poles, u, p, 0), differences(poles, v, q, 1)
+        joints = poles if poles.shape[-1] > dimension else None
+        (aa, jumps_a), (bb, jumps_b) = _second(a, u, p, 0, joints), _second(b, v, q, 1, joints)
+        nets = (a, b, aa, differences(a, v, q, 1), bb, jumps_a, jumps_b)
+        na, nb, naa, nab, nbb, ja, jb = (_longest(net[..., :dimension]) for net in nets)
         places = np.abs(poles[..., :dimension]).max(axis=(0, 1))
         if poles.shape[-1] == dimension:
-            return Sizes((na, nb), (naa, nab, nbb), places)
+            return Sizes((na, nb), (naa, nab, nbb), places, (ja, jb))
         # S = N/W, so W S_a = N_a - S W_a, and so on
-        wa, wb, waa, wab, wbb = (_longest(net[..., dimension:]) for net in nets)
+        wa, wb, waa, wab, wbb, va, vb = (_longest(net[..., dimension:]) for net in nets)
         least = float(poles[..., dimension].min())
         s = _longest(poles[..., :dimension] / poles[..., dimension:])
         sa, sb = (na + s * wa) / least, (nb + s * wb) / least
         second = (naa + 2 * sa * wa + s * waa, nab + sa * wb + sb * wa + s * wab,
                   nbb + 2 * sb * wb + s * wbb)  # fmt: skip
-    return Sizes((sa, sb), tuple(x / least for x in second), places / least)
+        jumps = (ja + s * va) / least, (jb + s * vb) / least
+    return Sizes((sa, sb), tuple(x / least for x in second), places / least, jumps)
+
+
+def _second(
+    net: Array, knots: Array, degree: int, axis: int, rational: Array | None
+) -> tuple[Array, Array]:
+    """Return the net of second derivatives, and the jumps of the first at knots without one.
+
+    A jump that is the same multiple of all homogeneous poles there (of a `rational` surface) leaves
+    the derivative of the point as it is.
+    """
+    net = np.moveaxis(net, axis, 0)
+    inner, rows = knots[1:-1], len(net)
+    gaps = inner[degree : degree + rows - 1] - inner[1:rows]
+    steps, smooth = np.diff(net, axis=0), gaps > 0
+    second = steps[smooth] * ((degree - 1) / gaps[smooth])[:, None, None]
+    jumps = steps[~smooth]
+    if rational is None:
+        return second, jumps
+    there = np.moveaxis(rational, axis, 0)[1:-1][~smooth]
+    share = (jumps * there).sum(axis=(1, 2)) / (there * there).sum(axis=(1, 2))
+    return second, jumps - share[:, None, None] * there
 
 
 def _longest(net: Array) -> float:
@@ -286,7 +304,8 @@ def _extrusion(surface: Geom_SurfaceOfLinearExtrusion, origin: Array) -> Surface
 
     def sizes() -> Sizes:
         own = basis.sizes()
-        return Sizes((*own.first, 1.0), (*own.second, 0.0, 0.0), own.poles)
+        jumps = (own.jumps[0], 0.0)
+        return Sizes((*own.first, 1.0), (*own.second, 0.0, 0.0), own.poles, jumps)
 
     weight = basis.weight
     return SurfaceFunction(
@@ -315,7 +334,7 @@ def _revolution(surface: Geom_SurfaceOfRevolution, origin: Array) -> SurfaceFunc
     def sizes() -> Sizes:
         own = basis.sizes()
         return Sizes((np.inf, *own.first), (np.inf, np.inf, *own.second),
-                     own.poles + np.abs(centre))  # fmt: skip
+                     own.poles + np.abs(centre), (0.0, own.jumps[0]))  # fmt: skip
 
     weight = basis.weight
     return SurfaceFunction(

@@ -298,7 +298,7 @@ class _Survey:
             for bound in self._range(products, PER_DEGREE / 3)
         )
         # nodes beyond a break have the next piece's normal, which is turned a little
-        turned = 4 * self._most(self._curvature(k)) * self._spill[k]
+        turned = 4 * self._most(self._curvature(k)) * self._spill[k] + self._crease(k)
         extra = 1.5 * self._rounding[k] * longest[1] / longest[0] + self._spill[k] + turned * off
         return np.fmax(low.min(axis=0) - extra, -off), np.fmin(high.max(axis=0) + extra, off)
 
@@ -341,13 +341,26 @@ class _Survey:
         surface, (_, a, b) = self._edge.traces[k].surface, self._jets[k]
         aa, ab, bb = surface.sizes().second
         la, lb = _lengths(a), _lengths(b)
-        skew = np.abs(np.einsum("ni,ni->n", a, b)) / (la * lb)
         second = np.stack(np.broadcast_arrays(
             (la if surface.turns else aa) / la**2, (lb if surface.turns else ab) / (la * lb),
             bb / lb**2,
         ))  # fmt: skip
         squares = second[0] ** 2 + 2 * second[1] ** 2 + second[2] ** 2
-        return np.asarray(np.sqrt(squares) / (1 - skew))
+        return np.asarray(np.sqrt(squares) / (1 - self._skew(k)))
+
+    def _crease(self, k: int) -> Array:
+        """Return bounds of the angle by which a surface turns at once, cell by cell.
+
+        Several may lie between two nodes; where they are rounding, they do not count.
+        """
+        jumps = self._edge.traces[k].surface.sizes().jumps
+        _, a, b = self._jets[k]
+        turns = [jump / _lengths(along) for jump, along in zip(jumps, (a, b), strict=True)]
+        return self._most(8 * (turns[0] + turns[1]) / (1 - self._skew(k)))
+
+    def _skew(self, k: int) -> Array:
+        _, a, b = self._jets[k]
+        return np.asarray(np.abs(np.einsum("ni,ni->n", a, b)) / (_lengths(a) * _lengths(b)))
 
     def meeting(self, off: Sequence[Array], deviations: tuple[float, float]) -> Array:
         """Return bounds of the distance from where the equations meet, cell by cell."""
@@ -360,11 +373,12 @@ class _Survey:
             steps *= self._curve.sizes().first[0]
         bends = [self._most(self._curvature(k)) for k in (0, 1)]
         ways = [steps + 2 * d + spill for d, spill in zip(off, self._spill, strict=True)]
-        turned = [2 * bend * way for bend, way in zip(bends, ways, strict=True)]
+        creases = [self._crease(k) for k in (0, 1)]
+        turned = [2 * b * way + c for b, way, c in zip(bends, ways, creases, strict=True)]
         sine = (_by_cell(self._angle[1], cells).min(axis=1) - sum(turned)) * (1 - 1e-12)
         total = sum(off) + sum(deviations)
         reach = 2 * total / sine
-        bows = [bend * reach**2 for bend in bends]
+        bows = [b * reach**2 + c * reach for b, c in zip(bends, creases, strict=True)]
         heights = [
             (low - deviations[k] - bows[k], high + deviations[k] + bows[k])
             for k, (low, high) in enumerate(self._heights(k, off[k]) for k in (0, 1))
@@ -374,8 +388,8 @@ class _Survey:
         # the square is convex in both heights, and linear in the cosine
         found = np.max([_apart(f, g, c, sine) for f, g, c in product(*heights, cosines)], axis=0)
         right = (sine > 0) & (4 * (bows[0] + bows[1]) <= total)
-        for bend, way in zip(bends, ways, strict=True):
-            right &= bend * (reach + way) <= STRAIGHT
+        for bend, way, crease in zip(bends, ways, creases, strict=True):
+            right &= bend * (reach + way) + crease <= STRAIGHT
         return np.asarray(np.where(right, found * (1 + 1e-12), np.inf))
 
 

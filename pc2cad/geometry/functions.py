@@ -26,6 +26,8 @@ class Sizes:
     second: tuple[float, ...]
     #: coordinates of its poles, or of the places that it is laid about
     poles: Array
+    #: by how much the first derivatives jump where they do
+    jumps: tuple[float, ...] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
