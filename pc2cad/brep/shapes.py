@@ -122,23 +122,25 @@ _FUNCTIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]]
 
 
 def _conic(start: Array, terms: dict[str, Array]) -> CurveFunction:
+    shares = [(*_FUNCTIONS[name], along) for name, along in terms.items()]
+
     def jet(t: Array) -> tuple[Array, Array]:
-        point, slope = np.tile(start, (len(t), 1)), np.zeros((len(t), len(start)))
-        for name, along in terms.items():
-            value, derivative = _FUNCTIONS[name]
-            point += value(t)[:, None] * along
-            slope += derivative(t)[:, None] * along
+        point, slope = start, np.zeros(len(start))
+        for value, derivative, along in shares:
+            point = point + value(t)[:, None] * along
+            slope = slope + derivative(t)[:, None] * along
         return point, slope
 
-    size = max(float(np.linalg.norm(along)) for along in terms.values())
-    first, second = {
-        "t": (1.0, 0.0), "t**2": (np.inf, 2 * size), "sin": (size, size), "sinh": (np.inf, np.inf),
-    }[max(terms)]  # fmt: skip
-    places = np.abs(start) + (0.0 if "t" in terms else size)
-    degree = len(terms) if "t" in terms else 1
-    return CurveFunction(
-        jet, NOWHERE if "t" in terms else None, degree, lambda: Sizes((first,), (second,), places)
-    )
+    def sizes() -> Sizes:
+        size = max(float(np.linalg.norm(along)) for along in terms.values())
+        first, second = {
+            "t": (1.0, 0.0), "t**2": (np.inf, 2 * size),
+            "sin": (size, size), "sinh": (np.inf, np.inf),
+        }[max(terms)]  # fmt: skip
+        return Sizes((first,), (second,), np.abs(start) + (0.0 if powers else size))
+
+    powers = "t" in terms
+    return CurveFunction(jet, NOWHERE if powers else None, len(terms) if powers else 1, sizes)
 
 
 def _spline(
