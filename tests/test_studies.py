@@ -474,8 +474,8 @@ def test_what_became_of_a_job_is_told_before_its_bundle_ends(on_dask: Any) -> No
 def test_what_was_not_told_comes_with_its_bundle(
     on_dask: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("pc2cad.studies.dask.DaskEngine._listen", lambda engine, event: None)
     engine = on_dask(lambda bundle: map(built, bundle), 1)
-    monkeypatch.setattr("pc2cad.studies.dask._Run._listen", lambda run, event: None)
     assert [outcome.key for batch in engine.run(JOBS) for outcome in batch] == [
         job.key for job in JOBS
     ]

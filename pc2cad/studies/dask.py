@@ -105,21 +105,15 @@ class Supply:
 class _Run:
     """What is under way on a cluster."""
 
-    def __init__(self, client: Any, task: Task, limits: Limits, jobs: Sequence[Job]) -> None:
-        self._client, self._task, self._limits = client, task, limits
+    def __init__(
+        self, client: Any, news: SimpleQueue[Any], task: Task, limits: Limits, jobs: Sequence[Job]
+    ) -> None:
+        self._client, self._news, self._task, self._limits = client, news, task, limits
         self._supply = Supply(jobs)
         #: keys of the jobs whose outcomes are not known
         self.waiting = {job.key for job in jobs}
         self._bundles: dict[Any, Sequence[Job]] = {}
-        #: outcomes as texts, and futures of bundles that ended
-        self._news: SimpleQueue[Any] = SimpleQueue()
         self._threads, self._looked = 0, -LOOK
-        client.subscribe_topic(TOPIC, self._listen)
-
-    def _listen(self, event: tuple[float, tuple[str, str]]) -> None:
-        client, told = event[1]
-        if client == self._client.id:
-            self._news.put(told)
 
     def send(self) -> None:
         """Send the next bundles in one message, which costs the scheduler far less than many.
@@ -194,12 +188,20 @@ class DaskEngine:
             raise ClusterLostError(f"the Dask cluster {cluster} cannot be reached: {error}") from (
                 error
             )
+        #: outcomes as texts, and futures of bundles that ended
+        self._news: SimpleQueue[Any] = SimpleQueue()
+        self._client.subscribe_topic(TOPIC, self._listen)
+
+    def _listen(self, event: tuple[float, tuple[str, str]]) -> None:
+        client, told = event[1]
+        if client == self._client.id:
+            self._news.put(told)
 
     def run(self, jobs: Sequence[Job]) -> Iterator[Sequence[Outcome]]:
         """Yield the outcomes of all jobs, those together that ended together."""
         from distributed.client import ClosedClientError, FutureCancelledError
 
-        run = _Run(self._client, self._task, self._limits, jobs)
+        run = _Run(self._client, self._news, self._task, self._limits, jobs)
         outcomes: list[Outcome] = []
         futures: list[Any] = []
         while True:
@@ -228,4 +230,6 @@ class DaskEngine:
         traceback: TracebackType | None,
     ) -> None:
         with suppress(OSError, TimeoutError):
+            if self._client.status == "running":  # the scheduler logs what it cannot deliver
+                self._client.unsubscribe_topic(TOPIC)
             self._client.close()
