@@ -37,7 +37,7 @@ SHARP = 1.45
 REMAINDER_SHARE = 0.25
 #: degrees more than the spline's that hold all of an error that converges; with fewer, more cells
 #: are halved
-EXTRA = 3
+EXTRA = 2
 #: polynomials of a higher degree are interpolated: their own coefficients are ill-conditioned
 HIGHEST_EXACT = 13
 #: halvings of cells for the coefficients' sake
