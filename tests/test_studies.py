@@ -539,6 +539,17 @@ def test_of_a_bundle_that_fails_each_job_is_tried_alone(on_dask: Any) -> None:
     assert told["20"].reason == "the cluster gave it up: no kernel"
 
 
+def test_a_worker_with_another_version_is_one_sentence(
+    on_dask: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pc2cad.studies import dask
+
+    engine = on_dask(lambda bundle: iter(()), 1)
+    monkeypatch.setattr(dask, "__version__", "9.9")
+    with pytest.raises(dask.ClusterDiffersError, match=r"has pc2cad \d.*the study has 9\.9"):
+        next(engine.run(JOBS))
+
+
 def test_a_cluster_that_is_lost_ends_the_study_with_what_had_come(on_dask: Any) -> None:
     from pc2cad.studies.dask import ClusterLostError
 

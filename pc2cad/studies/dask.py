@@ -20,6 +20,7 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
+from pc2cad import __version__
 from pc2cad.errors import InputError, KernelError
 from pc2cad.studies.local import Limits, LocalEngine
 from pc2cad.studies.variant import STATUS, Job, Outcome, Task
@@ -37,6 +38,10 @@ LOOK = 2.0
 
 class ClusterLostError(KernelError):
     """The Dask cluster cannot be reached, or has ended."""
+
+
+class ClusterDiffersError(InputError):
+    """A worker of the cluster has another pc2cad than the study, or none."""
 
 
 _engines = threading.local()
@@ -201,6 +206,7 @@ class DaskEngine:
         """Yield the outcomes of all jobs, those together that ended together."""
         from distributed.client import ClosedClientError, FutureCancelledError
 
+        self._check_versions()
         run = _Run(self._client, self._news, self._task, self._limits, jobs)
         outcomes: list[Outcome] = []
         futures: list[Any] = []
@@ -219,6 +225,16 @@ class DaskEngine:
             if not run.waiting:
                 return
             outcomes, futures = run.hear()
+
+    def _check_versions(self) -> None:
+        """Raise ClusterDiffersError: what a worker cannot unpickle would hang the study."""
+        for address, worker in self._client.get_versions(packages=["pc2cad"])["workers"].items():
+            found = worker["packages"].get("pc2cad")
+            if found != __version__:
+                raise ClusterDiffersError(
+                    f"the Dask worker {address} has {f'pc2cad {found}' if found else 'no pc2cad'}, "
+                    f"the study has {__version__}: install the same one on all machines"
+                )
 
     def __enter__(self) -> DaskEngine:
         return self
