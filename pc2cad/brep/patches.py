@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
+from OCP.Geom2d import Geom2d_BSplineCurve
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
 
@@ -83,9 +84,13 @@ def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
     if curve.IsRational():
         weights = np.array([[curve.Weight(i)] for i in range(1, count + 1)])
         poles = np.hstack((poles * weights, weights))
-    knots = np.repeat([curve.Knot(i + 1) for i in range(curve.NbKnots())],
-                      [curve.Multiplicity(i + 1) for i in range(curve.NbKnots())])  # fmt: skip
-    return SplineCurveData(poles, knots, curve.Degree())
+    return SplineCurveData(poles, flat_knots(curve), curve.Degree())
+
+
+def flat_knots(curve: Geom_BSplineCurve | Geom2d_BSplineCurve) -> Array:
+    """Return the knots of a kernel spline curve, each as often as its multiplicity says."""
+    places = range(1, curve.NbKnots() + 1)
+    return np.repeat([curve.Knot(i) for i in places], [curve.Multiplicity(i) for i in places])
 
 
 def spline_flux(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Array:

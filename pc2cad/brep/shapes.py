@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from OCP.Geom import (
@@ -39,7 +40,14 @@ from OCP.Geom2d import (
 )
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
-from pc2cad.brep.patches import Array, differences, read_curve, read_patch, spline_jet
+from pc2cad.brep.patches import (
+    Array,
+    differences,
+    flat_knots,
+    read_curve,
+    read_patch,
+    spline_jet,
+)
 from pc2cad.errors import KernelError
 from pc2cad.geometry.functions import CurveFunction, Jet, Sizes, SurfaceFunction
 
@@ -107,9 +115,7 @@ def path_function(curve: Geom2d_Curve) -> CurveFunction:
     if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational():
         raise KernelError(f"no integral is known along a {type(curve).__name__}")
     poles = np.array([vector(p) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))])
-    knots = np.repeat([curve.Knot(i + 1) for i in range(curve.NbKnots())],
-                      [curve.Multiplicity(i + 1) for i in range(curve.NbKnots())])  # fmt: skip
-    degree = curve.Degree()
+    knots, degree = flat_knots(curve), curve.Degree()
     return _spline(knots, poles, degree, spline_jet(knots, poles, degree), 2)
 
 
@@ -131,6 +137,7 @@ def _conic(start: Array, terms: dict[str, Array]) -> CurveFunction:
             slope = slope + derivative(t)[:, None] * along
         return point, slope
 
+    @cache
     def sizes() -> Sizes:
         size = max(float(np.linalg.norm(along)) for along in terms.values())
         first, second = {
@@ -150,6 +157,7 @@ def _spline(
     jet: Callable[[Array], tuple[Array, Array]],
     dimension: int,
 ) -> CurveFunction:
+    @cache
     def sizes() -> Sizes:
         found = net_sizes(poles[:, None], (knots, np.array([0.0, 1.0])), (degree, 0), dimension)
         return Sizes(found.first[:1], found.second[:1], found.poles, found.jumps[:1])
@@ -251,7 +259,7 @@ def _patch(surface: Geom_BSplineSurface, origin: Array) -> SurfaceFunction:
     patch = read_patch(surface, origin)
     return SurfaceFunction(
         patch.scattered, (np.unique(patch.knots[0]), np.unique(patch.knots[1])), patch.degrees,
-        lambda: net_sizes(patch.poles, patch.knots, patch.degrees),
+        cache(lambda: net_sizes(patch.poles, patch.knots, patch.degrees)),
         weight=patch.weight if patch.poles.shape[2] > 3 else None,
     )  # fmt: skip
 
@@ -304,6 +312,7 @@ def _extrusion(surface: Geom_SurfaceOfLinearExtrusion, origin: Array) -> Surface
         point, slope = basis.jet(a)
         return point + b[:, None] * along, slope, np.broadcast_to(along, point.shape)
 
+    @cache
     def sizes() -> Sizes:
         own = basis.sizes()
         jumps = (own.jumps[0], 0.0)
@@ -333,6 +342,7 @@ def _revolution(surface: Geom_SurfaceOfRevolution, origin: Array) -> SurfaceFunc
         place, swept = turned(point - centre)
         return centre + place, swept, turned(slope)[0]
 
+    @cache
     def sizes() -> Sizes:
         own = basis.sizes()
         return Sizes((np.inf, *own.first), (np.inf, np.inf, *own.second),

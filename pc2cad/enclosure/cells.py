@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from math import comb, cos, log, pi
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from pc2cad.geometry.bernstein import chebyshev_nodes
@@ -65,6 +66,15 @@ def enlargement(per_degree: float) -> float:
     holds in every fixed direction.
     """
     return 1 / cos(pi / (2 * per_degree)) * (1 + 1e-9)
+
+
+def windows(values: Array, axis: int, degree: int) -> Array:
+    """Return a view with two axes for one: cells, and the nodes of each (shared with the next)."""
+    step = max(degree, 1)
+    shape, strides = list(values.shape), list(values.strides)
+    shape[axis : axis + 1] = [(shape[axis] - 1) // step if degree else shape[axis], degree + 1]
+    strides[axis : axis + 1] = [step * strides[axis], strides[axis]]
+    return as_strided(values, shape, strides, writeable=False)
 
 
 @lru_cache(maxsize=64)

@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from pc2cad.enclosure.cells import Cells, conversion_loss, halving, to_bernstein
+from pc2cad.enclosure.cells import Cells, conversion_loss, halving, to_bernstein, windows
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.enclosure.function import Products, Slabs, Whole, function_of
 from pc2cad.enclosure.models import UNIT
@@ -35,8 +34,7 @@ Array = NDArray[np.float64]
 SHARP = 1.45
 #: share of the largest sample that the remainder may have before cells are made smaller
 REMAINDER_SHARE = 0.25
-#: degrees more than the spline's that hold all of an error that converges; with fewer, more cells
-#: are halved
+#: degrees more than the spline's to begin with; `remainder` raises them where they are too few
 EXTRA = 2
 #: polynomials of a higher degree are interpolated: their own coefficients are ill-conditioned
 HIGHEST_EXACT = 13
@@ -228,24 +226,15 @@ def _reach(direction: Direction, deviation: float, degree: int) -> float:
     return float((1 / deviation) ** (1 / (degree + 1)))
 
 
-def _windows(values: Array, axis: int, degree: int) -> Array:
-    """Return a view with two axes for one: cells, and the nodes of each (shared with the next)."""
-    step = max(degree, 1)
-    shape, strides = list(values.shape), list(values.strides)
-    shape[axis : axis + 1] = [(shape[axis] - 1) // step if degree else shape[axis], degree + 1]
-    strides[axis : axis + 1] = [step * strides[axis], strides[axis]]
-    return as_strided(values, shape, strides, writeable=False)
-
-
 def _coefficients(gap: Array, s: int, t: int) -> Array:
     """Return Bernstein coefficients on cells of degrees s and t, from values at their nodes.
 
     Shapes: (t cells, t nodes, 3, s cells, s nodes) from (places t, 3, places s). What a step works
     along is last, or has what lies behind it in one piece: that is many times faster.
     """
-    along = _windows(gap, 0, t)
+    along = windows(gap, 0, t)
     along = to_bernstein(t) @ along.reshape(*along.shape[:2], -1)
-    across = _windows(along.reshape(*along.shape[:2], *gap.shape[1:]), 3, s)
+    across = windows(along.reshape(*along.shape[:2], *gap.shape[1:]), 3, s)
     return np.asarray((across.reshape(-1, s + 1) @ to_bernstein(s).T).reshape(across.shape))
 
 

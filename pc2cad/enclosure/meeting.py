@@ -23,7 +23,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.enclosure.cells import Cells, conversion_loss, enlargement, to_bernstein
+from pc2cad.enclosure.cells import Cells, conversion_loss, enlargement, to_bernstein, windows
 from pc2cad.enclosure.models import UNIT
 from pc2cad.geometry.functions import EdgeFunction, Trace, crossings, cuts_between
 
@@ -142,7 +142,7 @@ class _Survey:
             degree = _order(trace.path.degree, trace.path.breaks)
             cells = Cells(self.cells.points, degree)
             places = trace.path.jet(cells.nodes(0, cells.count))[0]
-            net = np.einsum("ij,cjk->cik", to_bernstein(degree), _by_cell(places, cells))
+            net = np.einsum("ij,cjk->cik", to_bernstein(degree), windows(places, 0, degree))
             loss = (conversion_loss(degree, 0) + 8 * (degree + 2) * UNIT) * np.abs(places).max()
             found.append((net.min(axis=1) - loss, net.max(axis=1) + loss))
         return found
@@ -304,11 +304,11 @@ class _Survey:
 
     def _most(self, values: Array) -> Array:
         """Return the largest values at nodes, cell by cell."""
-        return np.asarray(_by_cell(values, self.cells).max(axis=1))
+        return np.asarray(windows(values, 0, self.cells.degree).max(axis=1))
 
     def _range(self, values: Array, per_degree: float) -> tuple[Array, Array]:
         """Return bounds of a polynomial from its values at nodes, cell by cell."""
-        values = _by_cell(values, self.cells)
+        values = windows(values, 0, self.cells.degree)
         low, high = values.min(axis=1), values.max(axis=1)
         half = (enlargement(per_degree) * (high - low) + 1e-12 * np.abs(values).max(axis=1)) / 2
         return (low + high) / 2 - half, (low + high) / 2 + half
@@ -365,7 +365,7 @@ class _Survey:
     def meeting(self, off: Sequence[Array], deviations: tuple[float, float]) -> Array:
         """Return bounds of the distance from where the equations meet, cell by cell."""
         cells = self.cells
-        steps = np.diff(_by_cell(self._nodes, cells), axis=1).max(axis=1) / 2
+        steps = np.diff(windows(self._nodes, 0, cells.degree), axis=1).max(axis=1) / 2
         # a place between two nodes, and its points on the surfaces, are no further from one
         if self._curve.weight is None:
             steps *= enlargement(PER_DEGREE) * self._most(_lengths(self._at[1]))
@@ -375,7 +375,7 @@ class _Survey:
         ways = [steps + 2 * d + spill for d, spill in zip(off, self._spill, strict=True)]
         creases = [self._crease(k) for k in (0, 1)]
         turned = [2 * b * way + c for b, way, c in zip(bends, ways, creases, strict=True)]
-        sine = (_by_cell(self._angle[1], cells).min(axis=1) - sum(turned)) * (1 - 1e-12)
+        sine = (windows(self._angle[1], 0, cells.degree).min(axis=1) - sum(turned)) * (1 - 1e-12)
         total = sum(off) + sum(deviations)
         reach = 2 * total / sine
         bows = [b * reach**2 + c * reach for b, c in zip(bends, creases, strict=True)]
@@ -383,7 +383,7 @@ class _Survey:
             (low - deviations[k] - bows[k], high + deviations[k] + bows[k])
             for k, (low, high) in enumerate(self._heights(k, off[k]) for k in (0, 1))
         ]
-        cosine = _by_cell(self._angle[0], cells)
+        cosine = windows(self._angle[0], 0, cells.degree)
         cosines = cosine.min(axis=1) - sum(turned), cosine.max(axis=1) + sum(turned)
         # the square is convex in both heights, and linear in the cosine
         found = np.max([_apart(f, g, c, sine) for f, g, c in product(*heights, cosines)], axis=0)
@@ -400,9 +400,3 @@ def _apart(f: Array | float, g: Array | float, cosine: Array, sine: Array) -> Ar
 
 def _lengths(vectors: Array) -> Array:
     return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
-
-
-def _by_cell(values: Array, cells: Cells) -> Array:
-    """Return values at the nodes of all cells cell by cell: neighbours share one."""
-    index = cells.degree * np.arange(cells.count)[:, None] + np.arange(cells.degree + 1)
-    return np.asarray(values[index])

@@ -40,6 +40,7 @@ class CurveFunction:
     breaks: Array | None
     #: degree of its pieces; 1 along an angle
     degree: int
+    #: asked for again and again: it should keep them
     sizes: Callable[[], Sizes]
     #: of a rational curve
     weight: Callable[[Array], Array] | None = None
