@@ -16,11 +16,12 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from benchmarks import peers
 from benchmarks.channels import Channel
 from benchmarks.measure import deviation, examine, faces_of, poles_of, read_back
-from pc2cad.analysis import analyse
 from pc2cad.boundary import represent
 from pc2cad.brep.build import build
+from pc2cad.checked import check_map
 from pc2cad.compiler import compile_equation
 from pc2cad.geometry.carriers import SplineSurface
+from pc2cad.options import CompileOptions
 
 Row = tuple[str, ...]
 TARGETS = (1e-4, 1e-6)
@@ -58,18 +59,18 @@ def faces(channels: tuple[Channel, ...], build123d: str | None, quick: bool) -> 
         ("GeomAPI interpolation, N=100", peers.geomapi_interpolation(100)),
     ]
     for channel in channels:
-        analysis = analyse(channel.equation())
+        checked = check_map(channel.equation())
         for tolerance in (1e-4, 1e-6, 1e-7):
             for prove in (False, True):
-                yield _own_face(channel, analysis, tolerance, prove)
+                yield _own_face(channel, checked, tolerance, prove)
         for name, face in routes:
             yield _face_row(channel, name, face)
         yield _geomdl(channel, 30 if quick else 60)
         yield from _build123d(channel, build123d)
 
 
-def _own_face(channel: Channel, analysis, tolerance: float, prove: bool) -> Row:
-    took, model = seconds(lambda: represent(analysis, 0, tolerance, prove=prove))
+def _own_face(channel: Channel, checked, tolerance: float, prove: bool) -> Row:
+    took, model = seconds(lambda: represent(checked, CompileOptions(tolerance), prove=prove))
     walls = [face for face in model.faces if isinstance(face.carrier, SplineSurface)]
     built = build(model)
     outer = [k for f, k in zip(model.faces, built.faces, strict=True) if f.name == "w=1"]
@@ -183,12 +184,12 @@ def _own(channel: Channel, target: float) -> Attempt:
 
 
 def _own_parts(channel: Channel, target: float) -> tuple[float, float, float]:
-    analysis = analyse(channel.equation())
+    checked, options = check_map(channel.equation()), CompileOptions(target)
     fitted, proved = (
-        seconds(lambda prove=prove: build(represent(analysis, 0, target, prove=prove)))[0]
+        seconds(lambda prove=prove: build(represent(checked, options, prove=prove)))[0]
         for prove in (False, True)
     )
-    whole = seconds(lambda: build(represent(analyse(channel.equation()), 0, target)))[0]
+    whole = seconds(lambda: build(represent(check_map(channel.equation()), options)))[0]
     return fitted, proved, whole
 
 

@@ -23,15 +23,16 @@ sys.path.insert(0, str(ROOT / "examples"))
 
 import analyses  # noqa: E402
 
-from pc2cad.analysis import analyse  # noqa: E402
+from pc2cad.checked import check_map  # noqa: E402
+from pc2cad.compiler import mesh_equation  # noqa: E402
 from pc2cad.directions import CellFunction  # noqa: E402
 from pc2cad.equation.point_equation import PointEquation  # noqa: E402
 from pc2cad.equation.template_file import read_template  # noqa: E402
 from pc2cad.geometry.spline_space import SplineSpace  # noqa: E402
 from pc2cad.geometry.trivariate import Axis, fit_volume  # noqa: E402
 from pc2cad.isogeometry import Patch, VolumeModel, turned  # noqa: E402
+from pc2cad.mesh.meshing import MeshOptions  # noqa: E402
 from pc2cad.mesh.volume_mesh import VolumeMesh  # noqa: E402
-from pc2cad.volume import MeshOptions, mesh_equation  # noqa: E402
 
 
 def unknowns(mesh: VolumeMesh) -> int:
@@ -40,8 +41,8 @@ def unknowns(mesh: VolumeMesh) -> int:
 
 def fitted(equation: PointEquation, spans: tuple[int, int, int], degree: int) -> VolumeModel:
     """Return M as splines of one degree over even spans along u, v and w."""
-    analysis = analyse(equation)
-    directions = (0, 1, 2) if analysis.orientation > 0 else (1, 0, 2)
+    checked = check_map(equation)
+    analysis, directions = checked.analysis, checked.orientation.axes
     function = turned(CellFunction(analysis, (1, 1, 1), degree), directions)
     spaces = [SplineSpace(degree, np.linspace(0, 1, n + 1), [1] * (n - 1)) for n in spans]
     a, b, c = (Axis(spaces[d]) for d in directions)

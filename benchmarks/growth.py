@@ -12,11 +12,12 @@ from pc2cad.analysis import analyse
 from pc2cad.boundary import represent
 from pc2cad.brep.build import build
 from pc2cad.brep.integrals import solid_integrals
+from pc2cad.checked import check_map
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.template_file import read_template
 from pc2cad.errors import PointCadError
-from pc2cad.geometry.profile import spline_profile
 from pc2cad.library import find_template
+from pc2cad.options import CompileOptions
 
 Row = tuple[str, ...]
 
@@ -41,12 +42,12 @@ def poles(most: float) -> Iterator[Row]:
     Degree 2 is of no use but for this: it needs many poles.
     """
     equation = _equation("channel_ellipse")
-    analysis = analyse(equation)
+    checked = check_map(equation)
     target = 3e-2
     count = 0
     while count < most:
         start = time.process_time()
-        model = represent(analysis, 0, target, spline_profile(2))
+        model = represent(checked, CompileOptions(target, degree=2))
         times = [time.process_time() - start]
         start = time.process_time()
         built = build(model)

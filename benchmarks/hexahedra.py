@@ -42,16 +42,16 @@ def equation_of(name: str):
 
 
 def mesh_and_write(name: str, nodes: float, path: str) -> dict[str, float]:
-    from pc2cad.analysis import analyse
+    from pc2cad.checked import check_map
     from pc2cad.export.mesh_files import write_mesh
     from pc2cad.mesh.grid import make_grid
     from pc2cad.mesh.hexahedra import hexahedra
     from pc2cad.mesh.quality import measure
 
-    analysis = analyse(equation_of(name))
-    grid = make_grid(analysis, grid_of(name, nodes))
+    checked = check_map(equation_of(name))
+    grid = make_grid(checked, grid_of(name, nodes))
     laps = [clock()]
-    mesh = hexahedra(analysis, grid)
+    mesh = hexahedra(checked, grid)
     laps.append(clock())
     wall = min(timed(lambda: write_mesh(mesh, path)) for _ in range(WRITES))
     laps.append(clock())

@@ -3,7 +3,8 @@
     python benchmarks/stages.py [TEMPLATE …] [--repeat N]
 
 Prints CPU milliseconds, the best of N runs after one that warms up, and the quotient of what checks
-(analyse, integrate, solidity, validate) to what makes (represent, build, write as STEP).
+(sample, orient, analyse, integrate, solidity, validate) to what makes (represent, build, write as
+STEP).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pc2cad.equation.point_equation import PointEquation
 from pc2cad.equation.template_file import read_template
 from pc2cad.library import template_paths
 
-CHECKS = ("analyse", "integrate", "solidity", "validate")
+CHECKS = ("sample", "orient", "analyse", "integrate", "solidity", "validate")
 MAKES = ("represent", "build", "write")
 
 

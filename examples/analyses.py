@@ -17,10 +17,12 @@ from pathlib import Path
 import numpy as np
 
 import pc2cad as pc
+from pc2cad.compiler import mesh_equation, spline_equation
 from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.isogeometry import VolumeModel
+from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.volume import MeshOptions, mesh_equation, spline_equation
+from pc2cad.options import CompileOptions
 
 E, NU = 1000.0, 0.3
 u, v, w = pc.parameters()
@@ -360,7 +362,9 @@ def isogeometric_conductance(
     equation: PointEquation, refinements: int = 0, raised: int = 1, tolerance: float | None = None
 ) -> tuple[int, float]:
     """Return unknowns and heat flow from the last axis's upper side to its lower one, by MFEM."""
-    return conductance_of_splines(spline_equation(equation, tolerance)[0], refinements, raised)
+    return conductance_of_splines(
+        spline_equation(equation, CompileOptions(tolerance))[0], refinements, raised
+    )
 
 
 def conductance_of_splines(

@@ -20,6 +20,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from pc2cad.compiler import compile_equation as compile_equation
     from pc2cad.compiler import compile_part as compile_part
+    from pc2cad.compiler import mesh_part as mesh_part
+    from pc2cad.compiler import spline_part as spline_part
     from pc2cad.equation.sympy_bridge import from_sympy as from_sympy
     from pc2cad.equation.sympy_bridge import to_sympy as to_sympy
     from pc2cad.equation.template_file import read_template as read_template
@@ -29,17 +31,15 @@ if TYPE_CHECKING:
     from pc2cad.part import Part as Part
     from pc2cad.python import *  # noqa: F403
     from pc2cad.studies.study import study as study
-    from pc2cad.volume import mesh_part as mesh_part
-    from pc2cad.volume import spline_part as spline_part
 
 _HOMES = {
     "Part": "pc2cad.part",
     "compile_equation": "pc2cad.compiler",
     "compile_part": "pc2cad.compiler",
     "from_sympy": "pc2cad.equation.sympy_bridge",
-    "mesh_part": "pc2cad.volume",
+    "mesh_part": "pc2cad.compiler",
     "read_template": "pc2cad.equation.template_file",
-    "spline_part": "pc2cad.volume",
+    "spline_part": "pc2cad.compiler",
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.equation.sympy_bridge",
     "write_mesh": "pc2cad.export.mesh_files",

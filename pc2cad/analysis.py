@@ -4,6 +4,9 @@ Input: PointEquation. Output: Analysis (the map in local coordinates, the breaks
 and the boundary complex). Answers about the map are taken from samples first, because a sample
 refutes at once; what the samples leave standing is then proved from the trees where that is
 possible, and stays "sampled" where it is not.
+
+It has two steps, so that a map without finite values is refused before anything is asked of it, and
+one without an orientation (`folding`) before its boundary is: `sample_sides`, then `derive`.
 """
 
 from __future__ import annotations
@@ -20,8 +23,8 @@ from pc2cad.equation.normal_form import is_identically_zero
 from pc2cad.equation.point_equation import PARAMETERS, LayersError, PointEquation
 from pc2cad.equation.tree import Expr, number, substitute, symbol
 from pc2cad.errors import NotASolidError
-from pc2cad.folding import handedness
 from pc2cad.mapping import Mapping3, local_map, open_grid
+from pc2cad.scale import Scale
 from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
 from pc2cad.topology.complex import BoundaryComplex
 from pc2cad.topology.quotient import derive_boundary, derive_layers
@@ -37,6 +40,19 @@ class TooCloseToDecideError(NotASolidError):
     """Two places are neither clearly one nor clearly two."""
 
 
+@dataclass(frozen=True, eq=False)
+class SampledSides:
+    """M over the unit box, where it breaks, and samples of its six sides, all of them finite."""
+
+    equation: PointEquation
+    map: Mapping3
+    #: all breaks of u, v and w in local coordinates, creases and smoother ones alike
+    breaks: tuple[tuple[Break, ...], ...]
+    #: ascending limits of the pieces of each direction: 0, creases, 1
+    bounds: tuple[tuple[float, ...], ...]
+    questions: MapQuestions
+
+
 @dataclass(frozen=True)
 class Analysis:
     """What the later stages know of the map: its trees, its pieces and its boundary."""
@@ -50,16 +66,13 @@ class Analysis:
     boundary: BoundaryComplex
     #: the same with the faces between layers; the boundary itself where there are none
     complex: BoundaryComplex
-    #: diagonal of the box round the boundary's samples, model units
-    size: float
-    #: largest absolute coordinate among them
-    magnitude: float
-    #: +1 where (u, v, w) is right-handed in the solid (det J > 0), -1 where it is left-handed
-    orientation: int
-    #: how surely det J keeps that sign
-    determinant: Verdict
-    #: what is unusual, in sentences, but does not hinder
-    warnings: tuple[str, ...] = ()
+    #: of the samples of the boundary
+    scale: Scale
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box round the boundary's samples, model units."""
+        return self.scale.size
 
     def span(self, direction: int, position: int) -> tuple[float, float]:
         """Return the local interval of a cell position (of no length for a limit)."""
@@ -68,7 +81,15 @@ class Analysis:
 
 
 def analyse(equation: PointEquation) -> Analysis:
-    """Derive the boundary of a point equation's image; raise NotASolidError where it has none."""
+    """Derive the boundary of a point equation's image; raise NotASolidError where it has none.
+
+    Nothing is said of det J here; see `checked.check_map` for all that a solid needs.
+    """
+    return derive(sample_sides(equation))
+
+
+def sample_sides(equation: PointEquation) -> SampledSides:
+    """Return the map over the unit box, looked at on its sides; raise MapNotFiniteError."""
     mapping = local_map(equation)
     breaks = find_breaks(mapping.coordinates)
     bounds = tuple(
@@ -76,20 +97,20 @@ def analyse(equation: PointEquation) -> Analysis:
         for row in breaks
     )
     questions = MapQuestions(mapping, bounds, _labels(equation, bounds))
-    handed = handedness(mapping)
-    boundary = derive_boundary(questions, questions.labels)
+    return SampledSides(equation, mapping, breaks, bounds, questions)
+
+
+def derive(sides: SampledSides) -> Analysis:
+    """Return the boundary of sampled sides; raise NotASolidError where they do not close."""
+    boundary = derive_boundary(sides.questions, sides.questions.labels)
     return Analysis(
-        equation,
-        mapping,
-        breaks,
-        bounds,
+        sides.equation,
+        sides.map,
+        sides.breaks,
+        sides.bounds,
         boundary,
-        _layered(equation, boundary, questions),
-        questions.size,
-        questions.magnitude,
-        handed.sign,
-        handed.verdict,
-        (handed.warning,) if handed.warning else (),
+        _layered(sides.equation, boundary, sides.questions),
+        sides.questions.scale,
     )
 
 
@@ -137,10 +158,9 @@ class MapQuestions:
         self._bounds = bounds
         self._samples: dict[Cell, Array] = {}
         sides = self._side_samples
-        self.magnitude = float(np.abs(sides).max())
-        self.size = float(np.linalg.norm(sides.max(axis=0) - sides.min(axis=0)))
-        #: below this distance two samples are one point: rounding of a few dozen operations
-        self._one = 1e-12 * self.size + 128 * np.finfo(float).eps * self.magnitude
+        extent = sides.max(axis=0) - sides.min(axis=0)
+        self.scale = Scale(float(np.linalg.norm(extent)), float(np.abs(sides).max()))
+        self._one = self.scale.same_point
 
     @cached_property
     def _side_samples(self) -> Array:
@@ -209,8 +229,9 @@ class MapQuestions:
             return True
         if gap < 1000 * self._one:
             names = (cell_name(cell, self.labels) for cell in cells)
+            size = self.scale.size
             raise TooCloseToDecideError(
-                f"{what.format(*names)} are {gap:.3g} apart on a part of size {self.size:.3g}: too "
+                f"{what.format(*names)} are {gap:.3g} apart on a part of size {size:.3g}: too "
                 "far for one place and too near for two in double precision; separate or join them"
             )
         return False

@@ -1,6 +1,6 @@
 """The represent stage: every face and edge of the boundary complex gets one carrier.
 
-Input: Analysis (map, orientation and boundary complex). Output: BoundaryModel. This is the
+Input: CheckedMap. Output: BoundaryModel. This is the
 one place where topology meets geometry: an edge is carried once, and every face that uses it takes
 its poles, so that there is nothing to sew.
 """
@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.analysis import Analysis
+from pc2cad.checked import CheckedMap, resolve_tolerance
 from pc2cad.courses import Courses, Strand
 from pc2cad.directions import SAFE_DEGREE, CellFunction, DirectionClasses
 from pc2cad.enclosure.evaluate import Known
-from pc2cad.errors import InputError, ToleranceNotReachedError
+from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.bernstein import bernstein, bezier_knots
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
@@ -27,11 +27,12 @@ from pc2cad.geometry.carriers import (
     spline_traits,
 )
 from pc2cad.geometry.fitting import Fitted, irrational
-from pc2cad.geometry.profile import COMPACT, SplineProfile
+from pc2cad.geometry.profile import SplineProfile, spline_profile
 from pc2cad.geometry.rational import Course, edge_deviation, face_deviation, fit_edge, fit_face
 from pc2cad.geometry.recognition import Laid
 from pc2cad.laying import axis_of, sides_of_fitted, sides_on, whole_square
 from pc2cad.model import BoundaryModel, Layer, ModelEdge, ModelFace
+from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.planar import coplanar_groups, join_straight_edges, plane_face
 from pc2cad.point_sets import laid_of, on_line, plane_of, simple_curve
 from pc2cad.proof import Side, prove_edge, prove_face
@@ -48,24 +49,19 @@ TRIES = 6
 
 
 def represent(
-    analysis: Analysis,
-    outer_shell: int = 0,
-    tolerance: float | None = None,
-    profile: SplineProfile = COMPACT,
-    *,
-    prove: bool = True,
+    checked: CheckedMap, options: CompileOptions = DEFAULTS, *, prove: bool = True
 ) -> BoundaryModel:
-    """Return the boundary model within `tolerance` of the equation (a length, model units).
+    """Return the boundary model within the options' tolerance of the equation.
 
-    For its default see `check_tolerance`. Without `prove` deviations stay sampled, which shows what
-    the proofs cost. Raises ToleranceNotReachedError.
+    Without `prove` deviations stay sampled, which shows what the proofs cost. Raises
+    ToleranceNotReachedError.
     """
-    tolerance = check_tolerance(analysis, tolerance)
-    work = _Representation(analysis, tolerance, _rounding(analysis), profile)
+    analysis, tolerance = checked.analysis, resolve_tolerance(checked, options)
+    work = _Representation(checked, tolerance, spline_profile(options))
     edges, faces = work.carriers(prove)
     boundary = analysis.complex
     shells = [_faces_of(shell, faces) for shell in boundary.shells]
-    shells.insert(0, shells.pop(outer_shell))
+    shells.insert(0, shells.pop(checked.solidity.outer_shell))
     layers = tuple(
         _layer(name, index, boundary.layers[index], work, faces)
         for index, name in enumerate(analysis.equation.layers)
@@ -97,33 +93,6 @@ def _layer(
     return Layer(name, members, sum(shell.euler for shell in shells))
 
 
-def check_tolerance(
-    analysis: Analysis, tolerance: float | None, thickness: float = np.inf
-) -> float:
-    """Return the tolerance, or its default; raise where double precision cannot hold it.
-
-    The default is 1e-7 of the part's size, and of a slender part (whose `thickness` 2V/A is less
-    than a tenth of that) 1e-6 of the thickness: its volume is then right to 1e-6.
-    """
-    if tolerance is None:
-        tolerance = 1e-7 * analysis.size
-        least = min(tolerance, 4 * _rounding(analysis))
-        tolerance = max(least, min(tolerance, 1e-6 * thickness))
-    if not (np.isfinite(tolerance) and tolerance > 0):
-        raise InputError(f"the tolerance must be a positive length, not {tolerance}")
-    rounding = _rounding(analysis)
-    if tolerance < 4 * rounding:
-        raise ToleranceNotReachedError(
-            f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
-            f"({4 * rounding:.3g}); move it nearer to the origin or allow more"
-        )
-    return tolerance
-
-
-def _rounding(analysis: Analysis) -> float:
-    return 64 * float(np.finfo(float).eps) * (analysis.size + analysis.magnitude)
-
-
 class _NotLaidError(Exception):
     """A side of a face is no smooth curve on the surface that the face was laid on."""
 
@@ -135,12 +104,12 @@ class _NotLaidError(Exception):
 class _Representation:
     """Works out one model; lives for one call of `represent`."""
 
-    def __init__(
-        self, analysis: Analysis, tolerance: float, rounding: float, profile: SplineProfile
-    ) -> None:
-        self._analysis = analysis
+    def __init__(self, checked: CheckedMap, tolerance: float, profile: SplineProfile) -> None:
+        analysis = checked.analysis
+        self._orientation = checked.orientation.sign
         self._tolerance = tolerance
-        self._rounding = rounding
+        self._rounding = analysis.scale.evaluation_noise
+        self._slack = analysis.scale.carrier_noise
         self.boundary = analysis.complex
         self._profile = profile
         self._faces = [
@@ -223,13 +192,8 @@ class _Representation:
 
     # -- what a face lies on -------------------------------------------------------------------
 
-    @property
-    def _slack(self) -> float:
-        """What points may be off a carrier that they lie on to rounding (a length)."""
-        return 1e-12 * self._analysis.size + self._rounding
-
     def _sign(self, patch: tuple[int, int, int]) -> int:
-        return outward_sign(patch) * self._analysis.orientation
+        return outward_sign(patch) * self._orientation
 
     def _lay(self, function: CellFunction) -> Laid | Fitted | None:
         """Return a face laid on a surface that the receiver takes, or None."""

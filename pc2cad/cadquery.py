@@ -35,7 +35,7 @@ from OCP.gp import gp_Pnt, gp_Pnt2d  # noqa: E402
 from OCP.IntTools import IntTools_Context  # noqa: E402
 
 from pc2cad.bodies import BodiesPart  # noqa: E402
-from pc2cad.compiler import compile_equation  # noqa: E402
+from pc2cad.compiler import compile_solid  # noqa: E402
 from pc2cad.equation.point_equation import (  # noqa: E402
     Domain,
     Equation,
@@ -47,6 +47,7 @@ from pc2cad.equation.template_bodies import Bodies, BodiesTemplate  # noqa: E402
 from pc2cad.equation.template_file import read_template  # noqa: E402
 from pc2cad.errors import InputError  # noqa: E402
 from pc2cad.library import find_template, template_paths  # noqa: E402
+from pc2cad.options import CompileOptions  # noqa: E402
 from pc2cad.part import Part  # noqa: E402
 from pc2cad.python import parameters as parameters  # noqa: E402
 from pc2cad.python import points as points  # noqa: E402
@@ -73,18 +74,22 @@ def point_solid(
     *,
     tolerance: float | None = None,
     degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
     **parameters: Any,
 ) -> cq.Solid:
     """Compile a point equation into a `cadquery.Solid`.
 
     `source` is the name or file of a template, a `Template`, a point equation M(u,v,w), three
     coordinates (also SymPy's), or a compiled `Part`. `parameters` are values of a template's
-    parameters; `domain`, `tolerance` (model units) and `degree` are as in `compile_part`.
+    parameters; `domain`, `tolerance` (model units), `degree`, `max_degree` and `profile` are as in
+    `compile_part`.
 
     The solid has the attributes ``part`` (the `Part` with its report) and ``label``; what CadQuery
     derives from it is another solid and has no ``part``. Raises what `compile_part` raises.
     """
-    part = _compile(source, domain, tolerance, degree, parameters)
+    options = CompileOptions(tolerance, degree, max_degree, profile)
+    part = _compile(source, domain, options, parameters)
     return _solid(part, cq.Location())
 
 
@@ -94,6 +99,8 @@ def channel_solid(
     *,
     tolerance: float | None = None,
     degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
     **parameters: Any,
 ) -> cq.Solid:
     """Compile a channel: a section carried along a guide, with a wall.
@@ -101,7 +108,10 @@ def channel_solid(
     `channel` is the section of a shipped channel, ``"ellipse"``, ``"sine"`` or ``"contour"``, or
     whatever `point_solid` takes. The rest is as there.
     """
-    return point_solid(_channel(channel), domain, tolerance=tolerance, degree=degree, **parameters)
+    return point_solid(
+        _channel(channel), domain, tolerance=tolerance, degree=degree, max_degree=max_degree,
+        profile=profile, **parameters,
+    )  # fmt: skip
 
 
 def placed(
@@ -113,6 +123,8 @@ def placed(
     prefix: str = "",
     tolerance: float | None = None,
     degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
     **parameters: Any,
 ) -> Callable[[cq.Workplane], cq.Workplane]:
     """Return a function for `Workplane.invoke` that puts a point solid at every stack point.
@@ -122,7 +134,8 @@ def placed(
     name after `prefix`: ``wp.faces(tag="w=1")``. The compiled parts of a chain are at
     `Workplane.pointParts`. Raises what `compile_part` raises.
     """
-    part = _compile(source, domain, tolerance, degree, parameters)
+    options = CompileOptions(tolerance, degree, max_degree, profile)
+    part = _compile(source, domain, options, parameters)
 
     def place(workplane: cq.Workplane) -> cq.Workplane:
         copies: list[cq.Solid] = []
@@ -170,7 +183,10 @@ def pointSolid(
     prefix: str = "",
     **parameters: Any,
 ) -> cq.Workplane:
-    """Put a point solid at every stack point; see `pc2cad.cadquery.placed`."""
+    """Put a point solid at every stack point; see `pc2cad.cadquery.placed`.
+
+    Its `tolerance`, `degree`, `max_degree` and `profile` may be given among the parameters.
+    """
     return placed(source, domain, combine=combine, clean=clean, prefix=prefix, **parameters)(self)
 
 
@@ -200,8 +216,7 @@ def _channel(channel: Source) -> Source:
 def _compile(
     source: Source,
     domain: Domain | None,
-    tolerance: float | None,
-    degree: int | None,
+    options: CompileOptions,
     parameters: Mapping[str, Any],
 ) -> Part | BodiesPart:
     if isinstance(source, (str, os.PathLike)):
@@ -219,7 +234,7 @@ def _compile(
         source = point_equation(source, domain)
     elif domain is not None:
         raise InputError("the domain belongs to the template or the point equation already")
-    part = compile_equation(source, tolerance, degree)
+    part = compile_solid(source, options)
     reloading.keep(cq)
     return part
 

@@ -1,41 +1,81 @@
-"""The pipeline: one point equation in, one part out.
+"""One point equation in, one of these out: a part, splines or a mesh of its volume.
 
-    PointEquation  ─limits→     Limits         of a channel: what is near to break it
-                   ─analyse→    Analysis       which sides collapse, coincide, bound
-                   ─integrate→  Properties     volume, area, centroid of the equation
-                   ─solidity→   Solidity       proof or samples: det J keeps its sign, no overlap
-                   ─represent→  BoundaryModel  a carrier for every face and edge
-                   ─build→      BuiltSolid     the kernel's solid
-                   ─validate→   Report         held against the equation, or refused
+    PointEquation ─check→ CheckedMap ─represent→ BoundaryModel ─build→ BuiltSolid ─validate→ Part
+                               ├─represent_volume→ VolumeModel
+                               └─mesh_volume→ VolumeMesh         (tetrahedra: mesh_solid of a Part)
 
-Each stage takes the results before it and returns one frozen value.
+`checked` has the stages of the first arrow. Each stage takes the results before it and returns one
+frozen value. Rooms are imported where they are used: only parts and tetrahedra load the kernel.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar, overload
+from typing import TYPE_CHECKING, Literal, overload
 
-from pc2cad.analysis import analyse
-from pc2cad.bodies import BodiesPart, compile_bodies
-from pc2cad.boundary import check_tolerance, represent
-from pc2cad.brep.build import build
+from pc2cad.checked import CheckedMap, Progress, Stages, check_map
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
 from pc2cad.equation.template_bodies import Bodies
-from pc2cad.errors import NotASolidError
-from pc2cad.geometry.profile import SplineProfile, spline_profile
-from pc2cad.limits import Limit, check_limits, describe, find_limits
-from pc2cad.part import Part
-from pc2cad.properties import integrate
-from pc2cad.report import LimitReport
-from pc2cad.solidity import check_solidity
-from pc2cad.validation import check_thickness, validate
+from pc2cad.errors import require
+from pc2cad.options import DEFAULTS, CompileOptions
 
-#: told the name of each stage as it begins
-Progress = Callable[[str], None]
-Result = TypeVar("Result")
+if TYPE_CHECKING:
+    from pc2cad.bodies import BodiesPart
+    from pc2cad.isogeometry import VolumeModel
+    from pc2cad.mesh.meshing import MeshOptions
+    from pc2cad.mesh.report import MeshReport
+    from pc2cad.mesh.volume_mesh import VolumeMesh
+    from pc2cad.part import Part
+
+
+@overload
+def compile_solid(
+    equation: PointEquation,
+    options: CompileOptions = DEFAULTS,
+    progress: Progress | None = None,
+) -> Part: ...
+@overload
+def compile_solid(
+    equation: Bodies,
+    options: CompileOptions = DEFAULTS,
+    progress: Progress | None = None,
+) -> BodiesPart: ...
+def compile_solid(
+    equation: PointEquation | Bodies,
+    options: CompileOptions = DEFAULTS,
+    progress: Progress | None = None,
+) -> Part | BodiesPart:
+    """Compile a point equation, or several with their Booleans, into a validated part.
+
+    Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing doubtful is
+    returned.
+    """
+    from pc2cad.bodies import compile_bodies
+
+    if isinstance(equation, Bodies):
+        return compile_bodies(
+            equation, lambda body, tell: compile_solid(body, options, tell), progress
+        )
+    from pc2cad.validation import check_thickness
+
+    stages = Stages(progress)
+    return compile_checked(check_map(equation, options, stages, check_thickness), options, stages)
+
+
+def compile_checked(
+    checked: CheckedMap, options: CompileOptions = DEFAULTS, stages: Stages | None = None
+) -> Part:
+    """Return the part of a checked map: represented, built and validated."""
+    from pc2cad.boundary import represent
+    from pc2cad.brep.build import build
+    from pc2cad.part import Part
+    from pc2cad.validation import validate
+
+    run = stages or Stages()
+    model = run("represent", lambda: represent(checked, options))
+    built = run("build", lambda: build(model))
+    report = run("validate", lambda: validate(checked, model, built))
+    return Part(checked, model, built, replace(report, times=run.times))
 
 
 @overload
@@ -73,56 +113,10 @@ def compile_equation(
     None means 1e-7 of the part's size, or 1e-6 of its thickness 2V/A where that is less. Where a
     spline is fitted, its degree in each direction is 3, 5 or 7, whichever needs the fewest poles;
     `degree` fixes it, `max_degree` lets fits choose from 3 up to it (at most 13). The profile
-    "cubic" keeps every spline at degree 3 and not rational. Raises InputError, NotASolidError,
-    ToleranceNotReachedError or KernelError; nothing doubtful is returned.
+    "cubic" keeps every spline at degree 3 and not rational. Raises what `compile_solid` raises.
     """
-    splines = spline_profile(degree, max_degree, profile)
-    if isinstance(equation, Bodies):
-        return compile_bodies(
-            equation, lambda body, tell: _compile(body, tolerance, splines, tell), progress
-        )
-    return _compile(equation, tolerance, splines, progress)
-
-
-def _compile(
-    equation: PointEquation,
-    tolerance: float | None,
-    splines: SplineProfile,
-    progress: Progress | None,
-) -> Part:
-    times: dict[str, float] = {}
-
-    limits: tuple[Limit, ...] = ()
-
-    def stage(name: str, run: Callable[[], Result]) -> Result:
-        if progress is not None:
-            progress(name)
-        start = time.perf_counter()
-        try:
-            result = run()
-        except NotASolidError as error:
-            if limits:
-                error.args = (f"{error} (limits of the channel: {describe(limits)})",)
-            raise
-        times[name] = time.perf_counter() - start
-        return result
-
-    limits = stage("limits", lambda: find_limits(equation))
-    check_limits(limits)
-    analysis = stage("analyse", lambda: analyse(equation))
-    check_tolerance(analysis, tolerance)
-    properties = stage("integrate", lambda: integrate(analysis))
-    tolerance = check_tolerance(analysis, tolerance, 2 * properties.volume / properties.area)
-    check_thickness(properties)
-    solidity = stage("solidity", lambda: check_solidity(analysis))
-    model = stage(
-        "represent",
-        lambda: represent(analysis, solidity.outer_shell, tolerance, splines),
-    )
-    built = stage("build", lambda: build(model))
-    report = stage("validate", lambda: validate(analysis, properties, solidity, model, built))
-    known = tuple(LimitReport(x.name, x.value, x.breaks_at, x.sentence) for x in limits)
-    return Part(equation, model, built, replace(report, limits=known, times=times))
+    options = CompileOptions(tolerance, degree, max_degree, profile)
+    return compile_solid(equation, options, progress)
 
 
 def compile_part(
@@ -141,10 +135,88 @@ def compile_part(
     `domain` maps ``u``, ``v``, ``w`` to ``(lower, upper)``; what is missing runs from 0 to 1. See
     `compile_equation` for the rest.
     """
-    return compile_equation(
-        point_equation(equation, domain, name=name, units=units),
-        tolerance,
-        degree,
-        max_degree=max_degree,
-        profile=profile,
-    )
+    options = CompileOptions(tolerance, degree, max_degree, profile)
+    return compile_solid(point_equation(equation, domain, name=name, units=units), options)
+
+
+# -- the volume ------------------------------------------------------------------------------------
+
+
+def spline_equation(
+    equation: PointEquation,
+    options: CompileOptions = DEFAULTS,
+    progress: Progress | None = None,
+) -> tuple[VolumeModel, CheckedMap]:
+    """Return M as trivariate splines, and what is known of the equation itself.
+
+    The options bound the distance from the equation where no exact form is known. Raises
+    NotASolidError, ToleranceNotReachedError.
+    """
+    from pc2cad.isogeometry import represent_volume
+
+    stages = Stages(progress)
+    checked = check_map(equation, options, stages)
+    return stages("represent", lambda: represent_volume(checked, options)), checked
+
+
+def spline_part(
+    equation: Equation,
+    domain: Domain | None = None,
+    tolerance: float | None = None,
+    *,
+    name: str = "part",
+    units: str = "mm",
+    degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
+) -> VolumeModel:
+    """Return a Python point equation over a box as trivariate splines.
+
+    `tolerance`, `degree`, `max_degree` and `profile` are those of `compile_equation`. Raises
+    InputError, NotASolidError, ToleranceNotReachedError.
+    """
+    options = CompileOptions(tolerance, degree, max_degree, profile)
+    return spline_equation(point_equation(equation, domain, name=name, units=units), options)[0]
+
+
+def mesh_equation(
+    equation: PointEquation,
+    mesh: MeshOptions | None = None,
+    progress: Progress | None = None,
+    options: CompileOptions = DEFAULTS,
+) -> tuple[VolumeMesh, MeshReport]:
+    """Return the mesh of a point equation and the report on it.
+
+    `options` are those of the part that tetrahedra are made of. Raises NotASolidError where the
+    image is no solid or an element of the mesh is inverted, and UnsuitableGridError where the cells
+    do not fit the solid.
+    """
+    from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
+
+    wanted, stages = mesh or MeshOptions(), Stages(progress)
+    if wanted.shape == "tetrahedra":
+        require("gmsh", "tetrahedra")
+        from pc2cad.validation import check_thickness
+
+        checked = check_map(equation, options, stages, check_thickness)
+        return mesh_solid(compile_checked(checked, options, stages), wanted, stages)
+    return mesh_volume(check_map(equation, stages=stages), wanted, stages)
+
+
+def mesh_part(
+    equation: Equation,
+    domain: Domain | None = None,
+    *,
+    name: str = "part",
+    units: str = "mm",
+    cells: tuple[int, int, int] | None = None,
+    size: float | None = None,
+    order: Literal[1, 2] = 1,
+    shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
+    core: Literal["grid", "ogrid"] = "grid",
+) -> VolumeMesh:
+    """Mesh a Python point equation over a box; see `MeshOptions` and `mesh_equation`."""
+    from pc2cad.mesh.meshing import MeshOptions
+
+    bound = point_equation(equation, domain, name=name, units=units)
+    return mesh_equation(bound, MeshOptions(cells, size, order, shape, core=core))[0]

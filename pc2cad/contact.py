@@ -44,7 +44,6 @@ from pc2cad.sheets import Sheet
 TOUCHING = 1e-9
 #: halvings of the cells, pairs that are followed at once, and of those some first to the end
 DEEPEST, MOST_PAIRS, FIRST = 48, 400_000, 64
-EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def find_contact(
         pairs = pairs[~cannot_return(level, pairs, opposite)]
     leaf = levels[0]
     pairs = pairs[~adjoining(sheets, leaf, pairs)]
-    rounding = 8 * EPSILON * (analysis.size + analysis.magnitude)
+    rounding = analysis.scale.sampling_noise
     touching = share * analysis.size + rounding
     return _Descent(sheets, opposite, touching, rounding).follow(leaf, pairs)
 

@@ -216,7 +216,7 @@ class DirectionClasses:
         here = self._analysis.map.points(*open_grid(*nodes))
         nodes[direction] = SECTIONS + 1
         gap = np.abs(self._analysis.map.points(*open_grid(*nodes)) - here).max()
-        return bool(gap <= 1e-11 * self._analysis.size + 1e-13 * self._analysis.magnitude)
+        return bool(gap <= 10 * self._analysis.scale.same_point)
 
 
 def _is_power_or_wave(node: Expr, name: str) -> bool:

@@ -1,4 +1,6 @@
-"""The local test: det J keeps one sign (spec 4.1).
+"""The orient stage: det J keeps one sign (spec 4.1).
+
+Input: Mapping3. Output: Orientation.
 
 det J is compared with |M_u||M_v||M_w|: the quotient is the volume of the parallelepiped of the unit
 tangents and free of scale. Where a tangent vanishes, rounding leaves a vector of any direction; so
@@ -42,7 +44,7 @@ class FoldedMapError(NotASolidError):
 
 
 @dataclass(frozen=True)
-class Handedness:
+class Orientation:
     """The sign of det J, and where inside the box it is zero all the same."""
 
     #: +1 where (u, v, w) is right-handed in the solid, -1 where it is left-handed
@@ -52,8 +54,13 @@ class Handedness:
     #: a sentence on an inner place where det J vanishes without changing its sign, or nothing
     warning: str = ""
 
+    @property
+    def axes(self) -> tuple[int, int, int]:
+        """u, v and w in an order that is right-handed in the solid."""
+        return (0, 1, 2) if self.sign > 0 else (1, 0, 2)
 
-def handedness(mapping: Mapping3) -> Handedness:
+
+def find_orientation(mapping: Mapping3) -> Orientation:
     """Return the sign of det J.
 
     Where it is not proved, a sweep over the closed box is followed by a search for the smallest
@@ -61,7 +68,7 @@ def handedness(mapping: Mapping3) -> Handedness:
     """
     proved = proved_sign(mapping)
     if proved:
-        return Handedness(proved, Verdict.PROVED, _inner_zero(Signs(mapping), proved))
+        return Orientation(proved, Verdict.PROVED, _inner_zero(Signs(mapping), proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
     signs = Signs(mapping)
@@ -73,7 +80,7 @@ def handedness(mapping: Mapping3) -> Handedness:
     order = np.argsort(np.where(np.isfinite(sine), sign * sine, np.inf).ravel())[:STARTS]
     place = _search(signs, places[:, order], sign)
     # a zero on a side is normal; moved inside along it, it has to be gone
-    return Handedness(sign, Verdict.UNDECIDED, _zero_near(signs, sign, np.clip(place, 0.05, 0.95)))
+    return Orientation(sign, Verdict.UNDECIDED, _zero_near(signs, sign, np.clip(place, 0.05, 0.95)))
 
 
 def _inner_zero(signs: Signs, sign: int) -> str:

@@ -62,14 +62,17 @@ class Injectivity:
     outer_shell: int
 
 
-def check_injective(analysis: Analysis) -> Injectivity:
-    """Return how injectivity was checked; raise a NotASolidError where it fails."""
+def check_injective(analysis: Analysis, sign: int) -> Injectivity:
+    """Return how injectivity was checked; raise a NotASolidError where it fails.
+
+    `sign` is that of det J: it says on which side of the boundary the image is.
+    """
     sheets = cut(analysis)
     check_continuous(analysis, sheets)
     found = find_contact(analysis, sheets)
     if isinstance(found, Contact):
         raise OverlappingMapError(_met(analysis, sheets, found))
-    mesh = _Mesh(sheets)
+    mesh = _Mesh(sheets, sign)
     images = _check_images(analysis, mesh)
     return Injectivity(images, found, _outer_shell(analysis, mesh))
 
@@ -108,10 +111,12 @@ class _Mesh:
     """A closed mesh of the boundary that can be refined where a ray meets it."""
 
     sheets: Sequence[Sheet]
+    #: of det J
+    sign: int
 
     @cached_property
     def triangles(self) -> Array:
-        return np.concatenate([sheet.halves(sheet.cells()) for sheet in self.sheets])
+        return np.concatenate([sheet.halves(sheet.cells(), self.sign) for sheet in self.sheets])
 
     @cached_property
     def error(self) -> float:
@@ -166,7 +171,7 @@ class _Mesh:
                 met |= (low[:, 0] <= x) & (x <= high[:, 0]) & (low[:, 1] <= y) & (y <= high[:, 1])
             chosen = np.flatnonzero(met)
             if len(chosen):
-                result.append(sheet.halves(sheet.refined(chosen, count)))
+                result.append(sheet.halves(sheet.refined(chosen, count), self.sign))
         return np.concatenate(result) if result else np.empty((0, 3, 3))
 
 
@@ -294,7 +299,7 @@ def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
     if count == 1:
         return 0
     parts = [
-        np.concatenate([s.halves(s.cells()) for s in mesh.sheets if s.shell == i])
+        np.concatenate([s.halves(s.cells(), mesh.sign) for s in mesh.sheets if s.shell == i])
         for i in range(count)
     ]
     centre = mesh.triangles.mean(axis=(0, 1))
@@ -305,7 +310,7 @@ def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
             f"{len(outer)} of {count} shells enclose material; one solid has one outer shell and "
             "otherwise voids"
         )
-    hull = _Mesh([s for s in mesh.sheets if s.shell == outer[0]])
+    hull = _Mesh([s for s in mesh.sheets if s.shell == outer[0]], mesh.sign)
     for i, part in enumerate(parts):
         places = part[:: max(1, len(part) // 50), 0]
         if i != outer[0]:

@@ -1,7 +1,7 @@
 """Points of the interior: samples of the solid, and M inverted at given points.
 
-Input: Analysis. Output: PointSet (samples) or Location (where points lie). Everything works in the
-local parameters of the box and is vectorised.
+Input: CheckedMap. Output: PointSet (samples) or Location (where points lie). Everything works in
+the local parameters of the box and is vectorised.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from pc2cad.analysis import Analysis
+from pc2cad.checked import CheckedMap
 from pc2cad.errors import InputError
 from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import directions_of, normal_direction
@@ -63,24 +64,25 @@ class Location:
     distance: Array
 
 
-def sample_uniform(analysis: Analysis, count: int, seed: int = 0) -> PointSet:
+def sample_uniform(checked: CheckedMap, count: int, seed: int = 0) -> PointSet:
     """Return random points of equal density in space: (u,v,w) are drawn with density |det J|."""
     _check(count)
+    analysis = checked.analysis
     return _point_set(analysis, _draw(analysis, count, np.random.default_rng(seed)))
 
 
-def sample_blue(analysis: Analysis, count: int, seed: int = 0) -> PointSet:
+def sample_blue(checked: CheckedMap, count: int, seed: int = 0) -> PointSet:
     """Return random points that keep a distance (Poisson discs); `spacing` says which.
 
     Of eight times as many uniform points those are kept, in random order, that are no nearer than
     the spacing to one kept already; the spacing is the largest for which enough are left.
     """
     _check(count)
+    analysis = checked.analysis
     local = _draw(analysis, _CANDIDATES * count, np.random.default_rng(seed))
     points = analysis.map.points(*local.T)
     tree = cKDTree(points)
-    volume = _volume(analysis)
-    low, high = 0.0, 2.0 * float(np.cbrt(volume / count))
+    low, high = 0.0, 2.0 * float(np.cbrt(checked.mass.volume / count))
     kept = np.arange(count)
     for _ in range(12):
         middle = (low + high) / 2
@@ -92,11 +94,11 @@ def sample_blue(analysis: Analysis, count: int, seed: int = 0) -> PointSet:
     return _point_set(analysis, local[kept], low)
 
 
-def sample_grid(analysis: Analysis, spacing: float) -> PointSet:
+def sample_grid(checked: CheckedMap, spacing: float) -> PointSet:
     """Return the points of a cubic lattice of a spacing (model units) that lie in the solid."""
     if not 0 < spacing < np.inf:
         raise InputError(f"the spacing of a lattice must be a positive length, not {spacing}")
-    shell = _seed_points(analysis)[1]
+    shell = _seed_points(checked.analysis)[1]
     low, high = shell.min(axis=0) - spacing, shell.max(axis=0) + spacing
     counts = np.ceil((high - low) / spacing)
     if np.prod(counts) > MOST_POINTS:
@@ -106,13 +108,13 @@ def sample_grid(analysis: Analysis, spacing: float) -> PointSet:
         for a, b in zip(low, high, strict=True)
     ]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    found = locate(analysis, points)
-    equation = analysis.equation
+    found = locate(checked, points)
+    equation = checked.equation
     return PointSet(equation.name, equation.units, points[found.inside],
                     found.parameters[found.inside], spacing)  # fmt: skip
 
 
-def locate(analysis: Analysis, points: ArrayLike) -> Location:
+def locate(checked: CheckedMap, points: ArrayLike) -> Location:
     """Return for each point (n, 3) whether it is inside, and the nearest place of the solid.
 
     M is inverted by damped Newton steps that stay in the box, from the nearest of many images. A
@@ -122,6 +124,7 @@ def locate(analysis: Analysis, points: ArrayLike) -> Location:
     targets = np.atleast_2d(np.asarray(points, dtype=float))
     if targets.ndim != 2 or targets.shape[1] != 3 or not np.isfinite(targets).all():
         raise InputError("points to locate are rows of three finite coordinates")
+    analysis = checked.analysis
     inverse = _Inverse(analysis)
     local = np.empty_like(targets)
     for start in range(0, len(targets), _CHUNK):
@@ -165,16 +168,6 @@ def _strata(analysis: Analysis) -> list[Array]:
             [np.linspace(a, b, each + 1)[:-1] for a, b in pairwise(limits)] + [[1.0]]
         ))  # fmt: skip
     return rows
-
-
-def _volume(analysis: Analysis) -> float:
-    x, weight = np.polynomial.legendre.leggauss(5)
-    nodes, weights = [], []
-    for edges in _strata(analysis):
-        half = np.diff(edges)[:, None] / 2
-        nodes.append(((edges[1:, None] + edges[:-1, None]) / 2 + half * x).ravel())
-        weights.append((half * weight).ravel())
-    return float(np.einsum("ijk,i,j,k", _jacobian(analysis, *open_grid(*nodes)), *weights))
 
 
 def _draw(analysis: Analysis, count: int, random: np.random.Generator) -> Array:
@@ -278,8 +271,7 @@ class _Inverse:
         self._analysis = analysis
         self._places, images = _seed_points(analysis)
         self._tree = cKDTree(images)
-        rounding = 1e3 * float(np.finfo(float).eps) * analysis.magnitude
-        self.tolerance = 1e-10 * analysis.size + rounding
+        self.tolerance = analysis.scale.search_noise
         self._closed = np.zeros(3, dtype=bool)
         #: coordinates of the lower and of the upper sides, and which of them (2, 3) bound the solid
         self._limits = np.array([[0.0], [1.0]]) * np.ones(3)

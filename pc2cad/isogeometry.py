@@ -1,6 +1,6 @@
 """The represent stage for the whole volume: M itself as a trivariate spline, for isogeometry.
 
-Input: Analysis. Output: VolumeModel, one spline per piece of the box (creases limit pieces).
+Input: CheckedMap. Output: VolumeModel, one spline per piece of the box (creases limit pieces).
 Directions along which M is polynomial or a trigonometric polynomial are carried exactly; the
 others get a spline space that meets the tolerance.
 """
@@ -13,15 +13,16 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.analysis import Analysis
+from pc2cad.checked import CheckedMap, resolve_tolerance
 from pc2cad.directions import CellFunction, DirectionClasses, Piece, polynomial_space
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import Evidence
-from pc2cad.geometry.profile import COMPACT, SplineProfile
+from pc2cad.geometry.profile import SplineProfile, spline_profile
 from pc2cad.geometry.refinement import Sampler, adapt, check_places
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.geometry.trigonometric import wave_in
 from pc2cad.geometry.trivariate import Axis, GridSampler, SplineVolume, fit_volume
+from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.proof import bound_volume
 from pc2cad.topology.cells import Cell, cell_name
 from pc2cad.topology.complex import BoundaryComplex
@@ -32,8 +33,6 @@ Array = NDArray[np.float64]
 _SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(7)[0] + 1) / 2, [1.0]))
 #: what one direction's fit may use of the tolerance, and what all three may
 _SHARE, _ALL = 0.2, 0.9
-#: a deviation below this many roundings of the coordinates is none
-_ROUNDING = 1000 * float(np.finfo(float).eps)
 _MOST_CHECKS = 1_000_000
 _TRIES = 5
 
@@ -95,21 +94,20 @@ class VolumeModel:
         return cell_name((cell[0], cell[1], cell[2]), self.boundary.labels)
 
 
-def represent_volume(
-    analysis: Analysis, tolerance: float | None = None, profile: SplineProfile = COMPACT
-) -> VolumeModel:
-    """Return M as trivariate splines within `tolerance` (a length, 1e-7 of the size by default).
+def represent_volume(checked: CheckedMap, options: CompileOptions = DEFAULTS) -> VolumeModel:
+    """Return M as trivariate splines within the options' tolerance.
 
-    `profile` says which degrees directions without an exact form choose from, how high the degree
-    of an exact one may be, and whether it may be rational. Raises ToleranceNotReachedError.
+    Their profile says which degrees directions without an exact form choose from, how high the
+    degree of an exact one may be, and whether it may be rational. Raises ToleranceNotReachedError.
     """
-    tolerance = 1e-7 * analysis.size if tolerance is None else tolerance
-    directions = (0, 1, 2) if analysis.orientation > 0 else (1, 0, 2)
+    analysis, profile = checked.analysis, spline_profile(options)
+    tolerance = resolve_tolerance(checked, options)
+    directions = checked.orientation.axes
     spans = [range(1, 2 * len(limits) - 1, 2) for limits in analysis.bounds]
     functions = [CellFunction(analysis, (a, b, c), profile.exact) for a, b, c in product(*spans)]
     classes = DirectionClasses(analysis, profile.degrees)
     exact = {(f.cell, d): _exact_axis(classes, f, d, profile) for f in functions for d in range(3)}
-    rounding = _ROUNDING * (analysis.size + analysis.magnitude)
+    rounding = checked.scale.fitting_noise
     known = all(axis is not None for axis in exact.values())
     target = _SHARE * tolerance
     for _ in range(_TRIES):

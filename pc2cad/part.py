@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from pc2cad.brep.build import BuiltSolid
+from pc2cad.checked import CheckedMap
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.export.model import (
     Exportable,
@@ -17,6 +18,7 @@ from pc2cad.export.model import (
 )
 from pc2cad.export.registry import write
 from pc2cad.model import BoundaryModel, ModelFace
+from pc2cad.options import CompileOptions
 from pc2cad.report import BodiesReport, Integrals, Report
 from pc2cad.topology.cells import Cell, normal_direction
 
@@ -101,10 +103,15 @@ class Solid:
 class Part(Solid):
     """One validated solid of one point equation."""
 
-    equation: PointEquation
+    checked: CheckedMap
     model: BoundaryModel
     built: BuiltSolid
     report: Report
+
+    @property
+    def equation(self) -> PointEquation:
+        """The point equation."""
+        return self.checked.equation
 
     @property
     def shape(self) -> TopoDS_Solid:
@@ -126,6 +133,15 @@ class Part(Solid):
         """The kernel's faces, each with the name of its side, without those between layers."""
         return tuple((self.model.faces[i].name, self.built.faces[i]) for i in self.model.outer)
 
+    @property
+    def face_areas(self) -> dict[str, float]:
+        """The equation's area of each face by the name of its side, without those between layers.
+
+        In units squared.
+        """
+        areas, outer = self.checked.mass.face_areas, (self.model.faces[i] for i in self.model.outer)
+        return {face.name: sum(areas[cell] for cell in face.cells) for face in outer}
+
     def mesh(
         self,
         *,
@@ -135,24 +151,36 @@ class Part(Solid):
         shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
         core: Literal["grid", "ogrid"] = "grid",
     ) -> VolumeMesh:
-        """Return structured hexahedra of the equation's own (u,v,w) grid, or tetrahedra by gmsh.
+        """Return structured hexahedra of the equation's own (u,v,w) grid, or gmsh's tetrahedra.
 
+        Tetrahedra are of this part's solid, with its tolerance and its splines.
         `cells` along u, v and w, or the `size` of the longest ones in model units. The `core` at an
         axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Raises
         UnsuitableGridError, or InvertedElementError where the cells are too coarse.
         """
-        from pc2cad.volume import MeshOptions, mesh_equation
+        from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
 
-        return mesh_equation(self.equation, MeshOptions(cells, size, order, shape, core=core))[0]
+        options = MeshOptions(cells, size, order, shape, core=core)
+        if shape == "tetrahedra":
+            return mesh_solid(self, options)[0]
+        return mesh_volume(self.checked, options)[0]
 
-    def splines(self, tolerance: float | None = None) -> VolumeModel:
+    def splines(
+        self,
+        tolerance: float | None = None,
+        *,
+        degree: int | None = None,
+        max_degree: int | None = None,
+        profile: str = "compact",
+    ) -> VolumeModel:
         """Return the volume itself as trivariate splines, exact where M is polynomial or rational.
 
-        `tolerance` bounds the distance elsewhere (a length, 1e-7 of the size by default).
+        `tolerance` bounds the distance elsewhere; it and the rest are those of `compile_equation`.
         """
-        from pc2cad.volume import spline_equation
+        from pc2cad.isogeometry import represent_volume
 
-        return spline_equation(self.equation, tolerance)[0]
+        options = CompileOptions(tolerance, degree, max_degree, profile)
+        return represent_volume(self.checked, options)
 
     def sample(
         self,
@@ -162,18 +190,16 @@ class Part(Solid):
         seed: int = 0,
     ) -> PointSet:
         """Return random points of the interior, uniform in space or kept apart (blue noise)."""
-        from pc2cad.analysis import analyse
         from pc2cad.interior import sample_blue, sample_uniform
 
         draw = sample_blue if method == "blue" else sample_uniform
-        return draw(analyse(self.equation), count, seed)
+        return draw(self.checked, count, seed)
 
     def locate(self, points: ArrayLike) -> Location:
         """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""
-        from pc2cad.analysis import analyse
         from pc2cad.interior import locate
 
-        return locate(analyse(self.equation), points)
+        return locate(self.checked, points)
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""

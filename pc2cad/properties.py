@@ -73,6 +73,11 @@ class Properties:
     #: area of each face between two layers, in the order of the complex
     interface_areas: tuple[float, ...] = ()
 
+    @property
+    def thickness(self) -> float:
+        """The mean thickness 2V/A, in model units."""
+        return 2 * self.volume / self.area
+
 
 def integrate(analysis: Analysis) -> Properties:
     """Return the integrals; raise FoldedMapError where a quadrature node shows a fold."""

@@ -45,8 +45,6 @@ class Sheet:
     #: numbers of the corners, (n+1, m+1): one number, one place of the boundary
     nodes: Integers
     shell: int
-    #: M_s × M_t points into the solid
-    inward: bool
     #: it lies in a plane
     flat: bool
 
@@ -85,11 +83,11 @@ class Sheet:
                           np.stack((g[:, 1:, :-1], g[:, 1:, 1:]), 3)), 3)  # fmt: skip
         return pairs.reshape(-1, 2, 2, 3)
 
-    def halves(self, cells: Array) -> Array:
-        """Return two outward triangles per cell, (2·cells, 3, 3)."""
+    def halves(self, cells: Array, sign: int) -> Array:
+        """Return two outward triangles per cell, (2·cells, 3, 3); `sign` is that of det J."""
         a, b, c, d = cells[:, 0, 0], cells[:, 1, 0], cells[:, 1, 1], cells[:, 0, 1]
         both = np.concatenate((np.stack((a, b, c), 1), np.stack((a, c, d), 1)))
-        return both[:, ::-1] if self.inward else both
+        return both[:, ::-1] if outward_sign(self.function.cell) * sign < 0 else both
 
     @cached_property
     def error(self) -> float:
@@ -108,14 +106,12 @@ def cut(analysis: Analysis) -> tuple[Sheet, ...]:
     counts = _counts(analysis, functions)
     numbers = _numbers(analysis, counts)
     shell_of = {f: i for i, shell in enumerate(analysis.boundary.shells) for f in shell.faces}
-    rounding = 1e-12 * analysis.size + 1e-14 * analysis.magnitude
     sheets = []
     for index, function in enumerate(functions):
         s, t = (np.linspace(0, 1, 2 * counts[piece] + 1) for piece in function.pieces)
         samples = function(s, t)
-        inward = outward_sign(function.cell) * analysis.orientation < 0
-        flat = fit_plane(samples.reshape(-1, 3), rounding) is not None
-        sheets.append(Sheet(function, samples, numbers[index], shell_of[index], inward, flat))
+        flat = fit_plane(samples.reshape(-1, 3), analysis.scale.same_point) is not None
+        sheets.append(Sheet(function, samples, numbers[index], shell_of[index], flat))
     return tuple(sheets)
 
 

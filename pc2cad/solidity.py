@@ -1,8 +1,8 @@
-"""The solidity stage: whether the image is one solid, and how surely that is known.
+"""The solidity stage: whether the image nowhere covers itself, and how surely that is known.
 
-Input: Analysis. Output: Solidity. Both questions of spec section 4 are asked:
-does det J keep its sign (proved where the map is polynomial), and does the solid nowhere cover
-itself (no contact of its boundary, winding numbers).
+Input: Analysis and the sign of det J (`folding`). Output: Solidity. That det J keeps its sign was
+the first question of spec section 4; the second is whether the boundary meets itself and winds
+once about every image.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pc2cad.analysis import Analysis
-from pc2cad.equation.identity import Verdict
 from pc2cad.injectivity import check_injective
 
 
@@ -18,8 +17,6 @@ from pc2cad.injectivity import check_injective
 class Solidity:
     """The evidence that the map is injective inside its box."""
 
-    #: det J keeps its sign: PROVED, or UNDECIDED where it only did at every quadrature node
-    determinant: Verdict
     #: inner images at which the boundary's winding number is 1
     images: int
     #: parts of the boundary that are further apart than this were told from touching (model units)
@@ -28,7 +25,7 @@ class Solidity:
     outer_shell: int
 
 
-def check_solidity(analysis: Analysis) -> Solidity:
+def check_solidity(analysis: Analysis, sign: int) -> Solidity:
     """Return the evidence; raise NotASolidError (a subclass) where the image is no solid."""
-    injective = check_injective(analysis)
-    return Solidity(analysis.determinant, injective.images, injective.apart, injective.outer_shell)
+    injective = check_injective(analysis, sign)
+    return Solidity(injective.images, injective.apart, injective.outer_shell)

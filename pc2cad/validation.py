@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pc2cad.analysis import Analysis
 from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
+from pc2cad.checked import CheckedMap
 from pc2cad.equation.point_equation import PARAMETERS, Expectations
 from pc2cad.errors import KernelError, NotASolidError
 from pc2cad.geometry.carriers import (
@@ -34,10 +34,11 @@ from pc2cad.report import (
     FaceReport,
     Integrals,
     LayerReport,
+    LimitReport,
     Report,
     SideReport,
 )
-from pc2cad.solidity import Solidity
+from pc2cad.scale import Scale
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of
 from pc2cad.topology.complex import BoundaryComplex, SideFate
 
@@ -58,32 +59,25 @@ class ExpectationNotMetError(NotASolidError):
     """A figure that the template states is not the solid's."""
 
 
-def validate(
-    analysis: Analysis,
-    properties: Properties,
-    solidity: Solidity,
-    model: BoundaryModel,
-    built: BuiltSolid,
-) -> Report:
+def validate(checked: CheckedMap, model: BoundaryModel, built: BuiltSolid) -> Report:
     """Return the report of a solid that passes every check; raise for one that does not."""
     findings = inspect(built.solid)
     _check_kernel(findings, model)
     integrals = solid_integrals(built.solid)
-    _check_integrals(integrals, properties, model)
-    report = _report(analysis, properties, solidity, model, integrals, findings)
-    report = replace(report, layers=_layers(properties, model, built))
-    check_expectations(analysis.equation.expectations, report)
+    _check_integrals(integrals, checked.mass, model)
+    report = _report(checked, model, integrals, findings)
+    report = replace(report, layers=_layers(checked.mass, model, built))
+    check_expectations(checked.equation.expectations, report)
     return report
 
 
 def check_thickness(properties: Properties) -> None:
     """Raise ThinnerThanKernelError for a solid that the kernel takes for a sheet."""
-    thickness = 2 * properties.volume / properties.area
-    if thickness < 10 * KERNEL_TOLERANCE:
+    if properties.thickness < 10 * KERNEL_TOLERANCE:
         raise ThinnerThanKernelError(
-            f"the solid is only {thickness:.3g} units thick on average, and the kernel takes "
-            f"points within {KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead of "
-            "m), so that numbers grow, or a thicker solid"
+            f"the solid is only {properties.thickness:.3g} units thick on average, and the kernel "
+            f"takes points within {KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead "
+            "of m), so that numbers grow, or a thicker solid"
         )
 
 
@@ -140,8 +134,8 @@ def _check_findings(
 
 def _check_integrals(solid: SolidIntegrals, true: Properties, model: BoundaryModel) -> None:
     # coordinates far from the origin are rounded, and the kernel holds no more than that
-    rounding = 16 * float(np.finfo(float).eps * (np.abs(model.vertices).max() + model.size))
-    deviation = max(face.deviation for face in model.faces) + rounding
+    place = Scale(model.size, float(np.abs(model.vertices).max()))
+    deviation = max(face.deviation for face in model.faces) + place.kernel_noise
     slack = 1e-11 + 10 * true.relative_error
     volume_gap = abs(solid.volume - true.volume)
     if not volume_gap <= 2 * true.area * deviation + slack * (true.volume + true.area * model.size):
@@ -151,8 +145,7 @@ def _check_integrals(solid: SolidIntegrals, true: Properties, model: BoundaryMod
         )
     area_gap = abs(solid.area - true.area)
     # area follows with distance times curvature, and no curvature says more than the thickness
-    thickness = 2 * true.volume / true.area
-    if not area_gap <= (20 * deviation / thickness + 10 * slack) * true.area:
+    if not area_gap <= (20 * deviation / true.thickness + 10 * slack) * true.area:
         raise IntegralsDisagreeError(
             f"the solid's area is {solid.area:.12g} and the equation's {true.area:.12g}"
         )
@@ -205,14 +198,12 @@ def check_expectations(expected: Expectations, report: Report | BodiesReport) ->
 
 
 def _report(
-    analysis: Analysis,
-    properties: Properties,
-    solidity: Solidity,
+    checked: CheckedMap,
     model: BoundaryModel,
     integrals: SolidIntegrals,
     findings: KernelFindings,
 ) -> Report:
-    equation, boundary = analysis.equation, model.complex
+    equation, boundary, properties = checked.equation, model.complex, checked.mass
     return Report(
         name=equation.name,
         title=equation.title,
@@ -235,11 +226,14 @@ def _report(
             if model.faces[members[0]].cells[0] in shell.faces
         ),
         euler=boundary.euler,
-        frame=analysis.equation.frame,
-        limits=(),
-        determinant=solidity.determinant.value,
-        images=solidity.images,
-        told_apart=solidity.apart,
+        frame=equation.frame,
+        limits=tuple(
+            LimitReport(limit.name, limit.value, limit.breaks_at, limit.sentence)
+            for limit in checked.limits
+        ),
+        determinant=checked.orientation.verdict.value,
+        images=checked.solidity.images,
+        told_apart=checked.solidity.apart,
         equation=Integrals(
             properties.source, properties.volume, properties.area,
             properties.centroid, properties.relative_error,
@@ -247,7 +241,7 @@ def _report(
         solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,
                         integrals.centroid),
         kernel_tolerance=findings.largest_tolerance,
-        warnings=analysis.warnings,
+        warnings=(checked.orientation.warning,) if checked.orientation.warning else (),
     )  # fmt: skip
 
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
+from pc2cad.checked import CheckedMap, check_map
+from pc2cad.equation.template_file import read_template
 from pc2cad.library import template_paths
 
 #: with many faces or many poles, a second or more each: tests of every template leave them to the
@@ -17,3 +21,9 @@ every_template = pytest.mark.parametrize(
         for name, path in template_paths().items()
     ],
 )
+
+
+@cache
+def checked_of(name: str) -> CheckedMap:
+    """Return what is known of a shipped template's map, at its default values."""
+    return check_map(read_template(template_paths()[name]).bind({}))

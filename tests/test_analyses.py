@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from pc2cad.compiler import mesh_equation
 from pc2cad.equation.template_file import read_template
-from pc2cad.volume import MeshOptions, mesh_equation
+from pc2cad.mesh.meshing import MeshOptions
 
 ROOT = Path(__file__).parent.parent
 TEMPLATES = sorted(ROOT.glob("templates/*.toml"))

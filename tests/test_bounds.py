@@ -11,21 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
+from shipped import checked_of
 
-from pc2cad.analysis import Analysis, analyse
 from pc2cad.boundary import represent
+from pc2cad.checked import CheckedMap
 from pc2cad.compiler import compile_part
 from pc2cad.directions import CellFunction
 from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
 from pc2cad.equation.evaluation import Program
-from pc2cad.equation.template_file import read_template
 from pc2cad.equation.tree import PI, Expr, call, number, pieces, symbol
 from pc2cad.geometry.bernstein import bezier_knots
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.rational import Arcs
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.geometry.tensor import fit_surface
-from pc2cad.library import find_template
+from pc2cad.options import CompileOptions
 
 Array = NDArray[np.float64]
 U, V = symbol("u"), symbol("v")
@@ -64,8 +64,10 @@ def _largest_sample(trees: tuple[Expr, ...], spline: SplineSurface, count: int) 
 CHANNELS = ("channel_ellipse", "channel_contour", "channel_sine", "helical_channel")
 
 
-def _spline_faces(analysis: Analysis, tolerance: float) -> list[tuple[CellFunction, SplineSurface]]:
-    model = represent(analysis, tolerance=tolerance)
+def _spline_faces(
+    checked: CheckedMap, tolerance: float
+) -> list[tuple[CellFunction, SplineSurface]]:
+    model, analysis = represent(checked, CompileOptions(tolerance)), checked.analysis
     return [
         (CellFunction(analysis, analysis.boundary.faces[face.cells[0]].patch), face.carrier)
         for face in model.faces
@@ -76,8 +78,7 @@ def _spline_faces(analysis: Analysis, tolerance: float) -> list[tuple[CellFuncti
 @pytest.mark.parametrize("name", CHANNELS)
 @pytest.mark.parametrize("count", [4_000, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_bounds_of_channels_hold_samples_and_are_within_twice(name: str, count: int) -> None:
-    analysis = analyse(read_template(find_template(name)).bind({}))
-    faces = _spline_faces(analysis, 1e-6)
+    faces = _spline_faces(checked_of(name), 1e-6)
     assert faces
     for function, carrier in faces:
         trees, names = function.trees

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from pc2cad.analysis import analyse
 from pc2cad.boundary import represent
+from pc2cad.checked import check_map
 from pc2cad.compiler import compile_equation, compile_part
 from pc2cad.equation.breaks import Break
 from pc2cad.equation.template_file import parse_template, read_template
@@ -19,6 +19,7 @@ from pc2cad.geometry.profile import spline_profile
 from pc2cad.geometry.refinement import DirectionRules, adapt
 from pc2cad.geometry.spline_space import SplineSpace, smallest_error
 from pc2cad.library import find_template
+from pc2cad.options import CompileOptions
 from pc2cad.python import parameters
 
 #: the paper's guide with A=(100,0,0) B=(0,80,0) C=(0,0,60), Frenet frame, ellipse 12 x 8, wall 2
@@ -218,7 +219,7 @@ def test_an_unknown_kink_is_resolved_and_a_jump_is_refused():
 @pytest.mark.parametrize(("tolerance", "poles"), [(1e-6, 33 * 63), (1e-7, 66 * 85)])
 def test_the_papers_outer_wall_takes_fewer_poles_than_the_kernels_routes(tolerance, poles):
     """1e-6: the kernel's tight approximation; 1e-7: its tight pipe (measured on this wall)."""
-    model = represent(analyse(paper()), 0, tolerance)
+    model = represent(check_map(paper()), CompileOptions(tolerance))
     (wall,) = [face for face in model.faces if face.name == "w=1"]
     assert wall.carrier.poles[..., 0].size <= poles / 1.5
     generator = np.random.default_rng(7)
@@ -293,6 +294,6 @@ def test_a_cubic_step_file_has_no_higher_and_no_rational_splines(tmp_path):
 
 def test_profiles_know_their_degrees():
     assert spline_profile().degrees == (3, 5, 7)
-    assert spline_profile(max_degree=10).degrees == (3, 5, 7, 9)
-    assert spline_profile(4).degrees == (4,)
-    assert spline_profile(profile="cubic").degrees == (3,)
+    assert spline_profile(CompileOptions(max_degree=10)).degrees == (3, 5, 7, 9)
+    assert spline_profile(CompileOptions(degree=4)).degrees == (4,)
+    assert spline_profile(CompileOptions(profile="cubic")).degrees == (3,)

@@ -10,33 +10,27 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shipped import every_template
+from shipped import checked_of, every_template
 
 import pc2cad as pc
-from pc2cad.analysis import Analysis, analyse
+from pc2cad.checked import CheckedMap, check_map
+from pc2cad.compiler import mesh_equation
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.template_file import read_template
 from pc2cad.mesh.collapse import pieces
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 from pc2cad.mesh.grid import Grading, UnsuitableGridError, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.ogrid import o_grid
 from pc2cad.mesh.quality import InvertedElementError, measure
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.properties import integrate
-from pc2cad.volume import MeshOptions, mesh_equation
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 u, v, w = pc.parameters()
 
 
-def analysis_of(name: str) -> Analysis:
-    path = next(path for path in TEMPLATES if path.stem == name)
-    return analyse(read_template(path).bind({}))
-
-
-def mesh_of(analysis: Analysis, cells: tuple[int, int, int], order: int = 1) -> VolumeMesh:
-    return hexahedra(analysis, make_grid(analysis, cells), order)
+def mesh_of(checked: CheckedMap, cells: tuple[int, int, int], order: int = 1) -> VolumeMesh:
+    return hexahedra(checked, make_grid(checked, cells), order)
 
 
 def faces_of(mesh: VolumeMesh) -> Counter[frozenset[int]]:
@@ -70,17 +64,17 @@ def check_conforming(mesh: VolumeMesh) -> None:
 @pytest.mark.parametrize("order", [1, 2])
 @every_template
 def test_templates_mesh_conforming_and_upright(path: Path, order: int) -> None:
-    analysis = analyse(read_template(path).bind({}))
-    properties = integrate(analysis)
+    checked = checked_of(path.stem)
+    properties = checked.mass
     fine = 16 if path.stem == "spring" else 4  # of long parts the volume says little
     size = properties.volume ** (1 / 3) / fine
-    mesh = hexahedra(analysis, make_grid(analysis, size=size), order)
+    mesh = hexahedra(checked, make_grid(checked, size=size), order)
     check_conforming(mesh)
     quality = measure(mesh)
     assert quality.scaled_jacobian > 0
     assert quality.volume == pytest.approx(mesh.volume(), rel=1e-12 if order == 1 else 2e-5)
     assert mesh.volume() == pytest.approx(properties.volume, rel=0.3 if order == 1 else 0.03)
-    names = {analysis.boundary.name(face.patch) for face in analysis.boundary.faces}
+    names = {checked.analysis.boundary.name(face.patch) for face in checked.analysis.boundary.faces}
     assert names <= set(mesh.sides)
     # what is left of hexahedra alone is tested with O-grids
     assert (set(mesh.blocks) == {"hexahedron"}) == (path.stem not in COLLAPSED)
@@ -88,12 +82,14 @@ def test_templates_mesh_conforming_and_upright(path: Path, order: int) -> None:
 
 @pytest.mark.parametrize("name", ["pyramid", "pyramid_cut", "oblique_prism", "hypar_slab"])
 def test_what_is_linear_between_nodes_has_the_equations_volume(name: str) -> None:
-    analysis = analysis_of(name)
-    properties = integrate(analysis)
-    mesh = mesh_of(analysis, (5, 4, 3))
+    checked = checked_of(name)
+    properties = checked.mass
+    mesh = mesh_of(checked, (5, 4, 3))
     assert mesh.volume() == pytest.approx(properties.volume, rel=1e-13)
-    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
-        assert mesh.area(analysis.boundary.name(face.patch)) == pytest.approx(area, rel=1e-13)
+    for face, area in zip(checked.analysis.boundary.faces, properties.face_areas, strict=True):
+        assert mesh.area(checked.analysis.boundary.name(face.patch)) == pytest.approx(
+            area, rel=1e-13
+        )
 
 
 @pytest.mark.parametrize(
@@ -102,10 +98,10 @@ def test_what_is_linear_between_nodes_has_the_equations_volume(name: str) -> Non
      ("channel_sine", (10, 56, 1)), ("turned_ring", (16, 2, 2)), ("paraboloid_cap", (16, 4, 4))],
 )  # fmt: skip
 def test_order_two_converges_at_fourth_order(name: str, cells: tuple[int, int, int]) -> None:
-    analysis = analysis_of(name)
-    exact = integrate(analysis).volume
+    checked = checked_of(name)
+    exact = checked.mass.volume
     finer = tuple(2 * n for n in cells)
-    errors = [abs(mesh_of(analysis, n, 2).volume() / exact - 1) for n in (cells, finer)]
+    errors = [abs(mesh_of(checked, n, 2).volume() / exact - 1) for n in (cells, finer)]
     assert np.log2(errors[0] / errors[1]) > 3.8
     assert errors[1] < 5e-4
 
@@ -113,11 +109,11 @@ def test_order_two_converges_at_fourth_order(name: str, cells: tuple[int, int, i
 # -- O-grids ---------------------------------------------------------------------------------------
 
 
-def check_o_grid(analysis: Analysis, mesh: VolumeMesh) -> None:
+def check_o_grid(checked: CheckedMap, mesh: VolumeMesh) -> None:
     check_conforming(mesh)
     assert set(mesh.blocks) == {"hexahedron"}
     assert measure(mesh).volume == pytest.approx(mesh.volume(), rel=1e-13)
-    names = {analysis.boundary.name(face.patch) for face in analysis.boundary.faces}
+    names = {checked.analysis.boundary.name(face.patch) for face in checked.analysis.boundary.faces}
     assert set(mesh.sides) == names | {name.partition(" (")[0] for name in names}
     for side in mesh.sides:
         nodes = np.unique(np.concatenate(list(mesh.facet_nodes(side).values())))
@@ -137,10 +133,10 @@ COLLAPSED = {
 
 @pytest.mark.parametrize("name", COLLAPSED)
 def test_what_is_drawn_together_has_a_mesh_of_hexahedra_alone(name: str) -> None:
-    analysis = analysis_of(name)
+    checked = checked_of(name)
     cells = (200, 8, 3) if name == "spring" else (8, 8, 4)
-    mesh = o_grid(analysis, make_grid(analysis, cells))
-    check_o_grid(analysis, mesh)
+    mesh = o_grid(checked, make_grid(checked, cells))
+    check_o_grid(checked, mesh)
     assert measure(mesh).scaled_jacobian > COLLAPSED[name]
 
 
@@ -150,31 +146,35 @@ def test_what_is_drawn_together_has_a_mesh_of_hexahedra_alone(name: str) -> None
      ("torus_wedge", 16), ("simplex_paraboloid", 8), ("paraboloid_cap", 8)],
 )  # fmt: skip
 def test_o_grids_converge_at_fourth_order(name: str, cells: int) -> None:
-    analysis = analysis_of(name)
-    properties = integrate(analysis)
+    checked = checked_of(name)
+    properties = checked.mass
     errors = []
     for n in (cells, 2 * cells):
-        mesh = o_grid(analysis, make_grid(analysis, (n, n // 2, n // 2)), 2)
+        mesh = o_grid(checked, make_grid(checked, (n, n // 2, n // 2)), 2)
         errors.append(abs(mesh.volume() / properties.volume - 1))
-    check_o_grid(analysis, mesh)
+    check_o_grid(checked, mesh)
     assert np.log2(errors[0] / errors[1]) > 3.9
-    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
-        assert mesh.area(analysis.boundary.name(face.patch)) == pytest.approx(area, rel=1e-3)
+    for face, area in zip(checked.analysis.boundary.faces, properties.face_areas, strict=True):
+        assert mesh.area(checked.analysis.boundary.name(face.patch)) == pytest.approx(
+            area, rel=1e-3
+        )
 
 
 @pytest.mark.parametrize("name", ["oblique_prism", "pyramid", "quad_pyramid", "pyramid_cut_off"])
 def test_o_grids_of_polyhedra_are_exact(name: str) -> None:
-    analysis = analysis_of(name)
-    properties = integrate(analysis)
-    mesh = o_grid(analysis, make_grid(analysis, (5, 4, 3)))
+    checked = checked_of(name)
+    properties = checked.mass
+    mesh = o_grid(checked, make_grid(checked, (5, 4, 3)))
     assert mesh.volume() == pytest.approx(properties.volume, rel=1e-13)
-    for face, area in zip(analysis.boundary.faces, properties.face_areas, strict=True):
-        assert mesh.area(analysis.boundary.name(face.patch)) == pytest.approx(area, rel=1e-13)
+    for face, area in zip(checked.analysis.boundary.faces, properties.face_areas, strict=True):
+        assert mesh.area(checked.analysis.boundary.name(face.patch)) == pytest.approx(
+            area, rel=1e-13
+        )
 
 
 def test_nodes_of_an_o_grid_are_counted_exactly() -> None:
-    analysis = analysis_of("torus")
-    mesh = o_grid(analysis, make_grid(analysis, (7, 16, 4)))
+    checked = checked_of("torus")
+    mesh = o_grid(checked, make_grid(checked, (7, 16, 4)))
     # a square of 4 x 4 cells, and 2 rings round it
     assert mesh.elements == 7 * (16 + 2 * 16)
     assert len(mesh.points) == 7 * (25 + 2 * 16)
@@ -184,9 +184,9 @@ def test_nodes_of_an_o_grid_are_counted_exactly() -> None:
 def test_a_sector_has_a_block_at_its_axis_for_every_right_angle(turn: str) -> None:
     angle = 2 * pc.pi * u * Fraction(turn)
     sector = (w * pc.cos(angle), w * pc.sin(angle), v)
-    analysis = analyse(point_equation(sector, name="sector"))
-    mesh = o_grid(analysis, make_grid(analysis, (6, 1, 6)), 2)
-    check_o_grid(analysis, mesh)
+    checked = check_map(point_equation(sector, name="sector"))
+    mesh = o_grid(checked, make_grid(checked, (6, 1, 6)), 2)
+    check_o_grid(checked, mesh)
     (axis,) = np.flatnonzero(np.abs(mesh.points[:, :2]).max(axis=1) + mesh.points[:, 2] < 1e-12)
     assert (mesh.blocks["hexahedron"] == axis).sum() == max(1, 4 * Fraction(turn))
     assert measure(mesh).scaled_jacobian > 0.65
@@ -202,9 +202,9 @@ def test_a_polygon_round_an_axis_has_its_corners_at_blocks_and_closes_with_a_tur
     out = 5 + w * (x * pc.cos(beta) - y * pc.sin(beta))
     up = w * (x * pc.sin(beta) + y * pc.cos(beta))
     ring = point_equation((out * pc.cos(theta), out * pc.sin(theta), up), name="ring")
-    analysis = analyse(ring)
-    mesh = o_grid(analysis, make_grid(analysis, (24, 12, 2)), 2)
-    check_o_grid(analysis, mesh)
+    checked = check_map(ring)
+    mesh = o_grid(checked, make_grid(checked, (24, 12, 2)), 2)
+    check_o_grid(checked, mesh)
     assert measure(mesh).scaled_jacobian > 0.8
     assert mesh.volume() == pytest.approx(2 * np.pi * 5 * 1.5 * 3**0.5, rel=2e-5)
     areas = [mesh.area(f"w=1 (piece {k} of v)") for k in range(1, 7)]
@@ -238,22 +238,22 @@ def test_an_o_grid_takes_its_axis_and_its_point_from_either_end(end: int) -> Non
 
 
 def test_where_nothing_is_drawn_together_the_grid_is_the_o_grid() -> None:
-    analysis = analysis_of("turned_ring")
-    grid = make_grid(analysis, size=1.0)
-    assert np.array_equal(o_grid(analysis, grid).points, hexahedra(analysis, grid).points)
+    checked = checked_of("turned_ring")
+    grid = make_grid(checked, size=1.0)
+    assert np.array_equal(o_grid(checked, grid).points, hexahedra(checked, grid).points)
 
 
 def test_an_edge_that_is_drawn_together_alone_has_no_o_grid() -> None:
-    analysis = analyse(point_equation((u, (v + v**2 / 4) * (u + w), w), name="gore"))
+    checked = check_map(point_equation((u, (v + v**2 / 4) * (u + w), w), name="gore"))
     with pytest.raises(UnsuitableGridError, match="whole sides are drawn together"):
-        o_grid(analysis, make_grid(analysis, (3, 4, 3)))
+        o_grid(checked, make_grid(checked, (3, 4, 3)))
 
 
 # -- merging by index ------------------------------------------------------------------------------
 
 
 def test_nodes_of_a_torus_are_counted_exactly() -> None:
-    mesh = mesh_of(analysis_of("torus"), (7, 5, 3))
+    mesh = mesh_of(checked_of("torus"), (7, 5, 3))
     # 7 x 5 columns that share the axis: 3 nodes each, and 7 on the axis
     assert len(mesh.points) == 7 * 5 * 3 + 7
     assert {kind: len(block) for kind, block in mesh.blocks.items()} == {
@@ -263,7 +263,7 @@ def test_nodes_of_a_torus_are_counted_exactly() -> None:
 
 
 def test_nodes_of_a_ball_are_counted_exactly() -> None:
-    mesh = mesh_of(analysis_of("ball"), (6, 4, 2))
+    mesh = mesh_of(checked_of("ball"), (6, 4, 2))
     # two spheres of 3 rings and 2 poles each, and the centre
     assert len(mesh.points) == 2 * (3 * 6 + 2) + 1
     assert {kind: len(block) for kind, block in mesh.blocks.items()} == {
@@ -272,7 +272,7 @@ def test_nodes_of_a_ball_are_counted_exactly() -> None:
 
 
 def test_a_quarter_turn_gluing_joins_rows_with_columns() -> None:
-    mesh = mesh_of(analysis_of("turned_ring"), (9, 2, 2), 2)
+    mesh = mesh_of(checked_of("turned_ring"), (9, 2, 2), 2)
     assert len(mesh.points) == 9 * (21 + 9)
     assert set(mesh.sides) == {"v=0", "v=1", "w=0", "w=1"}
 
@@ -326,9 +326,9 @@ def test_share_is_the_inverse_of_position(ratio: float, both: bool, places: list
 
 
 def test_grading_sets_the_ratio_of_cells() -> None:
-    analysis = analysis_of("parallelepiped")
+    checked = checked_of("parallelepiped")
     gradings = (Grading(4.0), Grading(1 / 4), Grading(9.0, both_ends=True))
-    grid = make_grid(analysis, (8, 8, 8), grading=gradings)
+    grid = make_grid(checked, (8, 8, 8), grading=gradings)
     first, second, third = (np.diff(lines) for lines in grid.lines)
     growth = 4 ** (1 / 8)  # between neighbours; from the first cell to the last in 8 steps less one
     assert first[1:] / first[:-1] == pytest.approx(growth)
@@ -338,23 +338,23 @@ def test_grading_sets_the_ratio_of_cells() -> None:
 
 
 def test_directions_that_a_gluing_exchanges_need_the_same_cells() -> None:
-    analysis = analysis_of("turned_ring")
+    checked = checked_of("turned_ring")
     with pytest.raises(UnsuitableGridError, match="v and w"):
-        make_grid(analysis, (9, 2, 3))
+        make_grid(checked, (9, 2, 3))
     with pytest.raises(UnsuitableGridError, match="from both ends"):
-        make_grid(analysis, (9, 2, 2), grading=(Grading(), Grading(2.0), Grading(2.0)))
-    grid = make_grid(analysis, size=0.7)
+        make_grid(checked, (9, 2, 2), grading=(Grading(), Grading(2.0), Grading(2.0)))
+    grid = make_grid(checked, size=0.7)
     assert grid.cells[1] == grid.cells[2]
 
 
 def test_closed_directions_need_three_cells() -> None:
     with pytest.raises(UnsuitableGridError, match="at least 3"):
-        make_grid(analysis_of("torus"), (2, 4, 1))
+        make_grid(checked_of("torus"), (2, 4, 1))
 
 
 def test_size_bounds_the_cells() -> None:
-    analysis = analysis_of("parallelepiped")
-    mesh = hexahedra(analysis, make_grid(analysis, size=0.4))
+    checked = checked_of("parallelepiped")
+    mesh = hexahedra(checked, make_grid(checked, size=0.4))
     corners = mesh.points[mesh.blocks["hexahedron"]]
     edges = TYPES["hexahedron"].edges
     longest = max(np.linalg.norm(corners[:, a] - corners[:, b], axis=1).max() for a, b in edges)

@@ -11,41 +11,34 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.stats import kstest
-from shipped import every_template
+from shipped import checked_of, every_template
 
 import pc2cad as pc
-from pc2cad.analysis import Analysis, analyse
+from pc2cad.checked import check_map
 from pc2cad.cli.main import main
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError
 from pc2cad.export.point_files import write_points
 from pc2cad.interior import locate, sample_blue, sample_grid, sample_uniform
-from pc2cad.properties import integrate
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 u, v, w = pc.parameters()
 
 
-def analysis_of(name: str) -> Analysis:
-    path = next(path for path in TEMPLATES if path.stem == name)
-    return analyse(read_template(path).bind({}))
-
-
 @every_template
 def test_samples_have_the_centroid_and_are_found_inside(path: Path) -> None:
-    analysis = analyse(read_template(path).bind({}))
-    points = sample_uniform(analysis, 4000, seed=5)
+    checked = checked_of(path.stem)
+    points = sample_uniform(checked, 4000, seed=5)
     spread = points.points.std(axis=0) / np.sqrt(4000)
-    gap = points.points.mean(axis=0) - integrate(analysis).centroid
+    gap = points.points.mean(axis=0) - checked.mass.centroid
     assert (np.abs(gap) < 4.5 * spread).all()
-    found = locate(analysis, points.points[:1500])
+    found = locate(checked, points.points[:1500])
     assert found.inside.all()
-    assert found.distance.max() <= 1e-10 * analysis.size
+    assert found.distance.max() <= 1e-10 * checked.scale.size
 
 
 def test_the_radius_of_uniform_points_of_a_ball_has_its_distribution() -> None:
-    points = sample_uniform(analysis_of("ball"), 20_000, seed=1).points
+    points = sample_uniform(checked_of("ball"), 20_000, seed=1).points
     radius = np.sqrt((points**2).sum(axis=1))
     top = radius.max()
     assert top == pytest.approx(2.0, abs=1e-3)
@@ -54,24 +47,24 @@ def test_the_radius_of_uniform_points_of_a_ball_has_its_distribution() -> None:
 
 
 def test_blue_noise_keeps_its_distance_and_fills() -> None:
-    analysis = analysis_of("torus")
-    points = sample_blue(analysis, 400, seed=2)
+    checked = checked_of("torus")
+    points = sample_blue(checked, 400, seed=2)
     assert len(points.points) == 400
     nearest = cKDTree(points.points).query(points.points, k=2)[0][:, 1]
     assert nearest.min() >= points.spacing
     # random points of this density would come as near as a tenth of this
-    assert points.spacing > 0.7 * np.cbrt(integrate(analysis).volume / 400)
+    assert points.spacing > 0.7 * np.cbrt(checked.mass.volume / 400)
 
 
 def test_samples_depend_on_the_seed_alone() -> None:
-    analysis = analysis_of("pyramid")
-    first, same, other = (sample_uniform(analysis, 50, seed).points for seed in (3, 3, 4))
+    checked = checked_of("pyramid")
+    first, same, other = (sample_uniform(checked, 50, seed).points for seed in (3, 3, 4))
     assert np.array_equal(first, same)
     assert not np.array_equal(first, other)
 
 
 def test_a_lattice_has_the_points_that_lie_inside() -> None:
-    points = sample_grid(analysis_of("ball"), 0.25).points
+    points = sample_grid(checked_of("ball"), 0.25).points
     axis = np.arange(-8, 9) * 0.25
     lattice = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     inside = lattice[(lattice**2).sum(axis=1) <= 4.0 + 1e-12]
@@ -82,13 +75,13 @@ def test_a_lattice_has_the_points_that_lie_inside() -> None:
 
 
 def test_points_about_a_hollow_ball_are_told_by_their_radius() -> None:
-    analysis = analysis_of("hollow_ball")
-    radii = [float(np.linalg.norm(analysis.map.points(0.3, 0.4, t))) for t in (0.0, 1.0)]
+    checked = checked_of("hollow_ball")
+    radii = [float(np.linalg.norm(checked.map.points(0.3, 0.4, t))) for t in (0.0, 1.0)]
     low, high = sorted(radii)
     random = np.random.default_rng(8)
     points = random.uniform(-1.3 * high, 1.3 * high, (3000, 3))
     radius = np.sqrt((points**2).sum(axis=1))
-    found = locate(analysis, points)
+    found = locate(checked, points)
     assert np.array_equal(found.inside, (radius >= low) & (radius <= high))
     exact = np.maximum(0, np.maximum(low - radius, radius - high))
     assert found.distance == pytest.approx(exact, abs=1e-10)
@@ -96,19 +89,19 @@ def test_points_about_a_hollow_ball_are_told_by_their_radius() -> None:
 
 def test_u_v_w_are_the_equations_own() -> None:
     equation = point_equation((u + v * v / 4, v, w * (1 + u / 2)), {"u": (2, 5), "v": (-1, 1)})
-    analysis = analyse(equation)
+    checked = check_map(equation)
     random = np.random.default_rng(2)
     own = np.stack([random.uniform(2, 5, 500), random.uniform(-1, 1, 500), random.random(500)], 1)
     a, b, c = own.T
     points = np.stack([a + b * b / 4, b, c * (1 + a / 2)], axis=1)
-    found = locate(analysis, points)
+    found = locate(checked, points)
     assert found.inside.all()
     assert found.parameters == pytest.approx(own, abs=1e-8)
     assert found.nearest == pytest.approx(points, abs=1e-8)
 
 
 def test_axes_poles_and_centres_are_inside() -> None:
-    ball = locate(analysis_of("ball"), [[0, 0, 0], [0, 0, 1.5], [0, 0, -2], [0, 0, 2.01]])
+    ball = locate(checked_of("ball"), [[0, 0, 0], [0, 0, 1.5], [0, 0, -2], [0, 0, 2.01]])
     assert ball.inside.tolist() == [True, True, True, False]
     assert ball.distance[3] == pytest.approx(0.01, abs=1e-9)
 
@@ -118,19 +111,19 @@ def test_axes_poles_and_centres_are_inside() -> None:
 def test_a_point_pushed_out_of_a_channel_is_outside_by_that_much(
     place: tuple[float, float, float], share: float
 ) -> None:
-    analysis = _CHANNEL
+    checked = _CHANNEL
     first, second, _ = place
-    edge = analysis.map.points(first, second, 1.0)
-    a, b, c = analysis.map.tangents((0, 1, 2), first, second, 1.0)
+    edge = checked.map.points(first, second, 1.0)
+    a, b, c = checked.map.tangents((0, 1, 2), first, second, 1.0)
     normal = np.cross(a, b)
     normal *= np.sign(normal @ c) / np.linalg.norm(normal)
     step = share * 0.05
-    found = locate(analysis, [edge + step * normal, edge - 0.01 * normal])
+    found = locate(checked, [edge + step * normal, edge - 0.01 * normal])
     assert found.inside.tolist() == [False, True]
     assert found.distance[0] == pytest.approx(step, rel=1e-6)
 
 
-_CHANNEL = analysis_of("channel_ellipse")
+_CHANNEL = checked_of("channel_ellipse")
 
 
 @pytest.mark.parametrize("factor", [1e-5, 1e5])
@@ -138,9 +131,9 @@ def test_scale_does_not_matter(factor: float) -> None:
     angle = 2 * pc.pi * u
     radius = factor * (1 + w)
     tube = point_equation((radius * pc.cos(angle), radius * pc.sin(angle), factor * v))
-    analysis = analyse(tube)
+    checked = check_map(tube)
     points = factor * np.array([[1.5, 0, 0.5], [0.5, 0, 0.5], [-1.2, 0.9, 0.1], [0, 2.1, 0.5]])
-    found = locate(analysis, points)
+    found = locate(checked, points)
     assert found.inside.tolist() == [True, False, True, False]
     assert found.distance / factor == pytest.approx([0, 0.5, 0, 0.1], abs=1e-8)
 
@@ -149,7 +142,7 @@ def test_scale_does_not_matter(factor: float) -> None:
 
 
 def test_files_hold_points_and_parameters(tmp_path: Path) -> None:
-    points = sample_uniform(analysis_of("torus"), 37)
+    points = sample_uniform(checked_of("torus"), 37)
     for ending in (".ply", ".npz", ".vtp"):
         write_points(points, tmp_path / f"p{ending}")
     with np.load(tmp_path / "p.npz") as archive:

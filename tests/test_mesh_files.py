@@ -11,16 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import vtk
+from shipped import checked_of
 
 from pc2cad.analysis import analyse
 from pc2cad.cli.main import main
+from pc2cad.compiler import mesh_equation
 from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, require
 from pc2cad.export.mesh_files import plain_names, write_mesh
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.volume import MeshOptions, mesh_equation
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 needs_ccx = pytest.mark.skipif(
@@ -29,9 +31,8 @@ needs_ccx = pytest.mark.skipif(
 
 
 def make(name: str, cells: tuple[int, int, int] | None, order: int) -> VolumeMesh:
-    path = next(path for path in TEMPLATES if path.stem == name)
-    analysis = analyse(read_template(path).bind({}))
-    return hexahedra(analysis, make_grid(analysis, cells), order)
+    checked = checked_of(name)
+    return hexahedra(checked, make_grid(checked, cells), order)
 
 
 #: all four types of element

@@ -13,18 +13,20 @@ PACKAGE = Path(__file__).parent.parent / "pc2cad"
 #: room -> the rooms and outside packages it may import, everywhere in its files
 ALLOWED = {
     "errors": set(),
+    "options": {"errors"},
+    "scale": set(),
     "equation": {"equation", "errors", "numpy", "sympy"},
     "mapping": {"equation", "numpy"},
     "topology": {"topology", "equation", "errors"},
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
-    "analysis": {"equation", "errors", "folding", "mapping", "topology", "numpy"},
+    "analysis": {"equation", "errors", "mapping", "scale", "topology", "numpy"},
     "properties": {
         "analysis", "equation", "errors", "exact_integrals", "folding", "geometry", "mapping",
         "quadrature", "topology", "numpy",
     },
     "exact_integrals": {"analysis", "equation", "topology"},
     "quadrature": {"numpy"},
-    "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
+    "geometry": {"geometry", "equation", "errors", "options", "numpy", "scipy"},
     "enclosure": {"enclosure", "equation", "geometry", "numpy", "scipy"},
     "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
     "model": {"geometry", "topology", "numpy"},
@@ -34,8 +36,8 @@ ALLOWED = {
     "laying": {"geometry", "model", "topology", "numpy"},
     "proof": {"directions", "enclosure", "equation", "geometry", "model", "topology", "numpy"},
     "boundary": {
-        "analysis", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
-        "planar", "point_sets", "proof", "topology", "numpy",
+        "checked", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
+        "options", "planar", "point_sets", "proof", "topology", "numpy",
     },
     "bodies": {
         "brep", "equation", "errors", "export", "meetings", "part", "report", "validation", "OCP",
@@ -57,35 +59,35 @@ ALLOWED = {
         "numpy",
     },
     "certificate": {"certificate", "enclosure", "equation", "geometry", "mapping", "numpy"},
-    "solidity": {"analysis", "equation", "injectivity"},
+    "solidity": {"analysis", "injectivity"},
+    "checked": {
+        "analysis", "equation", "errors", "folding", "limits", "mapping", "options", "properties",
+        "scale", "solidity",
+    },
     "validation": {
-        "analysis", "model", "brep", "equation", "errors", "geometry", "properties", "report",
-        "solidity",
-        "topology", "numpy",
+        "checked", "model", "brep", "equation", "errors", "geometry", "properties", "report",
+        "scale", "topology", "numpy",
     },
     "export": {
         "export", "errors", "geometry", "interior", "isogeometry", "mesh", "topology", "numpy",
         "OCP", "lib3mf", "vtkmodules",
     },
     "studies": {
-        "studies", "bodies", "compiler", "equation", "errors", "export", "geometry", "library",
+        "studies", "bodies", "compiler", "equation", "errors", "export", "library", "options",
         "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
-        "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
+        "mesh", "analysis", "checked", "errors", "mapping", "properties", "topology", "numpy",
+        "scipy", "OCP", "gmsh",
     },
     "viewer": {"viewer", "bodies", "errors", "part", "picture", "processes", "report", "numpy"},
     "picture": {
         "picture", "bodies", "equation", "errors", "export", "mapping", "part", "topology", "numpy",
         "OCP", "vtkmodules",
     },
-    "volume": {
-        "analysis", "compiler", "equation", "errors", "geometry", "isogeometry", "mesh",
-        "properties", "solidity",
-    },
-    "interior": {"analysis", "errors", "mapping", "topology", "numpy", "scipy"},
+    "interior": {"analysis", "checked", "errors", "mapping", "topology", "numpy", "scipy"},
     "isogeometry": {
-        "analysis", "directions", "errors", "geometry", "proof", "topology", "numpy",
+        "checked", "directions", "errors", "geometry", "options", "proof", "topology", "numpy",
     },
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays, and what is made along a

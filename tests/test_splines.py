@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shipped import LONG, every_template
+from shipped import LONG, checked_of, every_template
 
 import pc2cad as pc
-from pc2cad.analysis import Analysis, analyse
+from pc2cad.checked import CheckedMap, check_map
 from pc2cad.cli.main import main
 from pc2cad.directions import CellFunction
 from pc2cad.equation.point_equation import point_equation
@@ -19,13 +19,12 @@ from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, NotASolidError
 from pc2cad.export.patches import interfaces
 from pc2cad.export.spline_files import write_splines
-from pc2cad.geometry.profile import spline_profile
 from pc2cad.geometry.trigonometric import wave_in
 from pc2cad.interior import locate
 from pc2cad.isogeometry import VolumeModel, represent_volume
 from pc2cad.mesh.grid import closed_directions
+from pc2cad.options import CompileOptions
 from pc2cad.proof import bound_volume
-from pc2cad.properties import integrate
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 #: no exact form along some direction
@@ -37,26 +36,21 @@ Array = NDArray[np.float64]
 u, v, w = pc.parameters()
 
 
-def analysis_of(name: str) -> Analysis:
-    path = next(path for path in TEMPLATES if path.stem == name)
-    return analyse(read_template(path).bind({}))
-
-
-def truth(analysis: Analysis, model: VolumeModel, patch: int, places: Array) -> Array:
+def truth(checked: CheckedMap, model: VolumeModel, patch: int, places: Array) -> Array:
     """Return M at spline parameters of a patch, straight from the equation."""
     found = model.patches[patch]
     columns: list[Array] = [np.empty(0)] * 3
     for k, d in enumerate(model.directions):
-        low, high = analysis.span(d, found.cell[d])
+        low, high = checked.analysis.span(d, found.cell[d])
         columns[d] = low + (high - low) * found.volume.axes[k].local(places[:, k])
-    return analysis.map.points(*columns)
+    return checked.map.points(*columns)
 
 
 @every_template
 def test_volumes_of_splines_are_the_equations(path: Path) -> None:
-    analysis = analyse(read_template(path).bind({}))
-    model = represent_volume(analysis)
-    exact = integrate(analysis).volume
+    checked = checked_of(path.stem)
+    model = represent_volume(checked)
+    exact = checked.mass.volume
     if path.stem in BOUNDED:
         assert model.evidence == "bounded"
         assert all(0 < patch.sampled <= patch.deviation for patch in model.patches)
@@ -64,25 +58,25 @@ def test_volumes_of_splines_are_the_equations(path: Path) -> None:
         assert model.volume() == pytest.approx(exact, rel=1e-7)
     else:
         assert model.evidence == "exact"
-        assert model.deviation <= 1e-14 * (analysis.size + analysis.magnitude)
+        assert model.deviation <= 1e-14 * (checked.scale.size + checked.scale.magnitude)
         assert model.volume() == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(BOUNDED - set(LONG)))
 def test_a_bound_holds_everywhere_and_notices_what_is_amiss(name: str) -> None:
-    analysis = analysis_of(name)
-    model = represent_volume(analysis)
+    checked = checked_of(name)
+    model = represent_volume(checked)
     (patch,) = model.patches
     places = np.random.default_rng(1).random((500, 3))
     found = np.array([patch.volume(*place[:, None])[0, 0, 0] for place in places])
-    gap = np.linalg.norm(found - truth(analysis, model, 0, places), axis=1).max()
+    gap = np.linalg.norm(found - truth(checked, model, 0, places), axis=1).max()
     assert 0.1 * patch.deviation < gap <= patch.deviation
     # one pole moved by ten times the bound is seen, wherever it is
     poles = patch.volume.poles.copy()
     index = tuple(n // 2 for n in poles.shape[:2])
     poles[index][-1, 0] += 10 * patch.deviation
     spoilt = replace(patch.volume, poles=poles)
-    bound = bound_volume(CellFunction(analysis, patch.cell), spoilt, model.directions)
+    bound = bound_volume(CellFunction(checked.analysis, patch.cell), spoilt, model.directions)
     assert bound is not None
     assert bound.largest > 2 * patch.deviation
 
@@ -101,28 +95,28 @@ def test_what_is_a_polynomial_along_no_direction_is_bounded_by_its_slices(
     coordinates: tuple[pc.Expr, ...], factor: float
 ) -> None:
     scaled = tuple(factor * x for x in coordinates)
-    analysis = analyse(point_equation(scaled, name="part"))
-    model = represent_volume(analysis, 1e-4 * factor)
+    checked = check_map(point_equation(scaled, name="part"))
+    model = represent_volume(checked, CompileOptions(1e-4 * factor))
     assert model.evidence == "bounded"
     assert model.rational == (coordinates is TURNED)
     (patch,) = model.patches
     assert 0 < patch.sampled < patch.deviation <= min(2.5 * patch.sampled, 1e-4 * factor)
     places = np.random.default_rng(1).random((500, 3))
     found = np.array([patch.volume(*place[:, None])[0, 0, 0] for place in places])
-    gap = np.linalg.norm(found - truth(analysis, model, 0, places), axis=1).max()
+    gap = np.linalg.norm(found - truth(checked, model, 0, places), axis=1).max()
     assert 0.1 * patch.deviation < gap <= patch.deviation
     # one pole moved, wherever it is, is seen
     poles = patch.volume.poles.copy()
     poles[tuple(n // 2 for n in poles.shape[:3])][0] += 100 * patch.deviation
     spoilt = replace(patch.volume, poles=poles)
-    bound = bound_volume(CellFunction(analysis, patch.cell), spoilt, model.directions)
+    bound = bound_volume(CellFunction(checked.analysis, patch.cell), spoilt, model.directions)
     assert bound is not None
     assert bound.largest > 2 * patch.deviation
 
 
 def test_exact_splines_are_as_small_as_they_can_be() -> None:
     degrees = {
-        name: represent_volume(analysis_of(name)).patches[0].volume
+        name: represent_volume(checked_of(name)).patches[0].volume
         for name in ("pyramid", "triquadratic_cube", "hollow_cylinder", "torus")
     }
     assert degrees["pyramid"].degrees == (1, 1, 1)
@@ -147,8 +141,8 @@ def test_waves_are_found_with_their_angle_and_order() -> None:
 
 
 def test_the_cubic_profile_has_neither_weights_nor_high_degrees() -> None:
-    analysis = analysis_of("hollow_ball")
-    model = represent_volume(analysis, 1e-4, spline_profile(profile="cubic"))
+    checked = checked_of("hollow_ball")
+    model = represent_volume(checked, CompileOptions(1e-4, profile="cubic"))
     assert not model.rational
     assert max(model.patches[0].volume.degrees) <= 3
     assert model.evidence == "bounded"
@@ -184,9 +178,9 @@ def test_files_are_evaluated_elsewhere_at_a_thousand_points(tmp_path: Path, name
     splinepy = pytest.importorskip("splinepy")
     from splipy.io import G2
 
-    analysis = analysis_of(name)
-    model = represent_volume(analysis)
-    allowed = model.deviation + 1e-14 * (analysis.size + analysis.magnitude)
+    checked = checked_of(name)
+    model = represent_volume(checked)
+    allowed = model.deviation + 1e-14 * (checked.scale.size + checked.scale.magnitude)
     for ending in (".xml", ".itd", ".g2"):
         write_splines(model, tmp_path / f"part{ending}")
     irit = splinepy.io.load(str(tmp_path / "part.itd"))
@@ -198,7 +192,7 @@ def test_files_are_evaluated_elsewhere_at_a_thousand_points(tmp_path: Path, name
     random = np.random.default_rng(7)
     for patch in range(len(model.patches)):
         places = random.random((count, 3))
-        expected = truth(analysis, model, patch, places)
+        expected = truth(checked, model, patch, places)
         volume = gotools[patch]
         found = {
             ".itd": irit[patch].evaluate(places),
@@ -214,13 +208,15 @@ def test_files_are_evaluated_elsewhere_at_a_thousand_points(tmp_path: Path, name
 @pytest.mark.parametrize("name", FILES)
 def test_mfem_evaluates_its_file_at_a_thousand_points(tmp_path: Path, name: str) -> None:
     mfem = pytest.importorskip("mfem.ser")
-    analysis = analysis_of(name)
-    model = represent_volume(analysis)
+    checked = checked_of(name)
+    model = represent_volume(checked)
     path = tmp_path / "part.mesh"
     write_splines(model, path)
     mesh = mfem.Mesh(str(path), 1, 1)
     assert not any(mesh.GetElement(k).GetNVertices() != 8 for k in range(mesh.GetNE()))
-    closed = [axis for axis, d in enumerate(model.directions) if d in closed_directions(analysis)]
+    closed = [
+        axis for axis, d in enumerate(model.directions) if d in closed_directions(checked.analysis)
+    ]
     open_sides = {2 * axis + side for axis in range(3) if axis not in closed for side in (1, 2)}
     assert {mesh.GetBdrAttribute(k) for k in range(mesh.GetNBE())} == open_sides
     random = np.random.default_rng(3)
@@ -230,13 +226,13 @@ def test_mfem_evaluates_its_file_at_a_thousand_points(tmp_path: Path, name: str)
         transformation = mesh.GetElementTransformation(int(element))
         points.append(np.array(transformation.Transform(node)))
         transformation.SetIntPoint(node)
-        assert transformation.Weight() >= -1e-12 * analysis.size**3
+        assert transformation.Weight() >= -1e-12 * checked.scale.size**3
     # every point of the file's solid is a point of the equation's, to the stated deviation
-    found = locate(analysis, points)
-    allowed = model.deviation + 1e-13 * (analysis.size + analysis.magnitude)
-    assert found.distance.max() <= max(allowed, 1e-12 * analysis.size)
+    found = locate(checked, points)
+    allowed = model.deviation + 1e-13 * (checked.scale.size + checked.scale.magnitude)
+    assert found.distance.max() <= max(allowed, 1e-12 * checked.scale.size)
     measures = sum(_volume(mfem, mesh, k) for k in range(mesh.GetNE()))
-    assert measures == pytest.approx(integrate(analysis).volume, rel=1e-7)
+    assert measures == pytest.approx(checked.mass.volume, rel=1e-7)
 
 
 def _volume(mfem, mesh, element: int) -> float:  # type: ignore[no-untyped-def]
@@ -251,7 +247,7 @@ def _volume(mfem, mesh, element: int) -> float:  # type: ignore[no-untyped-def]
 
 
 def test_parts_of_a_volume_are_the_volume() -> None:
-    volume = represent_volume(analysis_of("torus")).patches[0].volume
+    volume = represent_volume(checked_of("torus")).patches[0].volume
     for axis, count in ((0, 3), (1, 4), (2, 2)):
         parts = volume.split(axis, count)
         assert len(parts) == count
@@ -271,7 +267,7 @@ def test_gismo_reads_patches_glued_sides_and_boundaries(tmp_path: Path) -> None:
     found = {}
     for name in ("turned_ring", "triquadratic_cube"):
         path = tmp_path / f"{name}.xml"
-        write_splines(represent_volume(analysis_of(name)), path)
+        write_splines(represent_volume(checked_of(name)), path)
         patches = pygismo.core.gsMultiPatch()
         pygismo.io.gsFileData(str(path)).getFirst(patches)
         found[name] = (patches.nPatches(), len(patches.boundaries()), len(patches.interfaces()))
@@ -295,15 +291,15 @@ def test_mfem_joins_the_patches_of_a_closed_polygon(tmp_path: Path) -> None:
 def test_mfem_joins_what_closes_with_a_turn(tmp_path: Path, quarters: int) -> None:
     mfem = pytest.importorskip("mfem.ser")
     path = next(path for path in TEMPLATES if path.stem == "turned_ring")
-    analysis = analyse(read_template(path).bind({"quarters": quarters}))
-    write_splines(represent_volume(analysis, 1e-3), tmp_path / "ring.mesh")
+    checked = check_map(read_template(path).bind({"quarters": quarters}))
+    write_splines(represent_volume(checked, CompileOptions(1e-3)), tmp_path / "ring.mesh")
     mesh = mfem.Mesh(str(tmp_path / "ring.mesh"), 1, 1)
     # the halves of the square run towards its middle, and meet their like: 9 vertices per section
     sections = mesh.GetNE() // 4
     assert (mesh.GetNE(), mesh.GetNV(), mesh.GetNBE()) == (4 * sections, 9 * sections, 8 * sections)
     assert {mesh.GetBdrAttribute(k) for k in range(mesh.GetNBE())} == {1, 2, 5, 6}
     volume = sum(_volume(mfem, mesh, k) for k in range(mesh.GetNE()))
-    assert volume == pytest.approx(integrate(analysis).volume, rel=1e-6)
+    assert volume == pytest.approx(checked.mass.volume, rel=1e-6)
 
 
 @pytest.mark.interop
@@ -314,13 +310,13 @@ def test_mfem_joins_pieces_that_a_turn_shifts(tmp_path: Path) -> None:
     across = 4 + out * (x * pc.cos(beta) - y * pc.sin(beta))
     up = out * (x * pc.sin(beta) + y * pc.cos(beta))
     ring = point_equation((across * pc.cos(theta), across * pc.sin(theta), up), name="ring")
-    analysis = analyse(ring)
-    write_splines(represent_volume(analysis, 1e-3), tmp_path / "ring.mesh")
+    checked = check_map(ring)
+    write_splines(represent_volume(checked, CompileOptions(1e-3)), tmp_path / "ring.mesh")
     mesh = mfem.Mesh(str(tmp_path / "ring.mesh"), 1, 1)
     sections = mesh.GetNE() // 4
     assert (mesh.GetNE(), mesh.GetNV(), mesh.GetNBE()) == (4 * sections, 8 * sections, 8 * sections)
     volume = sum(_volume(mfem, mesh, k) for k in range(mesh.GetNE()))
-    assert volume == pytest.approx(integrate(analysis).volume, rel=1e-6)
+    assert volume == pytest.approx(checked.mass.volume, rel=1e-6)
 
 
 def test_python_and_the_verb_write_the_same(
@@ -330,7 +326,7 @@ def test_python_and_the_verb_write_the_same(
     assert main(["spline", "hollow_ball", "-o", str(out)]) == 0
     assert "1 rational patch, exact" in capsys.readouterr().out
     other = tmp_path / "same.g2"
-    pc.write_splines(represent_volume(analysis_of("hollow_ball")), other)
+    pc.write_splines(represent_volume(checked_of("hollow_ball")), other)
     assert out.read_bytes() == other.read_bytes()
 
 

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from pc2cad.cli.inputs import (
-    add_splines,
+    add_options,
     add_template,
-    add_tolerance,
     bind,
     check_different,
     load,
     named,
     read_length,
-    spline_options,
+    read_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import FileNotWrittenError
@@ -37,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", metavar="FILE", action="append", required=True, dest="outputs",
         help=f"file to write, its format by its ending: {endings} (repeatable)",
     )  # fmt: skip
-    add_tolerance(parser)
+    add_options(parser)
     parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
     parser.add_argument(
         "--schema", choices=("AP242", "AP214"), default="AP242",
@@ -51,7 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="largest distance of a triangle's edge from its surface, in model units "
         "(formats of triangles)",
     )  # fmt: skip
-    add_splines(parser)
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
     parser.add_argument(
         "--list-formats", action=_ListFormats, nargs=0,
@@ -76,18 +74,17 @@ def run(arguments: argparse.Namespace) -> int:
 
     template, path = load(arguments)
     equation = bind(template, arguments)
-    tolerance = read_length("--tolerance", arguments.tolerance)
-    splines = spline_options(arguments)
+    wanted = read_options(arguments)
     options = ExportOptions(
         step_schema=arguments.schema, deflection=read_length("--deflection", arguments.deflection)
     )
     _check_outputs(arguments, path)
     with Progress(arguments.quiet) as progress:
         progress("load the kernel")
-        from pc2cad.compiler import compile_equation
+        from pc2cad.compiler import compile_solid
 
         with named(arguments.template):
-            part = compile_equation(equation, tolerance, progress=progress, **splines)
+            part = compile_solid(equation, wanted, progress)
         files = _encode(part, options, arguments, progress)
         progress("write")
         _write(files)

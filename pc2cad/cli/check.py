@@ -10,14 +10,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pc2cad.cli.inputs import (
-    add_splines,
+    add_options,
     add_template,
-    add_tolerance,
     bind,
     load,
     named,
-    read_length,
-    spline_options,
+    read_options,
 )
 from pc2cad.cli.output import Progress, one_line, say, table
 from pc2cad.report import BodiesReport, Report
@@ -30,8 +28,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the template and the options."""
     add_template(parser)
-    add_tolerance(parser)
-    add_splines(parser)
+    add_options(parser)
     parser.add_argument(
         "--triangles", action="store_true",
         help="hold the triangles that an STL file would hold against the equation, too",
@@ -43,14 +40,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Compile the template in memory and print the report."""
     template, _ = load(arguments)
     equation = bind(template, arguments)
-    tolerance = read_length("--tolerance", arguments.tolerance)
-    splines = spline_options(arguments)
+    options = read_options(arguments)
     with Progress() as progress:
         progress("load the kernel")
-        from pc2cad.compiler import compile_equation
+        from pc2cad.compiler import compile_solid
 
         with named(arguments.template):
-            part = compile_equation(equation, tolerance, progress=progress, **splines)
+            part = compile_solid(equation, options, progress)
             report: Report | BodiesReport = part.report
             if arguments.triangles:
                 progress("mesh")

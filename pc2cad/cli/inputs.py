@@ -8,9 +8,10 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, TypeVar, overload
+from typing import TYPE_CHECKING, TypeVar, overload
 
 from pc2cad.errors import InputError, PointCadError
+from pc2cad.options import CompileOptions
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
@@ -19,14 +20,6 @@ if TYPE_CHECKING:
 
 
 Kind = TypeVar("Kind", int, float)
-
-
-class SplineOptions(TypedDict):
-    """The degrees and the profile of splines."""
-
-    degree: int | None
-    max_degree: int | None
-    profile: str
 
 
 class OutputClashError(InputError):
@@ -50,17 +43,13 @@ def add_template(parser: argparse.ArgumentParser, *, body: bool = True) -> None:
         )
 
 
-def add_tolerance(parser: argparse.ArgumentParser) -> None:
-    """Add ``--tolerance``."""
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--tolerance``, ``--degree``, ``--max-degree`` and ``--profile``."""
     parser.add_argument(
         "--tolerance", metavar="LENGTH",
         help="largest distance of a face from the equation, in model units "
         "(default: 1e-7 of the part's size, or 1e-6 of its thickness 2V/A where that is less)",
     )  # fmt: skip
-
-
-def add_splines(parser: argparse.ArgumentParser) -> None:
-    """Add ``--degree``, ``--max-degree`` and ``--profile``."""
     parser.add_argument(
         "--degree", type=int, metavar="N",
         help="degree of fitted splines, 2 to 13 (default: of 3, 5 and 7 that with fewest poles)",
@@ -76,17 +65,14 @@ def add_splines(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def spline_options(arguments: argparse.Namespace) -> SplineOptions:
-    """Return what `add_splines` has read, checked, as `compile_equation` takes it."""
-    from pc2cad.geometry.profile import spline_profile
-
-    options: SplineOptions = {
-        "degree": arguments.degree,
-        "max_degree": arguments.max_degree,
-        "profile": arguments.profile,
-    }
-    spline_profile(**options)
-    return options
+def read_options(arguments: argparse.Namespace) -> CompileOptions:
+    """Return what `add_options` has read, checked."""
+    return CompileOptions(
+        read_length("--tolerance", arguments.tolerance),
+        arguments.degree,
+        arguments.max_degree,
+        arguments.profile,
+    )
 
 
 def check_different(outputs: Sequence[str], template: Path) -> None:

@@ -23,7 +23,8 @@ from pc2cad.errors import InputError
 
 if TYPE_CHECKING:
     from pc2cad.mesh.grid import Grading
-    from pc2cad.volume import MeshOptions, MeshReport
+    from pc2cad.mesh.meshing import MeshOptions
+    from pc2cad.mesh.report import MeshReport
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,9 +71,9 @@ def run(arguments: argparse.Namespace) -> int:
     equation = bind(template, arguments)
     with Progress(arguments.quiet) as progress:
         progress("load NumPy and SciPy")
+        from pc2cad.compiler import mesh_equation
         from pc2cad.export.files import check_target, write_atomically
         from pc2cad.export.mesh_files import check_mesh_writable, write_mesh
-        from pc2cad.volume import mesh_equation
 
         options = _options(arguments)
         for output in arguments.outputs:
@@ -98,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _options(arguments: argparse.Namespace) -> MeshOptions:
-    from pc2cad.volume import MeshOptions
+    from pc2cad.mesh.meshing import MeshOptions
 
     return MeshOptions(
         _cells(arguments.cells), read_length("--size", arguments.size), arguments.order,

@@ -43,22 +43,22 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"--seed {arguments.seed}: must not be negative")
     with Progress(arguments.quiet) as progress:
         progress("load NumPy and SciPy")
+        from pc2cad.checked import Stages, check_map
         from pc2cad.export.point_files import check_points_writable, write_points
         from pc2cad.interior import sample_blue, sample_grid, sample_uniform
-        from pc2cad.volume import analyse_solid
 
         for output in arguments.outputs:
             check_points_writable(output)
         check_different(arguments.outputs, path)
         with named(arguments.template):
-            analysis, _ = analyse_solid(equation, progress)
+            checked = check_map(equation, stages=Stages(progress))
             progress("sample")
             if spacing is not None:
-                points = sample_grid(analysis, spacing)
+                points = sample_grid(checked, spacing)
             else:
                 sample = sample_blue if arguments.method == "blue" else sample_uniform
                 count = 1000 if arguments.count is None else arguments.count
-                points = sample(analysis, count, arguments.seed)
+                points = sample(checked, count, arguments.seed)
         for output in arguments.outputs:
             write_points(points, output)
     if not arguments.quiet:

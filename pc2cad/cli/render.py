@@ -6,13 +6,13 @@ import argparse
 from typing import TYPE_CHECKING
 
 from pc2cad.cli.inputs import (
+    add_options,
     add_template,
-    add_tolerance,
     bind,
     load,
     named,
-    read_length,
     read_numbers,
+    read_options,
     read_triple,
 )
 from pc2cad.cli.output import Progress, say, shown
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", metavar="FILE", action="append", required=True, dest="outputs",
         help="picture to write, .png or .svg by its ending (repeatable)",
     )  # fmt: skip
-    add_tolerance(parser)
+    add_options(parser)
     parser.add_argument(
         "--view", metavar="VIEW", default="iso",
         help="iso, front, back, left, right, top, bottom, or the direction to the eye as X,Y,Z "
@@ -80,11 +80,10 @@ def run(arguments: argparse.Namespace) -> int:
         check_target(output)
     with Progress(arguments.quiet) as progress:
         progress("load the kernel")
-        from pc2cad.compiler import compile_equation
+        from pc2cad.compiler import compile_solid
 
         with named(arguments.template):
-            tolerance = read_length("--tolerance", arguments.tolerance)
-            part = compile_equation(equation, tolerance, progress=progress)
+            part = compile_solid(equation, read_options(arguments), progress)
             progress("draw")
             scene = drawing(part, style)
         camera = camera_for(scene, view, (width, height))

@@ -5,15 +5,13 @@ from __future__ import annotations
 import argparse
 
 from pc2cad.cli.inputs import (
-    add_splines,
+    add_options,
     add_template,
-    add_tolerance,
     bind,
     check_different,
     load_one,
     named,
-    read_length,
-    spline_options,
+    read_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
 
@@ -26,8 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="file to write, its format by its ending: .xml (G+Smo), .mesh (MFEM), .itd (IRIT), "
         ".g2 (GoTools) (repeatable)",
     )  # fmt: skip
-    add_tolerance(parser)
-    add_splines(parser)
+    add_options(parser)
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
 
 
@@ -35,19 +32,17 @@ def run(arguments: argparse.Namespace) -> int:
     """Represent the template's volume and write every file."""
     template, path = load_one(arguments)
     equation = bind(template, arguments)
-    tolerance = read_length("--tolerance", arguments.tolerance)
+    options = read_options(arguments)
     with Progress(arguments.quiet) as progress:
         progress("load NumPy and SciPy")
+        from pc2cad.compiler import spline_equation
         from pc2cad.export.spline_files import check_splines_writable, write_splines
-        from pc2cad.geometry.profile import spline_profile
-        from pc2cad.volume import spline_equation
 
         for output in arguments.outputs:
             check_splines_writable(output)
         check_different(arguments.outputs, path)
-        profile = spline_profile(**spline_options(arguments))
         with named(arguments.template):
-            model, volume = spline_equation(equation, tolerance, profile, progress)
+            model, checked = spline_equation(equation, options, progress)
         for output in arguments.outputs:
             write_splines(model, output)
     if arguments.quiet:
@@ -67,5 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
         ))  # fmt: skip
     say(table(rows))
     found = model.volume()
-    say(table([("volume", f"{found:.12g} {model.units}^3", f"{found / volume - 1:+.1e}")]))
+    off = found / checked.mass.volume - 1
+    say(table([("volume", f"{found:.12g} {model.units}^3", f"{off:+.1e}")]))
     return 0

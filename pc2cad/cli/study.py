@@ -5,16 +5,15 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from pc2cad.cli.inputs import (
-    add_splines,
+    add_options,
     add_template,
-    add_tolerance,
     named,
-    read_length,
+    read_options,
     read_settings,
-    spline_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError
@@ -40,8 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="draw a sample of the ranges: lhs:500 (Latin hypercube) or sobol:512",
     )  # fmt: skip
     what.add_argument("--seed", type=int, default=1, help="of the sample (default: %(default)s)")
-    add_tolerance(parser)
-    add_splines(parser)
+    add_options(parser)
     parser.add_argument(
         "-o", "--output", metavar="FOLDER", required=True,
         help="folder for the journal, the results table and the files",
@@ -107,9 +105,8 @@ def run(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             fixed=read_settings(arguments.settings),
             formats=_formats(arguments.formats),
-            tolerance=read_length("--tolerance", arguments.tolerance),
             thumbnails=arguments.thumbnails,
-            **spline_options(arguments),
+            **asdict(read_options(arguments)),
             workers=arguments.workers,
             cluster=arguments.dask,
             limits=_limits(arguments),

@@ -9,11 +9,11 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from pc2cad.cli.inputs import (
+    add_options,
     add_template,
-    add_tolerance,
     load,
     named,
-    read_length,
+    read_options,
     read_settings,
     read_triple,
 )
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--serve", action="store_true",
         help="serve the page on 127.0.0.1 instead and recompute the part as its sliders move",
     )  # fmt: skip
-    add_tolerance(parser)
+    add_options(parser)
     parser.add_argument(
         "--slider", metavar="NAME=VALUES", action="append", default=[], dest="sliders",
         help="let a parameter vary: LOW:HIGH:COUNT or A,B,C …; with --serve LOW:HIGH (repeatable; "
@@ -66,7 +66,7 @@ class _Maker:
         self.template, _ = load(arguments)
         self.settings = read_settings(arguments.settings)
         self.opening = self.template.bind(self.settings).parameters
-        self._tolerance = read_length("--tolerance", arguments.tolerance)
+        self._options = read_options(arguments)
         self._points: tuple[int, int, int] | None = None
         if arguments.points is not None:
             from pc2cad.picture.style import Style
@@ -79,11 +79,11 @@ class _Maker:
 
     def payload(self, values: Mapping[str, str]) -> bytes:
         """Return the payload at these values; raise PointCadError for what is no solid."""
-        from pc2cad.compiler import compile_equation
+        from pc2cad.compiler import compile_solid
         from pc2cad.viewer.payload import payload
 
         equation = self.template.bind({**self.settings, **values})
-        return payload(compile_equation(equation, self._tolerance), self._points)
+        return payload(compile_solid(equation, self._options), self._points)
 
 
 def _write(maker: _Maker, arguments: argparse.Namespace) -> int:

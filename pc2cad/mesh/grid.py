@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.checked import CheckedMap
 from pc2cad.errors import InputError
 from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import Cell, directions_of
@@ -97,7 +98,7 @@ class Grid:
 
 
 def make_grid(
-    analysis: Analysis,
+    checked: CheckedMap,
     cells: tuple[int, int, int] | None = None,
     size: float | None = None,
     grading: tuple[Grading, Grading, Grading] = (Grading(), Grading(), Grading()),
@@ -108,6 +109,7 @@ def make_grid(
     direction has breaks, each piece takes its share of the cells, at least one, and their number
     is what comes out. Raises UnsuitableGridError.
     """
+    analysis = checked.analysis
     wanted = _wanted(analysis, cells, size)
     classes = _Classes(analysis)
     lines: list[Array] = []

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.analysis import Analysis
+from pc2cad.checked import CheckedMap
 from pc2cad.errors import NotASolidError
 from pc2cad.mapping import open_grid
 from pc2cad.mesh.collapse import pieces
@@ -36,12 +36,12 @@ class CellCollapsesError(NotASolidError):
     """A cell of the grid loses so many corners that no element is left."""
 
 
-def hexahedra(analysis: Analysis, grid: Grid, order: int = 1) -> VolumeMesh:
+def hexahedra(checked: CheckedMap, grid: Grid, order: int = 1) -> VolumeMesh:
     """Return the mesh of a solid on a grid, with elements of order 1 or 2.
 
     Raises CellCollapsesError where a cell collapses altogether.
     """
-    return _Assembly(analysis, grid, order).mesh()
+    return _Assembly(checked, grid, order).mesh()
 
 
 @dataclass
@@ -56,8 +56,8 @@ class _Split:
 class _Assembly:
     """Works out one mesh; lives for one call of `hexahedra`."""
 
-    def __init__(self, analysis: Analysis, grid: Grid, order: int) -> None:
-        self._analysis = analysis
+    def __init__(self, checked: CheckedMap, grid: Grid, order: int) -> None:
+        self._analysis = checked.analysis
         self._grid = grid
         self._order = order
         self._fine = grid.halved() if order == 2 else grid
@@ -65,7 +65,7 @@ class _Assembly:
         total = int(np.prod(self._counts))
         self._integer: np.dtype[np.integer] = np.dtype("i4" if total < 2**31 else "i8")
         # a left-handed map: the element's first two directions are v and u
-        self._axes = (0, 1, 2) if analysis.orientation > 0 else (1, 0, 2)
+        self._axes = checked.orientation.axes
         self._splits: list[_Split] = []
 
     def mesh(self) -> VolumeMesh:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.checked import CheckedMap
 from pc2cad.mesh.blocks import Block, blocks
 from pc2cad.mesh.elements import HEXAHEDRON
 from pc2cad.mesh.gluing import joined
@@ -28,19 +29,19 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def o_grid(analysis: Analysis, grid: Grid, order: Literal[1, 2] = 1) -> VolumeMesh:
+def o_grid(checked: CheckedMap, grid: Grid, order: Literal[1, 2] = 1) -> VolumeMesh:
     """Return hexahedra of order 1 or 2 for a solid, about as many as a grid has cells.
 
     Half the cells across a sector of the round direction are the core's. Where no side is drawn
     together, it is the mesh of the grid. Raises UnsuitableGridError where only an edge of a side
     is drawn together.
     """
-    large = large_cells(analysis, grid)
-    solids = polytopes(analysis, large)
+    large = large_cells(checked.analysis, grid)
+    solids = polytopes(checked, large)
     if all(solid.kind is HEXAHEDRON for solid in solids):
-        return hexahedra(analysis, grid, order)
+        return hexahedra(checked, grid, order)
     lattices, count = _merged([_lattice(block, order) for block in blocks(solids)])
-    return _Layout(analysis, grid, large, order, lattices, count).mesh()
+    return _Layout(checked.analysis, grid, large, order, lattices, count).mesh()
 
 
 @dataclass(frozen=True)

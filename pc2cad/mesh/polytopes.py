@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.checked import CheckedMap
 from pc2cad.mapping import open_grid
 from pc2cad.mesh.collapse import Pattern, Piece, pieces
 from pc2cad.mesh.elements import HEXAHEDRON, PYRAMID, TETRAHEDRON, ElementType
@@ -194,9 +195,9 @@ def _arcs(analysis: Analysis, large: Grid) -> tuple[float, float, float]:
     return u, v, w
 
 
-def polytopes(analysis: Analysis, large: Grid) -> list[Polytope]:
+def polytopes(checked: CheckedMap, large: Grid) -> list[Polytope]:
     """Return what the large cells become; raise UnsuitableGridError where none is known."""
-    axes = (0, 1, 2) if analysis.orientation > 0 else (1, 0, 2)
+    analysis, axes = checked.analysis, checked.orientation.axes
     counts = [len(lines) for lines in large.lines]
     numbers = np.arange(int(np.prod(counts)))
     arcs = _arcs(analysis, large)

@@ -12,7 +12,6 @@ from pc2cad.equation.template_file import parse_template, read_template_text
 from pc2cad.errors import InputError
 from pc2cad.export.files import write_atomically
 from pc2cad.export.registry import format_for
-from pc2cad.geometry.profile import spline_profile
 from pc2cad.library import find_template
 from pc2cad.studies.local import Limits, LocalEngine
 from pc2cad.studies.overview import contact_sheet
@@ -76,7 +75,7 @@ def study(
     read = parse_template(task.template, task.name, str(path))
     check_plan(plan, read)
     read.bind(task.fixed)
-    spline_profile(degree, max_degree, profile)
+    _ = task.options  # refused before the work begins
     result = run_study(
         plan, task, Path(folder), _engine(cluster, workers, limits or Limits()),
         resume=resume, stop_after=stop_after, progress=progress,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pc2cad import __version__
 from pc2cad.errors import PointCadError
+from pc2cad.options import CompileOptions
 from pc2cad.studies.store import open_store
 
 if TYPE_CHECKING:
@@ -47,6 +48,11 @@ class Task:
     thumbnails: bool = False
     #: parameters that do not vary and points that are replaced: numbers, or texts as -s takes them
     fixed: Mapping[str, float | str] = field(default_factory=dict)
+
+    @property
+    def options(self) -> CompileOptions:
+        """How close to the equation and in which splines; raise InputError where they clash."""
+        return CompileOptions(self.tolerance, self.degree, self.max_degree, self.profile)
 
     def key(self, values: Mapping[str, float]) -> str:
         """Return the content hash of a variant: equal keys are one and the same part."""
@@ -114,14 +120,12 @@ def run_variant(task: Task, job: Job) -> Outcome:
 def _build(
     task: Task, job: Job
 ) -> tuple[dict[str, float | int | str], dict[str, str], dict[str, float]]:
-    from pc2cad.compiler import compile_equation
+    from pc2cad.compiler import compile_solid
     from pc2cad.export.model import ExportOptions
     from pc2cad.export.registry import format_for
 
     equation = _template(task.template, task.name).bind({**task.fixed, **job.values})
-    part = compile_equation(
-        equation, task.tolerance, task.degree, max_degree=task.max_degree, profile=task.profile
-    )
+    part = compile_solid(equation, task.options)
     times = {name: float(seconds) for name, seconds in part.report.times.items()}
     start = time.perf_counter()
     store = open_store(task.store)

@@ -1,0 +1,140 @@
+"""What is known of a map before anything is represented: the value that all ways out begin with.
+
+    PointEquation  ─limits→     Limits          of a channel: what is near to break it
+                   ─sample→     SampledSides    M over the unit box, finite on its sides
+                   ─orient→     Orientation     the sign of det J, or a fold
+                   ─analyse→    Analysis        which sides collapse, coincide, bound
+                   ─integrate→  Properties      volume, area, centroid of the equation
+                   ─solidity→   Solidity        no overlap
+                                ⇒ CheckedMap    ⇒ B-rep, volume splines, meshes, points
+
+Each stage takes the results before it and returns one frozen value.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from pc2cad.analysis import Analysis, derive, sample_sides
+from pc2cad.equation.point_equation import PointEquation
+from pc2cad.errors import NotASolidError, ToleranceNotReachedError
+from pc2cad.folding import Orientation, find_orientation
+from pc2cad.limits import Limit, check_limits, describe, find_limits
+from pc2cad.mapping import Mapping3
+from pc2cad.options import DEFAULTS, CompileOptions
+from pc2cad.properties import Properties, integrate
+from pc2cad.scale import Scale
+from pc2cad.solidity import Solidity, check_solidity
+
+#: told the name of each stage as it begins
+Progress = Callable[[str], None]
+#: refuses integrals that a receiver cannot hold
+Accept = Callable[[Properties], None]
+Result = TypeVar("Result")
+
+#: of the part's size, and of a slender part's thickness 2V/A
+OF_SIZE, OF_THICKNESS = 1e-7, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedMap:
+    """A map whose image is one solid, and all that is known of it before it is represented."""
+
+    analysis: Analysis
+    orientation: Orientation
+    #: of a channel: how far it is from breaking
+    limits: tuple[Limit, ...]
+    mass: Properties
+    solidity: Solidity
+
+    @property
+    def equation(self) -> PointEquation:
+        """The point equation."""
+        return self.analysis.equation
+
+    @property
+    def map(self) -> Mapping3:
+        """M and its derivatives on arrays, over the unit box."""
+        return self.analysis.map
+
+    @property
+    def scale(self) -> Scale:
+        """Size and place of the solid."""
+        return self.analysis.scale
+
+
+class Stages:
+    """Runs stages in turn, tells their names as they begin and notes their seconds."""
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self._progress = progress
+        self.times: dict[str, float] = {}
+        #: put behind the message of a NotASolidError
+        self.remark = ""
+
+    def __call__(self, name: str, run: Callable[[], Result]) -> Result:
+        """Return the result of a stage."""
+        if self._progress is not None:
+            self._progress(name)
+        start = time.perf_counter()
+        try:
+            result = run()
+        except NotASolidError as error:
+            if self.remark:
+                error.args = (f"{error} ({self.remark})",)
+            raise
+        self.times[name] = time.perf_counter() - start
+        return result
+
+
+def check_map(
+    equation: PointEquation,
+    options: CompileOptions = DEFAULTS,
+    stages: Stages | None = None,
+    accept: Accept | None = None,
+) -> CheckedMap:
+    """Return what is known of a point equation whose image is a solid; raise NotASolidError.
+
+    What cannot be had is refused before the dear stages: a tolerance that double precision does not
+    hold (ToleranceNotReachedError), and integrals that `accept`, the receiver's word, refuses.
+    """
+    run = stages or Stages()
+    limits = run("limits", lambda: find_limits(equation))
+    if limits:
+        run.remark = f"limits of the channel: {describe(limits)}"
+    check_limits(limits)
+    sides = run("sample", lambda: sample_sides(equation))
+    orientation = run("orient", lambda: find_orientation(sides.map))
+    analysis = run("analyse", lambda: derive(sides))
+    _tolerance(analysis.scale, options.tolerance)
+    mass = run("integrate", lambda: integrate(analysis))
+    if accept is not None:
+        accept(mass)
+    solidity = run("solidity", lambda: check_solidity(analysis, orientation.sign))
+    return CheckedMap(analysis, orientation, limits, mass, solidity)
+
+
+def resolve_tolerance(checked: CheckedMap, options: CompileOptions = DEFAULTS) -> float:
+    """Return the tolerance of all that is represented, in model units.
+
+    The default is 1e-7 of the part's size, and of a slender part (whose thickness 2V/A is less
+    than a tenth of that) 1e-6 of the thickness: its volume is then right to 1e-6. Raises
+    ToleranceNotReachedError where double precision cannot hold it.
+    """
+    return _tolerance(checked.scale, options.tolerance, checked.mass.thickness)
+
+
+def _tolerance(scale: Scale, tolerance: float | None, thickness: float = float("inf")) -> float:
+    least = scale.least_tolerance
+    if tolerance is None:
+        usual = OF_SIZE * scale.size
+        tolerance = max(min(usual, least), min(usual, OF_THICKNESS * thickness))
+    if tolerance < least:
+        raise ToleranceNotReachedError(
+            f"a tolerance of {tolerance:.3g} is below what double precision holds for this part "
+            f"({least:.3g}); move it nearer to the origin or allow more"
+        )
+    return tolerance
