@@ -28,8 +28,9 @@ from pc2cad.compiler import mesh_equation  # noqa: E402
 from pc2cad.directions import CellFunction  # noqa: E402
 from pc2cad.equation.point_equation import PointEquation  # noqa: E402
 from pc2cad.equation.template_file import read_template  # noqa: E402
+from pc2cad.geometry.rational import Course  # noqa: E402
 from pc2cad.geometry.spline_space import SplineSpace  # noqa: E402
-from pc2cad.geometry.trivariate import Axis, fit_volume  # noqa: E402
+from pc2cad.geometry.trivariate import fit_volume  # noqa: E402
 from pc2cad.isogeometry import Patch, VolumeModel, turned  # noqa: E402
 from pc2cad.mesh.meshing import MeshOptions  # noqa: E402
 from pc2cad.mesh.volume_mesh import VolumeMesh  # noqa: E402
@@ -45,7 +46,7 @@ def fitted(equation: PointEquation, spans: tuple[int, int, int], degree: int) ->
     analysis, directions = checked.analysis, checked.orientation.axes
     function = turned(CellFunction(analysis, (1, 1, 1), degree), directions)
     spaces = [SplineSpace(degree, np.linspace(0, 1, n + 1), [1] * (n - 1)) for n in spans]
-    a, b, c = (Axis(spaces[d]) for d in directions)
+    a, b, c = (Course(spaces[d]) for d in directions)
     volume = fit_volume(function, (a, b, c))
     patch = Patch((1, 1, 1), volume, math.nan, 0)
     return VolumeModel(equation.name, equation.units, directions, (patch,), (1, 1, 1),

@@ -10,6 +10,7 @@ would only make faces rougher, and the equation's own parameter stays.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
@@ -26,17 +27,14 @@ from pc2cad.directions import (
 )
 from pc2cad.equation.breaks import Break
 from pc2cad.equation.multiples import common
+from pc2cad.geometry.arcs import Arcs, Wave
 from pc2cad.geometry.profile import SplineProfile
-from pc2cad.geometry.rational import Arcs, Course, rational_course
-from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt
+from pc2cad.geometry.rational import Course, rational_course
+from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt, beside
 from pc2cad.geometry.separation import LARGEST_ORDER
 from pc2cad.geometry.spline_space import SplineSpace
 
 Array = NDArray[np.float64]
-
-#: arcs are no longer than this: a quarter turn, and half of it where weights would spread too far
-LONGEST_ARC = np.pi / 2
-MODEST_ORDER = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +54,8 @@ class Strand:
         return self.function.pieces[self.axis]
 
     @property
-    def wave(self) -> tuple[float, int] | None:
-        """Extent of the angle (radians) and order, where it is a trigonometric polynomial."""
+    def wave(self) -> Wave | None:
+        """The wave that it is, where it is a trigonometric polynomial of a linear angle."""
         form = self.function.form if self.function.may_be_exact(self.axis) else None
         if form is None or form.axes[self.axis].kind != "wave":
             return None
@@ -65,7 +63,7 @@ class Strand:
         if not axis.is_linear:
             return None
         first, last = axis.turn(1, np.array([0.0, 1.0])).tolist()
-        return abs(last - first), form.order(self.axis)
+        return Wave(abs(last - first), form.order(self.axis))
 
 
 class Courses:
@@ -77,6 +75,7 @@ class Courses:
         self._classes = classes
         self._strands = strands
         self._profile = profile
+        #: of the classes in which something is approximated, in a copy that `resolved` makes
         self._spaces: dict[Piece, SplineSpace] = {}
         self._arcs: dict[Piece, tuple[Arcs, int]] = {}
         for owner in {classes.owner(s.piece) for s in strands}:
@@ -93,18 +92,16 @@ class Courses:
         if powers or not any(self._completes_a_face(s) for s in strands):
             return None
         waves = [wave for s in strands if (wave := s.wave) is not None]
-        ratios = [_ratio(extent, waves[0][0]) for extent, _ in waves]
+        ratios = [_ratio(wave.extent, waves[0].extent) for wave in waves]
         known = [r for r in ratios if r is not None]
         if len(known) < len(ratios):
             return None
         unit = reduce(common, known)
-        order = max(int(r / unit) * k for r, (_, k) in zip(known, waves, strict=True))
-        if order > LARGEST_ORDER or not self._allowed(order):
+        order = max(int(r / unit) * wave.order for r, wave in zip(known, waves, strict=True))
+        common_wave = Wave(waves[0].extent * float(unit), order)
+        if order > LARGEST_ORDER or not self._profile.allows(common_wave):
             return None
-        return _arcs(waves[0][0] * float(unit), order), order
-
-    def _allowed(self, order: int) -> bool:
-        return self._profile.rational and 2 * order <= self._profile.exact
+        return common_wave.arcs, order
 
     def _completes_a_face(self, strand: Strand) -> bool:
         """Say whether a face is exact as soon as the strand is run through in arcs.
@@ -132,20 +129,17 @@ class Courses:
     def exact(self, strand: Strand) -> Course | None:
         """Return a course that holds the strand exactly, or None."""
         found = self._arcs.get(self._owner(strand)) if strand.bound else None
-        wave = strand.wave if found is not None or not strand.bound else None
-        if found is None and wave is not None and self._allowed(wave[1]):
-            found = _arcs(*wave), wave[1]
         if found is None:
-            space = self._polynomial(strand)
-            return None if space is None else Course(space, exact=True)
+            wave = None if strand.bound else strand.wave
+            breaks = self._classes.breaks(strand.piece)
+            return exact_course(strand.function, strand.axis, breaks, wave, self._profile)
+        wave, (arcs, _) = strand.wave, found
         if wave is None:
             return None
-        arcs, _ = found
-        multiple = round(wave[0] / arcs.extent)
-        return rational_course(arcs, multiple * wave[1])
+        return rational_course(arcs, round(wave.extent / arcs.extent) * wave.order)
 
     def course(self, strand: Strand) -> Course:
-        """Return the course of a strand; call `resolve` first."""
+        """Return the course of a strand; of one that is approximated, after `resolved`."""
         exact = self.exact(strand)
         if exact is not None:
             return exact
@@ -155,8 +149,8 @@ class Courses:
 
     # -- approximation -------------------------------------------------------------------------
 
-    def resolve(self, target: float, floor: float) -> None:
-        """Choose the space of every class that some strand is approximated in.
+    def resolved(self, target: float, floor: float) -> Courses:
+        """Return the courses with a space for every class that some strand is approximated in.
 
         `target` and `floor` (what rounding leaves) are lengths. Raises ToleranceNotReachedError.
         """
@@ -166,9 +160,12 @@ class Courses:
             is_section = strand.bound and len(strand.function.pieces) == 1
             if not is_section and self.exact(strand) is None:
                 users.setdefault(self._owner(strand), []).append(strand)
+        result = copy(self)
+        result._spaces = {}
         for owner, strands in users.items():
-            columns = [self._column(strand) for strand in strands]
-            self._spaces[owner] = adapt(_beside(columns), self._rules(owner), target, floor)
+            column = beside([result._column(strand) for strand in strands])
+            result._spaces[owner] = adapt(column, self._rules(owner), target, floor)
+        return result
 
     def _rules(self, owner: Piece) -> DirectionRules:
         rules = self._classes.rules(owner)
@@ -205,16 +202,21 @@ class Courses:
         return exact.places(exact.space.sites)
 
 
-def _beside(samplers: list[Sampler]) -> Sampler:
-    def sample(x: Array) -> Array:
-        return np.concatenate([s(x).reshape(len(x), -1, 3) for s in samplers], axis=1)
+def exact_course(
+    function: CellFunction,
+    axis: int,
+    breaks: Sequence[Break],
+    wave: Wave | None,
+    profile: SplineProfile,
+) -> Course | None:
+    """Return a course of its own that holds a function exactly along one axis, None if none does.
 
-    return sample
-
-
-def _arcs(extent: float, order: int) -> Arcs:
-    longest = LONGEST_ARC if order <= MODEST_ORDER else LONGEST_ARC / 2
-    return Arcs(extent, max(1, int(np.ceil(extent / longest - 1e-9))))
+    `wave` is what is known of it as a trigonometric polynomial.
+    """
+    if wave is not None and profile.allows(wave):
+        return rational_course(wave.arcs, wave.order)
+    space = polynomial_space(function, axis, breaks)
+    return None if space is None else Course(space, exact=True)
 
 
 def _ratio(a: float, b: float) -> Fraction | None:

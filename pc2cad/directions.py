@@ -241,7 +241,9 @@ def _piece(edge: Cell) -> Piece:
     return d, edge[d]
 
 
-def polynomial_space(function: CellFunction, axis: int, breaks: list[Break]) -> SplineSpace | None:
+def polynomial_space(
+    function: CellFunction, axis: int, breaks: Sequence[Break]
+) -> SplineSpace | None:
     """Return a space that holds the function exactly along one of its axes, or None.
 
     None also where the kernel could not evaluate it: it goes by powers within a span, and those of

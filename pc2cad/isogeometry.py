@@ -8,22 +8,26 @@ others get a spline space that meets the tolerance.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.checked import CheckedMap, resolve_tolerance
-from pc2cad.directions import CellFunction, DirectionClasses, Piece, polynomial_space
+from pc2cad.courses import exact_course
+from pc2cad.directions import CellFunction, DirectionClasses, Piece
 from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.geometry.arcs import wave_in
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.geometry.profile import SplineProfile, spline_profile
-from pc2cad.geometry.refinement import Sampler, adapt, check_places
+from pc2cad.geometry.rational import Course
+from pc2cad.geometry.refinement import Sampler, adapt, beside, check_places
 from pc2cad.geometry.spline_space import SplineSpace
-from pc2cad.geometry.trigonometric import wave_in
-from pc2cad.geometry.trivariate import Axis, GridSampler, SplineVolume, fit_volume
+from pc2cad.geometry.trivariate import GridSampler, SplineVolume, fit_volume
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.proof import bound_volume
+from pc2cad.tightening import Attempt, tighten
 from pc2cad.topology.cells import Cell, cell_name
 from pc2cad.topology.complex import BoundaryComplex
 
@@ -31,10 +35,9 @@ Array = NDArray[np.float64]
 
 #: cross sections on which a direction is resolved: ends and Gauss nodes
 _SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(7)[0] + 1) / 2, [1.0]))
-#: what one direction's fit may use of the tolerance, and what all three may
-_SHARE, _ALL = 0.2, 0.9
+#: what one direction's fit aims at of the tolerance, and what all three may deviate as sampled
+DIRECTION_SHARE, _ALL = 0.2, 0.9
 _MOST_CHECKS = 1_000_000
-_TRIES = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,52 +105,79 @@ def represent_volume(checked: CheckedMap, options: CompileOptions = DEFAULTS) ->
     """
     analysis, profile = checked.analysis, spline_profile(options)
     tolerance = resolve_tolerance(checked, options)
-    directions = checked.orientation.axes
     spans = [range(1, 2 * len(limits) - 1, 2) for limits in analysis.bounds]
     functions = [CellFunction(analysis, (a, b, c), profile.exact) for a, b, c in product(*spans)]
     classes = DirectionClasses(analysis, profile.degrees)
-    exact = {(f.cell, d): _exact_axis(classes, f, d, profile) for f in functions for d in range(3)}
-    rounding = checked.scale.fitting_noise
-    known = all(axis is not None for axis in exact.values())
-    target = _SHARE * tolerance
-    for _ in range(_TRIES):
-        spaces = _resolve(classes, functions, exact, target, rounding / 16)
-        patches = []
-        for function in functions:
-            axes = [
-                exact[function.cell, d] or Axis(spaces[classes.owner((d, function.cell[d]))])
-                for d in directions
-            ]
-            volume = fit_volume(turned(function, directions), (axes[0], axes[1], axes[2]))
-            deviation, samples = _deviation(turned(function, directions), volume)
-            patches.append(
-                Patch(
-                    function.cell,
-                    volume,
-                    deviation,
-                    samples,
-                    None if known else _proved(function, volume, directions),
-                )
-            )
-        worst = max(patch.deviation for patch in patches)
-        if known and worst > rounding:
-            raise ToleranceNotReachedError(
-                f"the exact spline of the volume deviates by {worst:.3g}: its degree is too high "
-                "for double precision"
-            )
-        proved = all(patch.bound is not None for patch in patches)
-        if known or worst <= (1.0 if proved else _ALL) * tolerance:
-            evidence: Evidence = "exact" if known else "bounded" if proved else "sampled"
-            u, v, w = (len(span) for span in spans)
-            return VolumeModel(
-                analysis.equation.name, analysis.equation.units, directions, tuple(patches),
-                (u, v, w), analysis.boundary, evidence, tolerance,
-            )  # fmt: skip
-        target *= 0.5 * min(1.0, tolerance / worst)
-    raise ToleranceNotReachedError(
-        f"the spline volume deviates by {worst:.3g} from the equation where {tolerance:.3g} was "
-        "asked; allow a larger --tolerance"
-    )
+    exact = {
+        (f.cell, d): _exact_course(classes, f, d, profile) for f in functions for d in range(3)
+    }
+    work = _Work(checked, classes, functions, exact, tolerance)
+    if work.is_exact:
+        patches = _patches(work, {})
+        _check_exact(patches, checked.scale.fitting_noise)
+    else:
+        patches = tighten(
+            partial(_attempt, work), DIRECTION_SHARE * tolerance, "the spline volume deviates",
+            tolerance,
+        )  # fmt: skip
+    proved = all(patch.bound is not None for patch in patches)
+    evidence: Evidence = "exact" if work.is_exact else "bounded" if proved else "sampled"
+    u, v, w = (len(span) for span in spans)
+    return VolumeModel(
+        analysis.equation.name, analysis.equation.units, checked.orientation.axes, patches,
+        (u, v, w), analysis.boundary, evidence, tolerance,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What one call of `represent_volume` is given."""
+
+    checked: CheckedMap
+    classes: DirectionClasses
+    #: M on each piece of the box
+    functions: list[CellFunction]
+    #: piece and direction -> a course that holds M exactly
+    exact: dict[tuple[Cell, int], Course | None]
+    tolerance: float
+
+    @property
+    def is_exact(self) -> bool:
+        return all(course is not None for course in self.exact.values())
+
+
+def _check_exact(patches: tuple[Patch, ...], noise: float) -> None:
+    worst = max(patch.deviation for patch in patches)
+    if worst > noise:
+        raise ToleranceNotReachedError(
+            f"the exact spline of the volume deviates by {worst:.3g}: its degree is too high "
+            "for double precision"
+        )
+
+
+def _attempt(work: _Work, target: float) -> Attempt[tuple[Patch, ...]]:
+    """Return the patches from fits that aim at a length."""
+    patches = _patches(work, _spaces(work, target, work.checked.scale.fitting_noise / 16))
+    proved = all(patch.bound is not None for patch in patches)
+    worst = max(patch.deviation for patch in patches)
+    return Attempt(patches, worst, (1.0 if proved else _ALL) * work.tolerance)
+
+
+def _patches(work: _Work, spaces: dict[Piece, SplineSpace]) -> tuple[Patch, ...]:
+    directions = work.checked.orientation.axes
+    patches = []
+    for function in work.functions:
+        a, b, c = (
+            work.exact[function.cell, d]
+            or Course(spaces[work.classes.owner((d, function.cell[d]))])
+            for d in directions
+        )
+        sample = turned(function, directions)
+        volume = fit_volume(sample, (a, b, c))
+        deviation, samples = _deviation(sample, volume)
+        bound = None if work.is_exact else _proved(function, volume, directions)
+        patches.append(Patch(function.cell, volume, deviation, samples, bound))
+    return tuple(patches)
 
 
 def turned(function: CellFunction, directions: tuple[int, int, int]) -> GridSampler:
@@ -169,47 +199,25 @@ def _proved(
     return bound.largest if bound is not None and np.isfinite(bound.largest) else None
 
 
-def _exact_axis(
+def _exact_course(
     classes: DirectionClasses, function: CellFunction, d: int, profile: SplineProfile
-) -> Axis | None:
-    """Return the axis that carries a function exactly along a direction, None if none is known."""
-    space = polynomial_space(function, d, classes.breaks((d, function.cell[d])))
-    if space is not None:
-        return Axis(space)
+) -> Course | None:
+    """Return the course that carries a function exactly along a direction, or None."""
     trees, names = function.trees
-    wave = wave_in(trees, names[d]) if profile.rational else None
-    if wave is None or 2 * wave.order > profile.exact:
-        return None
-    points = np.linspace(0.0, 1.0, wave.arcs + 1)
-    degree = 2 * wave.order
-    return Axis(SplineSpace(degree, points, [degree] * (wave.arcs - 1)), wave)
+    breaks = classes.breaks((d, function.cell[d]))
+    return exact_course(function, d, breaks, wave_in(trees, names[d]), profile)
 
 
-def _beside(samplers: list[Sampler]) -> Sampler:
-    """Return several functions along one direction as one."""
-
-    def sample(t: Array) -> Array:
-        return np.concatenate([s(t).reshape(len(t), -1, 3) for s in samplers], axis=1)
-
-    return sample
-
-
-def _resolve(
-    classes: DirectionClasses,
-    functions: list[CellFunction],
-    exact: dict[tuple[Cell, int], Axis | None],
-    target: float,
-    floor: float,
-) -> dict[Piece, SplineSpace]:
+def _spaces(work: _Work, target: float, floor: float) -> dict[Piece, SplineSpace]:
     """Return a space for every class of pieces of directions that has no exact form."""
     users: dict[Piece, list[Sampler]] = {}
-    for function in functions:
+    for function in work.functions:
         for d in range(3):
-            if exact[function.cell, d] is None:
-                owner = classes.owner((d, function.cell[d]))
+            if work.exact[function.cell, d] is None:
+                owner = work.classes.owner((d, function.cell[d]))
                 users.setdefault(owner, []).append(_along(function, d))
     return {
-        owner: adapt(_beside(samplers), classes.rules(owner), target, floor)
+        owner: adapt(beside(samplers), work.classes.rules(owner), target, floor)
         for owner, samplers in users.items()
     }
 
@@ -230,6 +238,6 @@ def _deviation(sample: GridSampler, volume: SplineVolume) -> tuple[float, int]:
         longest = max(range(3), key=lambda k: len(places[k]))
         places[longest] = places[longest][::2]
     x, y, z = places
-    a, b, c = (axis.local(t) for axis, t in zip(volume.axes, places, strict=True))
+    a, b, c = (axis.places(t) for axis, t in zip(volume.axes, places, strict=True))
     gap = volume(x, y, z) - sample(a, b, c)
     return float(np.sqrt((gap * gap).sum(axis=-1)).max()), gap.size // 3

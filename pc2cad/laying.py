@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.geometry.arcs import Arcs
 from pc2cad.geometry.carriers import (
     CurveCarrier,
     PCurve,
@@ -19,7 +20,6 @@ from pc2cad.geometry.carriers import (
 from pc2cad.geometry.fitting import Fitted
 from pc2cad.geometry.location import curve_points
 from pc2cad.geometry.parameter_path import path
-from pc2cad.geometry.rational import Arcs
 from pc2cad.geometry.recognition import Along, Laid
 from pc2cad.model import ModelEdge
 from pc2cad.topology.complex import EdgeUse

@@ -16,10 +16,11 @@ from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.equation.breaks import BreaksNotAlignedError
 from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, pieces, substitute, symbol
+from pc2cad.geometry.arcs import Arcs
 from pc2cad.geometry.bernstein import bezier_knots, degree_in
 from pc2cad.geometry.carriers import Evidence, Plane, SplineCurve, SplineSurface
-from pc2cad.geometry.rational import Arcs, Course
-from pc2cad.geometry.trivariate import Axis, SplineVolume
+from pc2cad.geometry.rational import Course
+from pc2cad.geometry.trivariate import SplineVolume
 from pc2cad.model import ModelEdge, ModelFace
 from pc2cad.topology.cells import Cell
 
@@ -158,10 +159,10 @@ def _bound_slices(
 ) -> Bound | None:
     """Bound the distance from those of slices (see `enclosure.between`)."""
     # slices as few as can be; the weights do not change from slice to slice
-    axis = min((k for k in range(3) if volume.axes[k].wave is None),
+    axis = min((k for k in range(3) if volume.axes[k].arcs is None),
                key=lambda k: len(volume.axes[k].space.points))  # fmt: skip
     others = [k for k in range(3) if k != axis]
-    courses = [_course(volume.axes[k]) for k in others]
+    courses = [volume.axes[k] for k in others]
     names = [along[k] for k in others]
     known, space = Known(), volume.axes[axis].space
 
@@ -201,16 +202,16 @@ def _bound_ruled(
             for i in range(3)
         )
         surface = _combined(volume, ruled, np.eye(volume.degrees[ruled] + 1)[k])
-        courses = [_course(volume.axes[axis]) for axis in others]
+        courses = [volume.axes[axis] for axis in others]
         bounds.append(
             _bound_spline(control, [along[axis] for axis in others], surface, courses, known)
         )
     return max(bounds, key=lambda bound: bound.largest)
 
 
-def _is_bernstein(axis: Axis, trees: Sequence[Expr], name: str) -> bool:
+def _is_bernstein(axis: Course, trees: Sequence[Expr], name: str) -> bool:
     """Say whether the spline's basis along an axis is one Bernstein basis, which holds M too."""
-    if axis.wave is not None or len(axis.space.points) > 2:
+    if axis.arcs is not None or len(axis.space.points) > 2:
         return False
     degree = degree_in(trees, name)
     return degree is not None and degree <= axis.space.degree
@@ -228,13 +229,6 @@ def _combined(volume: SplineVolume, axis: int, shares: Array) -> SplineSurface:
         (volume.degrees[first], volume.degrees[second]),
         (volume.knots[first], volume.knots[second]), poles, weights,
     )  # fmt: skip
-
-
-def _course(axis: Axis) -> Course:
-    if axis.wave is None:
-        return Course(axis.space)
-    arcs = Arcs(abs(axis.wave.turn), axis.wave.arcs)
-    return Course(axis.space, arcs, axis.wave.order, exact=True)
 
 
 def _to_bernstein(degree: int) -> list[list[Fraction]]:

@@ -20,9 +20,9 @@ from pc2cad.directions import CellFunction
 from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.tree import PI, Expr, call, number, pieces, symbol
+from pc2cad.geometry.arcs import Arcs
 from pc2cad.geometry.bernstein import bezier_knots
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
-from pc2cad.geometry.rational import Arcs
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.geometry.tensor import fit_surface
 from pc2cad.options import CompileOptions

@@ -81,6 +81,19 @@ def test_what_double_precision_does_not_hold_is_refused_as_splines_too() -> None
             make(WAVY, tolerance=1e-16)
 
 
+@pytest.mark.parametrize(("order", "evidence"), [(7, "exact"), (11, "exact"), (12, "bounded")])
+def test_waves_are_exact_as_faces_and_as_volumes_up_to_one_order(order: int, evidence: str) -> None:
+    """cos kθ times cos θ is of order k + 1; the limit is 12."""
+    theta = 2 * pc.pi * u
+    r = v * (2 + pc.cos(order * theta) / 20)
+    part = pc.compile_part((r * pc.cos(theta), r * pc.sin(theta), w), tolerance=1e-3)
+    model = part.splines(1e-3)
+    assert (part.report.evidence, model.evidence) == (evidence, evidence)
+    if evidence == "exact":
+        assert model.deviation <= 1e-14
+        assert model.volume() == pytest.approx(part.report.equation.volume, rel=1e-13)
+
+
 def test_options_are_refused_where_they_clash() -> None:
     with pytest.raises(InputError, match="give one"):
         CompileOptions(degree=3, max_degree=5)

@@ -35,9 +35,13 @@ ALLOWED = {
     "point_sets": {"directions", "geometry", "numpy"},
     "laying": {"geometry", "model", "topology", "numpy"},
     "proof": {"directions", "enclosure", "equation", "geometry", "model", "topology", "numpy"},
+    "tightening": {"errors"},
+    "plan": {
+        "checked", "courses", "directions", "geometry", "laying", "point_sets", "topology",
+    },
     "boundary": {
         "checked", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
-        "options", "planar", "point_sets", "proof", "topology", "numpy",
+        "options", "plan", "planar", "proof", "tightening", "topology", "numpy",
     },
     "bodies": {
         "brep", "equation", "errors", "export", "meetings", "part", "report", "validation", "OCP",
@@ -87,7 +91,8 @@ ALLOWED = {
     },
     "interior": {"analysis", "checked", "errors", "mapping", "topology", "numpy", "scipy"},
     "isogeometry": {
-        "checked", "directions", "errors", "geometry", "options", "proof", "topology", "numpy",
+        "checked", "courses", "directions", "errors", "geometry", "options", "proof", "tightening",
+        "topology", "numpy",
     },
 }  # fmt: skip
 #: within the equation room only the vectorised evaluations need arrays, and what is made along a

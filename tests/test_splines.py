@@ -19,7 +19,7 @@ from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, NotASolidError
 from pc2cad.export.patches import interfaces
 from pc2cad.export.spline_files import write_splines
-from pc2cad.geometry.trigonometric import wave_in
+from pc2cad.geometry.arcs import wave_in
 from pc2cad.interior import locate
 from pc2cad.isogeometry import VolumeModel, represent_volume
 from pc2cad.mesh.grid import closed_directions
@@ -42,7 +42,7 @@ def truth(checked: CheckedMap, model: VolumeModel, patch: int, places: Array) ->
     columns: list[Array] = [np.empty(0)] * 3
     for k, d in enumerate(model.directions):
         low, high = checked.analysis.span(d, found.cell[d])
-        columns[d] = low + (high - low) * found.volume.axes[k].local(places[:, k])
+        columns[d] = low + (high - low) * found.volume.axes[k].places(places[:, k])
     return checked.map.points(*columns)
 
 
@@ -132,7 +132,7 @@ def test_waves_are_found_with_their_angle_and_order() -> None:
     assert wave_in((pc.sin(t) * pc.cos(t) + v, v), "u").order == 2  # type: ignore[union-attr]
     wave = wave_in((pc.cos(3 * t), pc.sin(2 * t)), "u")
     assert wave is not None
-    assert (wave.order, wave.turn) == (3, pytest.approx(2 * np.pi))
+    assert (wave.order, wave.extent) == (3, pytest.approx(2 * np.pi))
     assert wave_in((pc.cos(t) * u, v), "u") is None
     assert wave_in((pc.sqrt(2 + pc.cos(t)), v), "u") is None
     assert wave_in((pc.cos(t) + pc.cos(pc.e * t), v), "u") is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pc2cad.geometry.arcs import Wave
 from pc2cad.options import DEFAULTS, CompileOptions
 
 #: the kernel's largest degree of a Bézier or B-spline
@@ -22,6 +23,10 @@ class SplineProfile:
     #: polynomials up to this degree keep their exact form
     exact: int = LARGEST_DEGREE
     rational: bool = True
+
+    def allows(self, wave: Wave) -> bool:
+        """Say whether waves may keep their exact form, of twice their order."""
+        return self.rational and 2 * wave.order <= self.exact
 
 
 COMPACT = SplineProfile()

@@ -1,10 +1,8 @@
-"""Exact rational forms of trigonometric polynomials, and fits in them.
+"""How faces, edges and volumes run along a direction, and fits of them.
 
-A trigonometric polynomial of order k in an angle θ is, over an arc, a rational function of degree
-2k in x where tan((θ - θ_m)/2) is linear in x; its denominator is the k-th power of a quadratic that
-depends on the arc alone. A direction is cut into equal arcs, and every face and edge that varies
-along it takes this parameter x, so that neighbours still agree. Multiplied by the denominator the
-function is a polynomial on each arc, and interpolation in a spline space that holds it is exact.
+Where a direction is run through in arcs (`arcs`), every face and edge that varies along it takes
+their parameter, so that neighbours still agree. Multiplied by the denominator a function is a
+polynomial on each arc, and interpolation in a spline space that holds it is exact.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.geometry.arcs import Arcs
 from pc2cad.geometry.refinement import Sampler, check_places
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.geometry.tensor import (
@@ -27,41 +26,6 @@ from pc2cad.geometry.tensor import (
 )
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Arcs:
-    """A direction run through in equal arcs of an angle that grows by `extent` radians over it."""
-
-    extent: float
-    count: int
-
-    @property
-    def tangent(self) -> float:
-        """Tangent of a quarter of one arc's angle: how far its own parameter runs either way."""
-        return float(np.tan(self.extent / self.count / 4))
-
-    def _split(self, x: Array) -> tuple[Array, Array]:
-        """Return the arc that each x lies on and its place there, from -1 to 1."""
-        arc = np.clip(np.floor(np.asarray(x) * self.count), 0, self.count - 1)
-        return arc, 2 * (x * self.count - arc) - 1
-
-    def places(self, x: Array) -> Array:
-        """Return the equation's own local parameter at x."""
-        arc, y = self._split(x)
-        half = self.extent / self.count / 4
-        return np.asarray((arc + 0.5 + np.arctan(self.tangent * y) / (2 * half)) / self.count)
-
-    def weight(self, x: Array) -> Array:
-        """Return the denominator of order 1 at x: 1 at the ends of each arc."""
-        _, y = self._split(x)
-        square = self.tangent**2
-        return np.asarray((1 + square * y * y) / (1 + square))
-
-    @cached_property
-    def points(self) -> Array:
-        """The ends of the arcs."""
-        return np.arange(self.count + 1) / self.count
 
 
 class PiecewiseSpace(SplineSpace):
@@ -102,7 +66,7 @@ def _collocation(degree: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """How faces and edges run along one direction: spline space, parameter and denominators."""
+    """How all cells run along one direction: spline space, parameter and denominators."""
 
     space: SplineSpace
     #: None where the spline's parameter is the equation's own

@@ -101,6 +101,15 @@ def adapt(sample: Sampler, rules: DirectionRules, target: float, floor: float) -
     return best
 
 
+def beside(samplers: Sequence[Sampler]) -> Sampler:
+    """Return several functions along one direction as one, (n, …, 3) each, as (n, columns, 3)."""
+
+    def sample(t: Array) -> Array:
+        return np.concatenate([s(t).reshape(len(t), -1, 3) for s in samplers], axis=1)
+
+    return sample
+
+
 def check_places(space: SplineSpace) -> Array:
     """Return ascending parameters at which a fit is compared: the knots and several between."""
     return _checks(space)[0]

@@ -11,30 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from pc2cad.geometry.rational import Course
 from pc2cad.geometry.spline_space import SplineSpace
-from pc2cad.geometry.trigonometric import Wave
 
 Array = NDArray[np.float64]
 #: values on the product of three parameter arrays: shape (len, len, len, 3)
 GridSampler = Callable[[Array, Array, Array], Array]
 #: Gauss nodes beyond the polynomial's need where there are weights
 _RATIONAL_NODES = 10
-
-
-@dataclass(frozen=True, eq=False)
-class Axis:
-    """One direction of a volume: its space and, for a rational one, the wave it comes from."""
-
-    space: SplineSpace
-    wave: Wave | None = None
-
-    def local(self, x: Array) -> Array:
-        """Return the equation's local parameter at a spline parameter (the same but for waves)."""
-        return x if self.wave is None else self.wave.local(x)
-
-    def weight(self, x: Array) -> Array:
-        """Return the share of this direction in the denominator."""
-        return np.ones_like(x) if self.wave is None else self.wave.weight(x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +29,7 @@ class SplineVolume:
     positive, None for a polynomial one.
     """
 
-    axes: tuple[Axis, Axis, Axis]
+    axes: tuple[Course, Course, Course]
     poles: Array
     weights: Array | None
 
@@ -107,7 +91,7 @@ class SplineVolume:
             rest = np.delete(self._homogeneous.shape, axis)
             table = np.moveaxis(part.fit(values).reshape(part.size, *rest), 0, axis)
             # the way from a part's parameter to the equation's stays with the whole
-            axes = [Axis(part) if k == axis else a for k, a in enumerate(self.axes)]
+            axes = [Course(part) if k == axis else a for k, a in enumerate(self.axes)]
             weights = None if self.weights is None else table[..., 3]
             poles = self._project(table)
             pieces.append(SplineVolume((axes[0], axes[1], axes[2]), poles, weights))
@@ -125,7 +109,7 @@ class SplineVolume:
             axis.space.reversed() if back else axis.space
             for axis, back in zip(self.axes, backwards, strict=True)
         ]
-        a, b, c = (Axis(spaces[k]) for k in order)
+        a, b, c = (Course(spaces[k]) for k in order)
         poles = self.poles[flips].transpose(*order, 3)
         weights = None if self.weights is None else self.weights[flips].transpose(order)
         return SplineVolume((a, b, c), poles, weights)
@@ -157,7 +141,7 @@ class SplineVolume:
             )
         return total
 
-    def _rule(self, axis: Axis) -> tuple[Array, Array, Array, Array]:
+    def _rule(self, axis: Course) -> tuple[Array, Array, Array, Array]:
         """Return nodes, weights, and the basis and its derivative there."""
         space = axis.space
         count = (3 * space.degree + 1) // 2 + (0 if self.weights is None else _RATIONAL_NODES)
@@ -169,21 +153,19 @@ class SplineVolume:
         return nodes, (lengths * weight / 2).ravel(), space.basis(nodes).toarray(), slopes
 
 
-def fit_volume(sample: GridSampler, axes: tuple[Axis, Axis, Axis]) -> SplineVolume:
+def fit_volume(sample: GridSampler, axes: tuple[Course, Course, Course]) -> SplineVolume:
     """Return the volume that fits a function of the equation's local parameters."""
     sites = [axis.space.sites for axis in axes]
     shares = [axis.weight(x) for axis, x in zip(axes, sites, strict=True)]
-    x, y, z = (axis.local(t) for axis, t in zip(axes, sites, strict=True))
+    x, y, z = (axis.places(t) for axis, t in zip(axes, sites, strict=True))
     values = sample(x, y, z)
     u, v, w = np.ix_(*shares)
     homogeneous = values * (u * v * w)[..., None]
     for k, axis in enumerate(axes):
         homogeneous = np.moveaxis(axis.space.fit(np.moveaxis(homogeneous, k, 0)), 0, k)
-    if all(axis.wave is None for axis in axes):
+    if not any(axis.order for axis in axes):
         return SplineVolume(axes, homogeneous, None)
-    a, b, c = np.ix_(
-        *(axis.space.fit(share[:, None])[:, 0] for axis, share in zip(axes, shares, strict=True))
-    )
+    a, b, c = np.ix_(*(axis.weights for axis in axes))
     weights = a * b * c
     return SplineVolume(axes, homogeneous / weights[..., None], weights)
 
