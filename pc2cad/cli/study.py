@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     how.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster, for example tcp://…")
     how.add_argument(
-        "--wait", type=float, default=10.0, metavar="SECONDS",
+        "--wait", type=float, default=8.0, metavar="SECONDS",
         help="give up when the Dask cluster has had no worker for this time (default: %(default)s)",
     )  # fmt: skip
     how.add_argument(

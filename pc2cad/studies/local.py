@@ -42,7 +42,7 @@ class Limits:
     #: a worker is replaced after so many jobs, in case something leaks (docs/faults.md: none did)
     jobs: int = 2000
     #: seconds that a Dask cluster may be without any worker
-    wait: float = 10.0
+    wait: float = 8.0
 
 
 class WorkerNotStartedError(KernelError):

@@ -87,6 +87,8 @@ class PageServer(ThreadingHTTPServer):
 
     """
 
+    request_queue_size = MOST_CONNECTIONS
+
     def __init__(self, page: bytes, build: Build, port: int) -> None:
         super().__init__((HOST, port), _Handler)
         self._page, self._build, self._turns = page, build, Turns()
@@ -167,13 +169,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "pc2cad", ""
-    request_version = "HTTP/1.1"
+    default_request_version = request_version = "HTTP/1.1"
     server: PageServer
 
     def handle(self) -> None:
         """Read one request, within its limits, and answer it."""
         try:
-            self.rfile = BytesIO(_head(self.connection))  # type: ignore[assignment]
+            self.rfile = BytesIO(_head(self.connection))
         except _RequestError as error:
             self._send(error.args[0], TEXT, b"")
             return
@@ -187,6 +189,10 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.METHOD_NOT_ALLOWED, TEXT, b"")
         else:
             self._send(*self.server.answer(self.path, self._is_gone))
+
+    def send_error(self, code: int, message: Any = None, explain: Any = None) -> None:
+        """Answer what cannot be read."""
+        self._send(HTTPStatus(code), TEXT, b"")
 
     def _is_gone(self) -> bool:
         """Say whether who asked has closed the connection."""
