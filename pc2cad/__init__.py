@@ -10,14 +10,18 @@
 Names are imported when they are first used, so that ``import pc2cad`` loads no kernel.
 """
 
-from __future__ import annotations
+# nothing is imported here that Python has not loaded yet: it might come from the current folder
+from pc2cad import isolation
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+if isolation.is_command():
+    isolation.forget_current_folder()
 
 __version__ = "0.1.0"
 
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from pc2cad.compiler import compile_equation as compile_equation
     from pc2cad.compiler import compile_part as compile_part
     from pc2cad.compiler import mesh_part as mesh_part
@@ -48,7 +52,9 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
+    from importlib import import_module
+
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     if not name.startswith("_"):
@@ -59,4 +65,6 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
+    from importlib import import_module
+
     return sorted(["__version__", *_HOMES, *import_module("pc2cad.python").__all__])

@@ -5,12 +5,16 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+import threading
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
 from consumers.browser import Page, chromium, visit
 
 from pc2cad.cli.main import main
+from pc2cad.viewer.serve import PageServer, server
 
 pytestmark = [
     pytest.mark.interop,
@@ -122,3 +126,76 @@ def test_a_served_page_has_its_parts_compiled_as_its_sliders_move(tmp_path: Path
     finally:
         process.terminate()
         process.communicate(timeout=30)
+
+
+#: a page that knows the address, secret and all, and tries what a page can try
+FOREIGN = """<!DOCTYPE html><script>
+const at = "@ADDRESS@", got = [];
+const tried = (name, promise) => promise.then((x) => got.push(`${name} ${x}`), () => {});
+async function attack() {
+  await tried("read", fetch(at).then((r) => r.text()));
+  await tried("part", fetch(at + "part?p=1").then((r) => r.arrayBuffer()));
+  await fetch(at + "part?p=2", { mode: "no-cors" }).catch(() => {});
+  await fetch(at + "part?p=3", { mode: "no-cors", method: "POST", body: "p=4" }).catch(() => {});
+  await fetch(at + "part?p=5", { headers: { "X-Mine": "1" } }).catch(() => {});
+  for (const [tag, address] of [["img", "part?p=6"], ["script", "part?p=7"], ["iframe", ""]]) {
+    await new Promise((done) => {
+      const thing = Object.assign(document.createElement(tag), { src: at + address });
+      thing.onload = thing.onerror = () => done();
+      document.documentElement.append(thing);
+    });
+  }
+  const frame = document.querySelector("iframe");
+  await tried("frame", (async () => frame.contentDocument.body.textContent.slice(0, 1) || null
+  )().then((x) => x ?? Promise.reject()));
+  return got;
+}
+window.page = { ready: true };
+</script>"""
+
+
+@pytest.mark.parametrize("place", ["port", "file"])
+def test_a_page_from_elsewhere_gets_nothing_and_starts_no_work(tmp_path: Path, place: str) -> None:
+    made: list[Any] = []
+    asked: list[tuple[str, bool]] = []
+    found = server(b"<!DOCTYPE html>secret", lambda values, stale: made.append(values) or b"part")
+    admits = found.admits
+
+    def spy(path: str, headers: Any) -> bool:
+        asked.append((path.rpartition("/")[2], admits(path, headers)))
+        return asked[-1][1]
+
+    found.admits = spy  # type: ignore[method-assign]
+    (tmp_path / "foreign.html").write_text(FOREIGN.replace("@ADDRESS@", found.address))
+
+    class Folder(SimpleHTTPRequestHandler):
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given, directory=str(tmp_path))
+
+        def log_message(self, *_: Any) -> None: ...
+
+    foreign = ThreadingHTTPServer(("127.0.0.1", 0), Folder)
+    servers: list[PageServer | ThreadingHTTPServer] = [found, foreign]
+    for each in servers:
+        threading.Thread(target=each.serve_forever, args=(0.05,), daemon=True).start()
+
+    async def act(page: Page) -> None:
+        assert await page.evaluate("attack()") == []
+        # the same page, typed into the address bar, is shown
+        asked.append(("", True))
+        await page.call("Page.navigate", url=found.address)
+        await page.until("document.body.textContent === 'secret'")
+
+    at = f"http://127.0.0.1:{foreign.server_address[1]}/foreign.html"
+    try:
+        visit(at if place == "port" else (tmp_path / "foreign.html").as_uri(), tmp_path, act)
+    finally:
+        for each in servers:
+            each.shutdown()
+            each.server_close()
+    typed = asked.index(("", True))
+    refused = [path for path, _ in asked[:typed]]
+    assert len([path for path in refused if path.startswith("part?")]) >= 6
+    assert "" in refused
+    assert ("", True) in asked[typed + 1 :]
+    assert made == []

@@ -28,6 +28,7 @@ from pc2cad.studies.plan import Plan, PlanError, grid, read_axis, read_table, sa
 from pc2cad.studies.run import NothingBuiltError, Progress, StudyResult, run_study
 from pc2cad.studies.table import rows
 from pc2cad.studies.variant import Job, Outcome, Task
+from tests import hostile
 
 FAULTY = str(Path(__file__).parent / "faulty_worker.py")
 BRICK = """
@@ -282,6 +283,8 @@ def test_any_number_of_workers_gives_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    marks = hostile.fill(tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
     contents = []
     for workers in (1, 2):
         folder = tmp_path / str(workers)
@@ -296,6 +299,7 @@ def test_any_number_of_workers_gives_the_same_bytes(
         contents.append((rows, files))
     assert contents[0] == contents[1]
     assert len(contents[0][1]) == 8
+    assert hostile.marked(marks) == [], "workers import from the current folder"
 
 
 def test_a_killed_study_loses_and_repeats_nothing(tmp_path: Path) -> None:

@@ -9,10 +9,13 @@ import http.client
 import json
 import os
 import re
+import socket
 import threading
-from contextlib import closing, contextmanager
+import time
+from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -23,10 +26,12 @@ from pc2cad.errors import InputError, KernelError, NotASolidError
 from pc2cad.library import template_paths
 from pc2cad.part import Part
 from pc2cad.processes import CrashedError, LimitReachedError
+from pc2cad.viewer import serve
 from pc2cad.viewer.page import Slider, Variant, page
 from pc2cad.viewer.payload import payload
-from pc2cad.viewer.recompute import Recompute
+from pc2cad.viewer.recompute import Recompute, SupersededError
 from pc2cad.viewer.serve import PortTakenError, server
+from tests import hostile
 from tests.faulty_part import work
 
 TYPES = {"f4": "<f4", "u4": "<u4", "i1": "i1", "u1": "u1"}
@@ -144,45 +149,243 @@ def test_wrong_arguments_are_named_and_leave_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def build(values):
+def build(values, stale):
     if "bad" in values:
         raise NotASolidError("the map folds")
     return json.dumps(dict(values)).encode()
 
 
 @contextmanager
-def running():
-    with server(b"<page>", build) as found:
-        thread = threading.Thread(target=found.serve_forever, daemon=True)
+def running(make=build):
+    with server(b"<page>", make) as found:
+        thread = threading.Thread(target=found.serve_forever, args=(0.02,), daemon=True)
         thread.start()
-        yield found.server_address[1]
+        yield found
         found.shutdown()
         thread.join(10)
 
 
-def ask(port: int, path: str, host: str | None = None) -> tuple[int, str, bytes]:
-    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=10)) as connection:
-        connection.request("GET", path, headers={"Host": host or f"127.0.0.1:{port}"})
+def ask(found, path, method="GET", **headers):
+    """Status, type and body of the answer; the path is below the secret unless it begins with /."""
+    host, port = found.server_address
+    secret = found.address.split("/")[3]
+    if not path.startswith("/"):
+        path = f"/{secret}/{path}"
+    given = {"Host": f"127.0.0.1:{port}"}
+    given.update((name.replace("_", "-"), value) for name, value in headers.items())
+    with closing(http.client.HTTPConnection(host, port, timeout=10)) as connection:
+        connection.putrequest(method, path, skip_host=True)
+        for name, value in given.items():
+            if value is not None:
+                connection.putheader(name, value)
+        connection.endheaders()
         answer = connection.getresponse()
         return answer.status, answer.getheader("Content-Type"), answer.read()
 
 
-def test_the_server_gives_page_parts_and_reasons_to_this_machine_only():
-    with running() as port:
-        assert ask(port, "/") == (200, "text/html; charset=utf-8", b"<page>")
-        status, kind, body = ask(port, "/part?delta=0.3&s=1%2F3")
+def test_the_server_gives_page_parts_and_reasons():
+    with running() as found:
+        assert ask(found, "") == (200, "text/html; charset=utf-8", b"<page>")
+        status, kind, body = ask(found, "part?delta=0.3&s=1%2F3")
         assert (status, kind) == (200, "application/octet-stream")
         assert json.loads(body) == {"delta": "0.3", "s": "1/3"}
-        assert ask(port, "/part?bad=1")[::2] == (422, b"the map folds")
-        assert ask(port, "/part?x")[0] == 422
-        assert ask(port, "/../etc/passwd")[0] == 404
-        assert ask(port, "/", host="example.org")[0] == 403
-        assert ask(port, "/", host=f"localhost:{port}")[0] == 200
+        assert ask(found, "part?bad=1")[::2] == (422, b"the map folds")
+        assert ask(found, "part?x")[0] == 422
+        assert ask(found, "../etc/passwd")[0] == 404
+        port = found.server_address[1]
         with pytest.raises(PortTakenError, match="cannot listen"):
             server(b"", build, port)
 
 
-def test_parts_are_made_in_one_other_process_and_their_errors_come_back():
+def test_two_servers_have_two_secrets_that_cannot_be_guessed():
+    with running() as one, running() as other:
+        first, second = (found.address.split("/")[3] for found in (one, other))
+        assert first != second
+        assert len(first) >= 43  # 256 bits
+        port = one.server_address[1]
+        assert ask(one, f"/{second}/", Host=f"127.0.0.1:{port}")[0] == 403
+
+
+def calls_of(made):
+    def make(values, stale):
+        made.append(values)
+        return b"part"
+
+    return make
+
+
+@pytest.mark.parametrize("path", ["", "part?p=1", "elsewhere"])
+@pytest.mark.parametrize("method", ["GET", "POST", "OPTIONS", "HEAD", "BREW"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "example.org"}, {"Host": "example.org:{port}"}, {"Host": "0.0.0.0:{port}"},
+        {"Host": "127.0.0.1"}, {"Host": "127.0.0.1:{port}, example.org"}, {"Host": None},
+        {"Origin": "http://example.org"}, {"Origin": "null"}, {"Origin": "http://127.0.0.1:1"},
+        {"Origin": "https://127.0.0.1:{port}"}, {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"}, {"Origin": ""},
+    ],
+)  # fmt: skip
+def test_other_sites_get_nothing_even_with_the_secret(served, headers, method, path):
+    found, made = served
+    port = found.server_address[1]
+    given = {name: value and value.format(port=port) for name, value in headers.items()}
+    status, _, body = ask(found, path, method, **given)
+    assert (status, made) == (403, [])
+    assert b"page" not in body
+
+
+@pytest.mark.parametrize("method", ["GET", "POST"])
+@pytest.mark.parametrize(
+    "path", ["/", "/part?p=1", "//part", "/{short}/", "/{long}/", "/é/", "/{secret}%2F"]
+)
+def test_who_does_not_know_the_secret_gets_nothing(served, path, method):
+    found, made = served
+    secret = found.address.split("/")[3]
+    path = path.format(short=secret[:-1], long=f"{secret}a", secret=secret)
+    assert ask(found, quote(path, "/?=%"), method)[0] == 403
+    assert made == []
+
+
+@pytest.fixture(scope="module")
+def served():
+    made = []
+    with running(calls_of(made)) as found:
+        yield found, made
+
+
+def test_the_page_itself_and_the_address_bar_get_everything(served):
+    found, made = served
+    port = found.server_address[1]
+    for headers in (
+        {"Sec_Fetch_Site": "none"}, {"Sec_Fetch_Site": "same-origin"}, {},
+        {"Origin": f"http://127.0.0.1:{port}", "Sec_Fetch_Site": "same-origin"},
+        {"Host": f"localhost:{port}", "Origin": f"http://localhost:{port}"},
+    ):  # fmt: skip
+        assert ask(found, "", **headers)[2] == b"<page>"
+    assert ask(found, "part", "POST")[0] == 405
+    assert made == []
+
+
+def raw(found, data, end=False):
+    with socket.create_connection(found.server_address, timeout=10) as connection:
+        connection.sendall(data)
+        if end:
+            connection.shutdown(socket.SHUT_WR)
+        received = b""
+        with suppress(ConnectionResetError):
+            while more := connection.recv(65536):
+                received += more
+        return received
+
+
+@pytest.mark.parametrize(
+    ("request_", "status"),
+    [
+        (b"GET /" + b"a" * 9000 + b" HTTP/1.1\r\n\r\n", b"414"),
+        (b"GET /" + b"a" * 10**6, b"414"),
+        (b"GET / HTTP/1.1\r\n" + b"X: " + b"a" * 20_000 + b"\r\n\r\n", b"431"),
+        (b"GET / HTTP/1.1\r\n" + b"X: a\r\n" * 70 + b"\r\n", b"431"),
+        (b"GET / HTTP/1.1\r\n", b"408"),
+        (b"\x16\x03\x01 TLS\r\n\r\n", b"400"),
+        (b"GET\r\n\r\n", b"400"),
+        (b"GET / HTTP/1.1\r\n\r\n" * 20, b"403"),
+    ],
+    ids=["address", "endless", "header", "headers", "slow", "tls", "short", "many"],
+)
+def test_a_request_has_its_limits(served, request_, status, monkeypatch, capfd):
+    monkeypatch.setattr(serve, "ARRIVAL", 0.2)
+    answer = raw(served[0], request_)
+    assert answer.split()[1:2] in ([status], []), answer[:100]
+    assert answer or len(request_) > 20_000  # it may be reset before its answer is read
+    assert answer.count(b"HTTP/1.1 ") <= 1, "one request on each connection"
+    assert capfd.readouterr().err == ""
+
+
+def test_connections_are_counted_and_come_free_again(served, monkeypatch):
+    monkeypatch.setattr(serve, "ARRIVAL", 0.5)
+    found = served[0]
+    with ExitStack() as stack:
+        held = [
+            stack.enter_context(socket.create_connection(found.server_address, timeout=10))
+            for _ in range(serve.MOST_CONNECTIONS)
+        ]
+        for connection in held:
+            connection.sendall(b"GET / HTTP/1.1\r\n")
+        time.sleep(0.1)
+        assert raw(found, b"") == b"", "one too many"
+        assert all(connection.recv(100).startswith(b"HTTP/1.1 408") for connection in held)
+    assert ask(found, "")[0] == 200
+
+
+def wait(true):
+    end = time.monotonic() + 10
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def test_the_newest_request_is_served_and_those_between_are_dropped():
+    free, begun = threading.Event(), []
+
+    def make(values, stale):
+        begun.append(values["n"])
+        free.wait(10)
+        if stale():
+            raise SupersededError("a newer request")
+        return values["n"].encode()
+
+    answers = {}
+    with running(make) as found:
+        threads = []
+        for n in range(1, 5):
+            thread = threading.Thread(
+                target=lambda n=n: answers.update({n: ask(found, f"part?n={n}")[::2]})
+            )
+            threads.append(thread)
+            thread.start()
+            wait(lambda n=n: found._turns._newest == n)
+        wait(lambda: len(answers) == 2)
+        assert {n: status for n, (status, _) in answers.items()} == {2: 409, 3: 409}
+        free.set()
+        for thread in threads:
+            thread.join(10)
+    assert answers[1][0] == 409
+    assert answers[4] == (200, b"4")
+    assert begun == ["1", "4"]
+
+
+def test_a_request_that_nobody_waits_for_is_stale():
+    seen = threading.Event()
+
+    def make(values, stale):
+        wait(stale)
+        seen.set()
+        return b""
+
+    with running(make) as found:
+        secret, port = found.address.split("/")[3], found.server_address[1]
+        with socket.create_connection(found.server_address) as connection:
+            line = f"GET /{secret}/part HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n"
+            connection.sendall(line.encode())
+            time.sleep(0.1)
+            assert not seen.is_set()
+        assert seen.wait(10)
+
+
+def test_a_slow_part_makes_room_for_a_newer_one(monkeypatch):
+    monkeypatch.setattr("pc2cad.viewer.recompute.GRACE", 0.2)
+    with closing(Recompute(work, 0.0, 0.0)) as recompute:
+        begun = time.monotonic()
+        with pytest.raises(SupersededError, match="newer"):
+            recompute({"do": "hang"}, lambda: time.monotonic() > begun + 0.3)
+        assert time.monotonic() - begun < 20
+        assert int(recompute({})) != os.getpid()
+
+
+def test_parts_are_made_in_one_other_process_and_their_errors_come_back(tmp_path, monkeypatch):
+    marks = hostile.fill(tmp_path)
+    monkeypatch.chdir(tmp_path)
     with closing(Recompute(work, 0.0, 0.0)) as recompute:
         kept = recompute({})
         assert int(kept) != os.getpid()
@@ -191,6 +394,7 @@ def test_parts_are_made_in_one_other_process_and_their_errors_come_back():
         with pytest.raises(KernelError, match="unexpected error: ZeroDivisionError"):
             recompute({"do": "fail"})
         assert recompute({}) == kept
+    assert hostile.marked(marks) == []
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ Exit codes: 0 done, 2 bad input, 3 not a solid, 4 tolerance not reached, 5 kerne
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import sys
 import traceback
@@ -20,6 +21,7 @@ from pc2cad.cli.guard import add_limits, guard
 from pc2cad.cli.interruption import ignore_interruptions, insistent
 from pc2cad.cli.output import complain, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
+from pc2cad.isolation import forget_current_folder
 
 INTERRUPTED: Final = 130
 BROKEN_PIPE: Final = 141
@@ -110,9 +112,13 @@ def make_parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code; ``argv`` is without the command's name."""
     try:
+        if argv is None:
+            forget_current_folder()
         tolerate_encodings()
-        if argv is None and not sys.warnoptions:
-            warnings.simplefilter("ignore")  # stderr is for our own sentences
+        if argv is None and not sys.warnoptions and not _debugging():
+            # stderr is for our own sentences
+            warnings.simplefilter("ignore")
+            logging.disable()
         code = _run(argv)
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -123,11 +129,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, Exception) as error:
         if argv is None:
             ignore_interruptions()
-        if os.environ.get("PC2CAD_DEBUG") == "1":
+        if _debugging():
             traceback.print_exc()
         sentence, code = _verdict(error)
         complain(sentence)
         return code
+
+
+def _debugging() -> bool:
+    return os.environ.get("PC2CAD_DEBUG") == "1"
 
 
 def _run(argv: Sequence[str] | None) -> int:

@@ -68,6 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     how.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster, for example tcp://…")
     how.add_argument(
+        "--wait", type=float, default=8.0, metavar="SECONDS",
+        help="give up when the Dask cluster has had no worker for this time (default: %(default)s)",
+    )  # fmt: skip
+    how.add_argument(
         "--time-limit", type=float, default=300.0, metavar="SECONDS",
         help="end a variant that takes longer (default: %(default)s)",
     )  # fmt: skip
@@ -170,7 +174,10 @@ def _limits(arguments: argparse.Namespace) -> Limits:
 
     if arguments.workers < 0 or min(arguments.time_limit, arguments.memory_limit) <= 0:
         raise InputError("--workers, --time-limit and --memory-limit take positive numbers")
-    return Limits(seconds=arguments.time_limit, memory=int(arguments.memory_limit * 1024**3))
+    if not arguments.wait >= 0:
+        raise InputError("--wait takes a positive number")
+    memory = int(arguments.memory_limit * 1024**3)
+    return Limits(arguments.time_limit, memory, wait=arguments.wait)
 
 
 def _duration(seconds: float) -> str:

@@ -145,8 +145,7 @@ def _serve(maker: _Maker, arguments: argparse.Namespace) -> int:
         content = page(maker.template.title, sliders, [first], live=True)
         with server(content, recompute, arguments.port) as running:
             if not arguments.quiet:
-                address = f"http://127.0.0.1:{running.server_address[1]}/"
-                say(f"{address} (interrupt with Ctrl-C)", flush=True)
+                say(f"{running.address} (interrupt with Ctrl-C)", flush=True)
             try:
                 running.serve_forever()
             except KeyboardInterrupt:

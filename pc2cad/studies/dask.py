@@ -14,15 +14,23 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import asdict
-from queue import SimpleQueue
+from importlib.util import find_spec
+from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
 from pc2cad import __version__
 from pc2cad.errors import InputError, KernelError
 from pc2cad.studies.local import Limits, LocalEngine
+from pc2cad.studies.scheduler import (
+    SILENCE,
+    ClusterLostError,
+    close,
+    connect,
+    threads,
+    versions,
+)
 from pc2cad.studies.variant import STATUS, Job, Outcome, Task
 
 #: bundles under way for each thread of the cluster: none waits for the scheduler
@@ -34,10 +42,11 @@ BUNDLE = 2.5
 TOPIC = "pc2cad"
 #: seconds between two looks at how many threads the cluster has
 LOOK = 2.0
+_ENDED = "the Dask cluster has ended, or does not answer any more; go on with --resume"
 
 
-class ClusterLostError(KernelError):
-    """The Dask cluster cannot be reached, or has ended."""
+class NoWorkersError(KernelError):
+    """The Dask cluster has no workers."""
 
 
 class ClusterDiffersError(InputError):
@@ -118,16 +127,16 @@ class _Run:
         #: keys of the jobs whose outcomes are not known
         self.waiting = {job.key for job in jobs}
         self._bundles: dict[Any, Sequence[Job]] = {}
-        self._threads, self._looked = 0, -LOOK
+        self._threads, self._looked, self._alive = 1, -LOOK, time.monotonic()
 
     def send(self) -> None:
         """Send the next bundles in one message, which costs the scheduler far less than many.
 
-        Raises OSError or ClosedClientError when there is no cluster.
+        Raises OSError or ClosedClientError when there is no cluster, NoWorkersError when it has had
+        no worker for too long.
         """
         if time.monotonic() > self._looked + LOOK:
-            self._threads = max(1, sum(self._client.nthreads().values()))
-            self._looked = time.monotonic()
+            self._look()
         room = range(AHEAD * self._threads - len(self._bundles))
         bundles = [bundle for _ in room if (bundle := self._supply.bundle(self._threads))]
         if not bundles:
@@ -142,9 +151,24 @@ class _Run:
         for future in futures:
             future.add_done_callback(self._news.put)
 
+    def _look(self) -> None:
+        """Ask the scheduler how many threads there are: a silent one tells nothing by itself."""
+        found, now = threads(self._client), time.monotonic()
+        self._threads, self._looked = max(1, found), now
+        if found:
+            self._alive = now
+        elif now > self._alive + self._limits.wait:
+            raise NoWorkersError(
+                f"the Dask cluster has had no worker for {self._limits.wait:g} s; start some, then "
+                "go on with --resume, or give them longer with --wait"
+            )
+
     def hear(self) -> tuple[list[Outcome], list[Any]]:
-        """Wait for news; return outcomes, and the futures of bundles that ended."""
-        news = [self._news.get()]
+        """Wait a while for news; return outcomes, and the futures of bundles that ended."""
+        try:
+            news = [self._news.get(timeout=LOOK)]
+        except Empty:
+            return [], []
         while not self._news.empty():
             news.append(self._news.get())
         told = [Outcome.from_dict(json.loads(item)) for item in news if isinstance(item, str)]
@@ -158,11 +182,13 @@ class _Run:
         bundle, outcomes = self._bundles.pop(future), []
         if any(job.key in self.waiting for job in bundle):
             try:
-                outcomes = future.result()
+                outcomes = future.result(timeout=SILENCE)
             except Exception as error:
                 if future.status != "error":
-                    raise
-                if len(bundle) == 1:
+                    if not isinstance(error, TimeoutError):
+                        raise
+                    self._look()  # the worker that held it has been lost since: it is run again
+                elif len(bundle) == 1:
                     reason = f"the cluster gave it up: {error}"
                     outcomes = [Outcome(bundle[0].key, STATUS[5], reason)]
         outcomes = self._first(outcomes)
@@ -181,18 +207,12 @@ class DaskEngine:
     """Runs jobs on a Dask cluster: an address, or a cluster object such as `LocalCluster`."""
 
     def __init__(self, task: Task, cluster: Any, limits: Limits | None = None) -> None:
-        try:
-            import distributed
-        except ImportError as error:
-            raise InputError("Dask is not installed: pip install 'pc2cad[study]'") from error
+        if find_spec("distributed") is None:
+            raise InputError("Dask is not installed: pip install 'pc2cad[study]'")
         self._task = task
         self._limits = limits or Limits()
-        try:
-            self._client = distributed.Client(cluster, timeout="10s")
-        except (OSError, ValueError, TimeoutError) as error:
-            raise ClusterLostError(f"the Dask cluster {cluster} cannot be reached: {error}") from (
-                error
-            )
+        self._client = connect(cluster)
+        self._lost = False
         #: outcomes as texts, and futures of bundles that ended
         self._news: SimpleQueue[Any] = SimpleQueue()
         self._client.subscribe_topic(TOPIC, self._listen)
@@ -206,7 +226,11 @@ class DaskEngine:
         """Yield the outcomes of all jobs, those together that ended together."""
         from distributed.client import ClosedClientError, FutureCancelledError
 
-        self._check_versions()
+        try:
+            self._check_versions()
+        except (OSError, ClosedClientError) as error:
+            self._lost = True
+            raise ClusterLostError(_ENDED) from error
         run = _Run(self._client, self._news, self._task, self._limits, jobs)
         outcomes: list[Outcome] = []
         futures: list[Any] = []
@@ -216,20 +240,22 @@ class DaskEngine:
                 for future in futures:
                     outcomes += run.end(future)
                 run.send()  # the next jobs go out before anybody looks at these outcomes
-            except (OSError, ClosedClientError, FutureCancelledError) as error:
+            except (OSError, ClosedClientError, FutureCancelledError, NoWorkersError) as error:
                 lost = error
             if outcomes:
                 yield outcomes
+            if isinstance(lost, NoWorkersError):
+                raise lost
             if lost:
-                raise ClusterLostError("the Dask cluster has ended; go on with --resume") from lost
+                self._lost = True
+                raise ClusterLostError(_ENDED) from lost
             if not run.waiting:
                 return
             outcomes, futures = run.hear()
 
     def _check_versions(self) -> None:
         """Raise ClusterDiffersError: what a worker cannot unpickle would hang the study."""
-        for address, worker in self._client.get_versions(packages=["pc2cad"])["workers"].items():
-            found = worker["packages"].get("pc2cad")
+        for address, found in versions(self._client, "pc2cad").items():
             if found != __version__:
                 raise ClusterDiffersError(
                     f"the Dask worker {address} has {f'pc2cad {found}' if found else 'no pc2cad'}, "
@@ -245,7 +271,4 @@ class DaskEngine:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        with suppress(OSError, TimeoutError):
-            if self._client.status == "running":  # the scheduler logs what it cannot deliver
-                self._client.unsubscribe_topic(TOPIC)
-            self._client.close()
+        close(self._client, TOPIC, self._lost)

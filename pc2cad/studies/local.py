@@ -13,7 +13,6 @@ import os
 import selectors
 import signal
 import subprocess
-import sys
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -22,6 +21,7 @@ from dataclasses import asdict, dataclass, field
 from types import TracebackType
 
 from pc2cad.errors import KernelError
+from pc2cad.isolation import environment, interpreter, running
 from pc2cad.processes import how_it_ended, resident_memory
 from pc2cad.studies.variant import STATUS, Job, Outcome, Task
 
@@ -41,6 +41,8 @@ class Limits:
     memory: int = 4 * 1024**3
     #: a worker is replaced after so many jobs, in case something leaks (docs/faults.md: none did)
     jobs: int = 2000
+    #: seconds that a Dask cluster may be without any worker
+    wait: float = 8.0
 
 
 class WorkerNotStartedError(KernelError):
@@ -85,7 +87,8 @@ class _Worker:
 class LocalEngine:
     """Runs jobs in worker processes of this machine; a context manager that ends them all.
 
-    `command` is what the interpreter is started with.
+    `command` is what the interpreter is started with, by default a worker that imports nothing
+    from the current folder (see `isolation`).
     """
 
     def __init__(
@@ -93,10 +96,10 @@ class LocalEngine:
         task: Task,
         workers: int = 0,
         limits: Limits | None = None,
-        command: Sequence[str] = ("-m", "pc2cad.studies.worker"),
+        command: Sequence[str] = (),
     ) -> None:
         self._task = task
-        self._command = command
+        self._command = [*interpreter(), *(command or running("pc2cad.studies.worker"))]
         self._count = workers or os.cpu_count() or 1
         self._limits = limits or Limits()
         self._workers: list[_Worker] = []
@@ -153,13 +156,13 @@ class LocalEngine:
         return self._start() if len(self._workers) < self._count else None
 
     def _start(self) -> _Worker:
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        variables = {**environment(), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         # Dask's nannies set it: pages would go back to the system, and come again, all the time
-        environment.pop("MALLOC_TRIM_THRESHOLD_", None)
+        variables.pop("MALLOC_TRIM_THRESHOLD_", None)
         process = subprocess.Popen(
-            [sys.executable, *self._command],
+            self._command,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            start_new_session=True, env=environment,
+            start_new_session=True, env=variables,
         )  # fmt: skip
         worker = _Worker(process)
         self._workers.append(worker)

@@ -1,6 +1,6 @@
 """A worker process: takes one job after another from stdin and answers on stdout.
 
-Run as ``python -m pc2cad.studies.worker``. The kernel prints to file descriptor 1, so that one is
+Started as `isolation.running` says. The kernel prints to file descriptor 1, so that one is
 pointed to nowhere and the answers go through a copy of it. The worker ends with its parent: when
 stdin is closed, or, where the system can, at once.
 """

@@ -1,62 +1,69 @@
 """Payloads made in a process of their own, watched: a part that hangs does not take the page along.
 
-The process is spawned, never forked, and kept from one part to the next; one that broke a limit or
-crashed is replaced by the next request.
+The process is started afresh, never forked, imports nothing from the current folder, and is kept
+from one part to the next; one that broke a limit, crashed or worked for nobody is replaced by the
+next request.
 """
 
 from __future__ import annotations
 
-import signal
+import subprocess
 import time
 from collections.abc import Callable, Mapping
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any, BinaryIO
 
 from pc2cad.errors import KernelError, PointCadError
-from pc2cad.processes import (
-    CrashedError,
-    LimitReachedError,
-    broken_limit,
-    end_with_parent,
-    how_it_ended,
-)
+from pc2cad.isolation import environment, interpreter, running
+from pc2cad.processes import CrashedError, LimitReachedError, broken_limit, how_it_ended
+from pc2cad.viewer.worker import receive, send
 
 #: seconds between two looks at the time and the memory
 WATCH = 0.2
+#: seconds that a part which nobody waits for any more has to be ended by itself: a new process has
+#: to load the kernel first
+GRACE = 2.0
 Make = Callable[[Mapping[str, str]], bytes]
+Stale = Callable[[], bool]
+
+
+class SupersededError(KernelError):
+    """A newer request took the place of this one."""
 
 
 class Recompute:
     """Calls `make`, which must pickle, in another process, which `close` ends.
 
     `seconds` and `memory` (bytes, watched on Linux) are what one call may take, 0 for any. One call
-    at a time. Raises LimitReachedError, CrashedError, and the PointCadErrors of `make`.
+    at a time. Raises LimitReachedError, CrashedError, SupersededError, and the PointCadErrors of
+    `make`.
     """
 
     def __init__(self, make: Make, seconds: float, memory: float) -> None:
         self._make, self._seconds, self._memory = make, seconds, memory
-        self._worker: tuple[BaseProcess, Connection] | None = None
+        self._worker: _Worker | None = None
 
-    def __call__(self, values: Mapping[str, str]) -> bytes:
-        """Return the payload at these values."""
-        process, pipe = self._worker = self._worker or _start(self._make)
-        assert process.pid is not None
-        begun = time.monotonic()
-        try:
-            pipe.send(dict(values))
-            while not pipe.poll(WATCH):
-                reason = broken_limit(process.pid, begun, self._seconds, self._memory)
-                if reason:
-                    self.close()
-                    raise LimitReachedError(reason)
-            answer = pipe.recv()
-        except (EOFError, ConnectionError) as error:
-            process.join()
+    def __call__(self, values: Mapping[str, str], stale: Stale = lambda: False) -> bytes:
+        """Return the payload at these values; give it up some time after it has become `stale`."""
+        worker = self._worker = self._worker or _Worker(self._make)
+        begun, unwanted = time.monotonic(), float("inf")
+        worker.ask(values)
+        while (answer := worker.answer(WATCH)) is None:
+            pid = worker.process.pid
+            if reason := broken_limit(pid, begun, self._seconds, self._memory):
+                self.close()
+                raise LimitReachedError(reason)
+            if stale():
+                unwanted = min(unwanted, time.monotonic())
+            if time.monotonic() >= unwanted + GRACE:
+                self.close()
+                raise SupersededError("a newer request took the place of this one")
+        if isinstance(answer, EOFError):
+            code = worker.process.wait()
             self.close()
-            raise CrashedError(
-                f"the process that did the work ended by {how_it_ended(process.exitcode or 0)}"
-            ) from error
+            raise CrashedError(f"the process that did the work ended by {how_it_ended(code)}")
         if isinstance(answer, PointCadError):
             raise answer
         assert isinstance(answer, bytes)
@@ -65,38 +72,57 @@ class Recompute:
     def close(self) -> None:
         """End the process, whatever it does."""
         if self._worker is not None:
-            process, pipe = self._worker
-            self._worker = None
-            process.kill()
-            process.join()
-            pipe.close()
+            worker, self._worker = self._worker, None
+            worker.end()
 
 
-def _start(make: Make) -> tuple[BaseProcess, Connection]:
-    context = get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(make, theirs), daemon=True)
-    process.start()
-    theirs.close()  # so that ours ends when the process does
-    return process, ours
+class _Worker:
+    """The process, and a thread that waits for its answers."""
 
+    def __init__(self, make: Make) -> None:
+        self.process = subprocess.Popen(
+            [*interpreter(), *running("pc2cad.viewer.worker")],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            env=environment(),
+        )  # fmt: skip
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self._questions, self._answers = self.process.stdin, SimpleQueue[Any]()
+        self.ask(make)
+        self._reader = Thread(
+            target=_read, args=(self.process.stdout, self._answers.put), daemon=True
+        )
+        self._reader.start()
 
-def _work(make: Make, pipe: Connection) -> None:
-    """Answer requests until nobody asks any more; runs in the other process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
-    end_with_parent()
-    answer: bytes | PointCadError
-    while True:
+    def ask(self, thing: Any) -> None:
+        """Send a question; `answer` tells when there is nobody to answer it."""
+        with suppress(OSError):
+            send(self._questions, thing)  # type: ignore[arg-type]
+
+    def answer(self, seconds: float) -> Any:
+        """Return the next answer, EOFError when there will be none, None when it takes longer."""
         try:
-            values = pipe.recv()
-        except EOFError:
-            return
-        try:
-            answer = make(values)
-        except PointCadError as error:
-            answer = error
-        except MemoryError:
-            answer = KernelError("there is not enough memory for this solid")
-        except Exception as error:  # one part must not end the page
-            answer = KernelError(f"an unexpected error: {type(error).__name__}: {error}")
-        pipe.send(answer)
+            return self._answers.get(timeout=seconds)
+        except Empty:
+            return None
+
+    def end(self) -> None:
+        """Kill the process."""
+        self.process.kill()
+        self.process.wait()
+        self._reader.join()
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+
+
+def _read(stream: BinaryIO, put: Callable[[Any], None]) -> None:
+    try:
+        while True:
+            put(receive(stream))
+    except (EOFError, OSError, ValueError):  # the last: the pipe was closed
+        put(EOFError())
+    except Exception as error:  # nobody would wait for a thread that ended
+        put(KernelError(f"an unexpected error: {type(error).__name__}: {error}"))
+        put(EOFError())
