@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
-from pc2cad.library import template_paths
+import pc2cad as pc
+from pc2cad.library import bodies_paths, template_paths
+from pc2cad.part import Solid
 
 #: with many faces or many poles, a second or more each: tests of every template leave them to the
 #: slow ones
@@ -17,3 +21,10 @@ every_template = pytest.mark.parametrize(
         for name, path in template_paths().items()
     ],
 )
+
+
+@cache
+def part_of(name: str) -> Solid:
+    """Compile a shipped template with its own values, once for all tests of a process."""
+    path = (template_paths() | bodies_paths())[name]
+    return pc.compile_equation(pc.read_template(path).bind())

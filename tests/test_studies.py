@@ -369,6 +369,7 @@ def test_dask_gives_the_same_rows(tmp_path: Path) -> None:
 
         folder = tmp_path / "dask"
         shared = run_study(plan([0.25, 0.5, 2.0, 0.75]), task(folder, ("step",)), folder, engine)
+    assert len(local.rows) == 4
     for a, b in zip(local.rows, shared.rows, strict=True):
         assert a["volume"] == b["volume"]
         assert (a["status"], a["reason"], a["step"]) == (b["status"], b["reason"], b["step"])
