@@ -75,7 +75,17 @@ def commands() -> list[list[str]]:
     return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("pc2cad ")]
 
 
-@pytest.mark.parametrize("arguments", commands(), ids=lambda arguments: " ".join(arguments))
+def marked(found: list) -> list:
+    """Mark what studies do as slow: their workers load the kernel again."""
+    return [
+        pytest.param(*(each if isinstance(each, tuple) else (each,)), marks=pytest.mark.slow)
+        if "study" in str(each)
+        else each
+        for each in found
+    ]
+
+
+@pytest.mark.parametrize("arguments", marked(commands()), ids=lambda arguments: " ".join(arguments))
 def test_commands_succeed(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
