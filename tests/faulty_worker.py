@@ -8,7 +8,10 @@ from pathlib import Path
 
 from pc2cad.studies import variant, worker
 
-good = variant.run_variant
+
+def good(_: variant.Task, job: variant.Job) -> variant.Outcome:
+    """What a sound job is, without the kernel, which workers that start so often load slowly."""
+    return variant.Outcome(job.key, "built", figures={"volume": 24 * float(job.values["p"])})
 
 
 def run_variant(task: variant.Task, job: variant.Job) -> variant.Outcome:
@@ -38,4 +41,5 @@ def run_variant(task: variant.Task, job: variant.Job) -> variant.Outcome:
 
 if __name__ == "__main__":
     variant.run_variant = run_variant
+    worker._warm_up = lambda: None
     worker.main()

@@ -6,9 +6,10 @@ from functools import cache
 
 import pytest
 
+import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
-from pc2cad.equation.template_file import read_template
-from pc2cad.library import template_paths
+from pc2cad.library import bodies_paths, template_paths
+from pc2cad.part import Solid
 
 #: with many faces or many poles, a second or more each: tests of every template leave them to the
 #: slow ones
@@ -26,4 +27,11 @@ every_template = pytest.mark.parametrize(
 @cache
 def checked_of(name: str) -> CheckedMap:
     """Return what is known of a shipped template's map, at its default values."""
-    return check_map(read_template(template_paths()[name]).bind({}))
+    return check_map(pc.read_template(template_paths()[name]).bind())
+
+
+@cache
+def part_of(name: str) -> Solid:
+    """Compile a shipped template with its own values, once for all tests of a process."""
+    path = (template_paths() | bodies_paths())[name]
+    return pc.compile_equation(pc.read_template(path).bind())

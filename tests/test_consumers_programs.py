@@ -14,7 +14,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -31,9 +30,8 @@ from consumers.step_file import StepDefect, check_solids, check_step
 from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
-from shipped import LONG
+from shipped import LONG, part_of
 
-import pc2cad as pc
 from pc2cad.export.kernel import subshapes
 from pc2cad.library import bodies_paths, template_paths
 from pc2cad.part import Solid
@@ -51,11 +49,6 @@ MOVED = "triquadratic_cube"
 
 def needs(tool: object, name: str):
     return pytest.mark.skipif(not tool, reason=f"{name} is not installed")
-
-
-@cache
-def part_of(template: str) -> Solid:
-    return pc.compile_equation(pc.read_template(PATHS[template]).bind())
 
 
 def in_mm3(part: Solid) -> float:

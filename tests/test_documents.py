@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from whole_files import assert_whole
 
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
@@ -44,7 +46,8 @@ def test_python_runs_and_its_comments_are_true(
         value = comment.strip()
         if value and (value[0] in "'\"" or value[0].isdigit()):
             assert eval(expression, names) == pytest.approx(eval(value)), line
-    assert not re.search(r"write\(\"(.+?)\"", code) or list(tmp_path.iterdir())
+    for name in re.findall(r"write\(\"(.+?)\"", code):
+        assert_whole(tmp_path / name)
 
 
 def whole_templates() -> list[tuple[str, str]]:
@@ -53,7 +56,11 @@ def whole_templates() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("_name", "text"), whole_templates(), ids=ids(whole_templates()))
 def test_templates_compile_and_meet_what_they_expect(_name: str, text: str) -> None:
-    compile_equation(parse_template(text, "snippet").bind())
+    equation = parse_template(text, "snippet").bind()
+    report = compile_equation(equation).report
+    assert report.solid.volume > 0
+    if equation.expectations.volume is not None:
+        assert report.solid.volume == pytest.approx(equation.expectations.volume, rel=1e-6)
 
 
 def test_curves_of_the_format_page_are_accepted() -> None:
@@ -68,12 +75,39 @@ def commands() -> list[list[str]]:
     return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("pc2cad ")]
 
 
-@pytest.mark.parametrize("arguments", commands(), ids=lambda arguments: " ".join(arguments))
+def marked(found: list) -> list:
+    """Mark what studies do as slow: their workers load the kernel again."""
+    return [
+        pytest.param(*(each if isinstance(each, tuple) else (each,)), marks=pytest.mark.slow)
+        if "study" in str(each)
+        else each
+        for each in found
+    ]
+
+
+@pytest.mark.parametrize("arguments", marked(commands()), ids=lambda arguments: " ".join(arguments))
 def test_commands_succeed(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 0
+    for name in written(arguments):
+        assert_whole(tmp_path / name)
+
+
+def written(arguments: list[str]) -> list[str]:
+    """Return the files and folders that a command is told to write."""
+    new = arguments[1:2] if arguments[0] == "new" else []
+    return new + [name for flag, name in pairwise(arguments) if flag in ("-o", "--report")]
+
+
+def test_documents_write_files_of_many_kinds() -> None:
+    names = [name for arguments in commands() for name in written(arguments)]
+    names += [
+        name for _, code in snippets("python") for name in re.findall(r"write\(\"(.+?)\"", code)
+    ]
+    assert len(names) >= 18
+    assert {Path(name).suffix for name in names} >= {"", ".3mf", ".html", ".inp", ".step", ".vtu"}
 
 
 def test_the_tutorial_from_top_to_bottom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,6 +140,11 @@ def test_the_reference_is_that_of_the_docstrings(monkeypatch: pytest.MonkeyPatch
 
 
 def test_pictures_that_are_shown_exist() -> None:
-    for path in DOCUMENTS:
-        for target in re.findall(r"\]\((?!http)([^)#]+)\)", path.read_text()):
-            assert (path.parent / target).exists(), f"{path.name}: {target}"
+    targets = [
+        (path, target)
+        for path in DOCUMENTS
+        for target in re.findall(r"\]\((?!http)([^)#]+)\)", path.read_text())
+    ]
+    assert len({target for _, target in targets}) > 30
+    for path, target in targets:
+        assert (path.parent / target).exists(), f"{path.name}: {target}"

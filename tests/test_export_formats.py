@@ -214,6 +214,7 @@ def test_glb_has_normals_out_of_the_solid_and_limits():
     assert np.allclose(limits["max"], 0.005, atol=2e-5)
     scene = trimesh.load(io.BytesIO(glb.encode(exportable("hollow sphere"), OPTIONS)),
                          file_type="glb")  # fmt: skip
+    assert len(scene.geometry) == 2
     for mesh in scene.geometry.values():
         radial = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
         outwards = np.einsum("ij,ij->i", radial, mesh.vertex_normals)

@@ -134,8 +134,8 @@ def test_a_coarse_export_does_not_spoil_a_later_fine_one_nor_the_solid():
     coarse = stl.encode(item, ExportOptions(deflection=1.0, angular_deflection=1.5))
     assert len(coarse) < len(first)
     assert stl.encode(item, fine) == first
-    for face in faces_of(item.solid):
-        assert BRep_Tool.Triangulation_s(face, TopLoc_Location()) is None
+    (face,) = faces_of(item.solid)
+    assert BRep_Tool.Triangulation_s(face, TopLoc_Location()) is None
 
 
 def test_the_mesh_is_refined_until_its_volume_is_right():

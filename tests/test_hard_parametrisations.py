@@ -176,14 +176,14 @@ def test_twist_with_uneven_speed_has_the_exact_area():
     check(pc.compile_part((a * c - b * s, a * s + b * c, 5 * RUN)), 5.0, area)
 
 
-@pytest.mark.parametrize("k", [5, 50, 1000])
+@pytest.mark.parametrize("k", [5, 50, pytest.param(1000, marks=pytest.mark.slow)])
 def test_sharp_step_next_to_straight_runs_in_a_slab(k):
     x = 4 * U - 2
     part = pc.compile_part((x, pc.tanh(k * x) + V, W))
     check(part, 4.0, 10 + 2 * step_length(k, 1.0), poles=2000)
 
 
-@pytest.mark.parametrize("waves", [10, 200])
+@pytest.mark.parametrize("waves", [10, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_wavy_slab_is_built_whatever_its_wave_number(waves):
     part = pc.compile_part((U, V, W * (2 + 0.1 * pc.sin(2 * waves * PI * U))))
     check(part, 2.0)

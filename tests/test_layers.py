@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 import pytest
+import trimesh
 from consumers.gmsh_reader import read_all_in_gmsh
 from consumers.step_file import check_solids
 from OCP.BRepCheck import BRepCheck_Analyzer
@@ -14,6 +15,9 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_VERTEX
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
+from test_export_formats import read_3mf, read_iges, volume_of
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
@@ -23,6 +27,7 @@ from pc2cad.equation.point_equation import LayersError, PointEquation, point_equ
 from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError
 from pc2cad.export.kernel import body, subshapes
+from pc2cad.mesh.triangles import enclosed_volume
 from pc2cad.part import Part
 
 u, v, w = pc.parameters()
@@ -156,7 +161,28 @@ def test_step_file_holds_named_solids(lagged, tmp_path):
 def test_other_formats_hold_the_whole(lagged, ending, tmp_path):
     path = tmp_path / f"lagged.{ending}"
     lagged.write(path)
-    assert path.stat().st_size > 1000
+    volume = sum(rings(1, 2)) * LENGTH
+    if ending == "igs":
+        assert volume_of(read_iges(path.read_bytes(), tmp_path)) == pytest.approx(volume, rel=1e-7)
+    elif ending in ("stl", "glb"):
+        mesh = trimesh.load(path)
+        mesh = mesh if ending == "stl" else mesh.to_geometry()
+        scale = 1 if ending == "stl" else 1e-3  # GLB is in metres
+        assert mesh.volume == pytest.approx(volume * scale**3, rel=0.0101)
+    elif ending == "3mf":
+        _, thing = read_3mf(path.read_bytes())
+        points = np.array([p.Coordinates[:] for p in thing.GetVertices()])
+        triangles = np.array([t.Indices[:] for t in thing.GetTriangleIndices()])
+        assert enclosed_volume(points, triangles) == pytest.approx(volume, rel=0.0101)
+    else:
+        reader = vtkXMLPolyDataReader()
+        reader.SetFileName(str(path))
+        reader.Update()
+        points = vtk_to_numpy(reader.GetOutput().GetPoints().GetData())
+        triangles = vtk_to_numpy(reader.GetOutput().GetPolys().GetConnectivityArray())
+        assert enclosed_volume(points, triangles.reshape(-1, 3)) == pytest.approx(
+            volume, rel=0.0101
+        )
 
 
 @pytest.mark.interop

@@ -87,6 +87,10 @@ def off_faces(edge: NamedEdge, part: BodiesPart, count: int) -> float:
     return largest
 
 
+#: how many edges of each shipped template lie where bodies meet
+MEETINGS = {"common_of_pipes": 6, "cooled_block": 2, "pipe_cross": 16}
+
+
 @pytest.fixture(scope="module")
 def shipped() -> dict[str, BodiesPart]:
     paths = bodies_paths().items()
@@ -94,8 +98,10 @@ def shipped() -> dict[str, BodiesPart]:
 
 
 def test_nothing_that_the_templates_contain_is_sampled(shipped):
+    found = {name: meetings(part) for name, part in shipped.items()}
+    assert {name: len(edges) for name, edges in found.items()} == MEETINGS
     for name, part in shipped.items():
-        for edge, report in meetings(part):
+        for edge, report in found[name]:
             assert report.evidence == ("bounded" if "duct" in report.name else "exact")
             assert (report.deviation == 0.0) == (report.evidence == "exact")
             seen = off_faces(edge, part, 200)
@@ -207,7 +213,9 @@ def test_wavy_tubes_through_a_block(turn, rise, radius, wave, scale):
         steep = np.linalg.norm(gradient, axis=1)
         return scale * (width - radius) / steep, gradient / steep[:, None]
 
-    for edge, report in meetings(part):
+    found = meetings(part)
+    assert len(found) == 2  # where it goes in and where it comes out
+    for edge, report in found:
         points = places(edge, 20_000)
         middle = np.abs(points - points.mean(axis=0)).max(axis=0).argmin()
         normal, level = np.eye(3)[middle], points[:, middle].mean()

@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from shipped import every_template, part_of
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOImage import vtkPNGReader
 
@@ -32,11 +33,6 @@ from pc2cad.picture.sides import Sides
 from pc2cad.picture.style import Style
 
 SMALL = (240, 160)
-
-
-@cache
-def part_of(template: str) -> Part:
-    return pc.compile_equation(pc.read_template(template_paths()[template]).bind())
 
 
 @cache
@@ -63,9 +59,9 @@ def enclosed(scene: Scene, inside: frozenset[str] | set[str] = frozenset()) -> f
     return float(np.linalg.det(corners).sum() / 6)
 
 
-@pytest.mark.parametrize("template", template_paths())
-def test_every_template_renders_and_the_surfaces_are_its_boundary(template):
-    part = part_of(template)
+@every_template
+def test_every_template_renders_and_the_surfaces_are_its_boundary(path):
+    part = part_of(path.stem)
     scene = drawing(part, Style(colours=True, labels=True, isolines=2))
     inside = {p.name for p in Sides(part).patches(2) if p.index not in part.model.outer}
     assert enclosed(scene, inside) == pytest.approx(part.report.solid.volume, rel=5e-3)
@@ -149,6 +145,7 @@ def test_svg_shows_nine_of_the_twelve_edges_of_a_cube():
 def test_exploded_faces_do_not_touch():
     scene = drawing(part_of("channel_ellipse"), Style(explode=0.3))
     boxes = [(s.points.min(axis=0), s.points.max(axis=0)) for s in scene.surfaces]
+    assert len(boxes) == 4
     for i, (low, high) in enumerate(boxes):
         for other_low, other_high in boxes[i + 1 :]:
             assert (high < other_low).any() or (other_high < low).any()
@@ -184,14 +181,13 @@ def test_deviation_map_finds_a_face_that_is_elsewhere():
 
 
 def test_thickness_of_a_hollow_ball_is_the_difference_of_its_radii():
-    equation = pc.read_template(template_paths()["hollow_ball"]).bind()
-    part = part_of("hollow_ball")
-    scene = drawing(part, Style(map="thickness"))
-    ends = Sides(part).inside((3, 3, 2))
-    wall = float(np.linalg.norm(ends[1, 1, 1] - ends[1, 1, 0]))
-    assert equation.name == "hollow_ball"
-    assert scene.bar.low == pytest.approx(wall, rel=2e-3)
-    assert scene.bar.high == pytest.approx(wall, rel=2e-3)
+    template = pc.read_template(template_paths()["hollow_ball"])
+    assert template.bind().expectations.volume == pytest.approx(4 / 3 * math.pi * (2**3 - 1**3))
+    thin = pc.compile_equation(template.bind({"r": 3, "wall": 0.1}))
+    for part, wall in ((part_of("hollow_ball"), 2 - 1), (thin, 0.1)):
+        scene = drawing(part, Style(map="thickness"))
+        assert scene.bar.low == pytest.approx(wall, rel=2e-3)
+        assert scene.bar.high == pytest.approx(wall, rel=2e-3)
 
 
 def test_thickness_of_a_wedge_varies_as_its_wall():

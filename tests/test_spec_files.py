@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections import Counter
 from pathlib import Path
 
@@ -10,13 +9,13 @@ import numpy as np
 import pytest
 from consumers.fresh_kernel import read_in_fresh_process
 from consumers.step_file import StepSolid, check_step
+from shipped import part_of
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.template_file import parse_template
 from pc2cad.export.model import ExportOptions
 from pc2cad.library import template_paths
-from pc2cad.part import Part
 
 #: template -> exact volume and area of its defaults (points P1 and G1), faces, edges, vertices
 SOLIDS = {
@@ -30,11 +29,6 @@ SOLIDS = {
     "channel_contour": (72.7442151959, 496.58218045264, 4, 6, 4),
 }
 every_template = pytest.mark.parametrize("template", SOLIDS)
-
-
-@functools.cache
-def part_of(template: str) -> Part:
-    return compile_equation(pc.read_template(template_paths()[template]).bind())
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ The expected figures are closed forms of the table, or its own digits where it h
 
 from __future__ import annotations
 
-import functools
 import math
 import re
 from collections.abc import Mapping
@@ -17,7 +16,7 @@ import pytest
 from consumers.fresh_kernel import read_in_fresh_process
 from consumers.step_file import check_step
 from scipy.special import ellipeinc, ellipkinc
-from shipped import LONG
+from shipped import LONG, part_of
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
@@ -161,11 +160,6 @@ PRINTED = {
 
 def read(template: str) -> pc.Template:
     return pc.read_template(template_paths()[template])
-
-
-@functools.cache
-def part_of(template: str) -> Part:
-    return compile_equation(read(template).bind())
 
 
 @pytest.mark.parametrize("row", PRINTED)

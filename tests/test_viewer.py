@@ -13,18 +13,16 @@ import socket
 import threading
 import time
 from contextlib import ExitStack, closing, contextmanager, suppress
-from functools import cache
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 import pytest
+from shipped import part_of
 
 import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.errors import InputError, KernelError, NotASolidError
-from pc2cad.library import template_paths
-from pc2cad.part import Part
 from pc2cad.processes import CrashedError, LimitReachedError
 from pc2cad.viewer import serve
 from pc2cad.viewer.page import Slider, Variant, page
@@ -36,11 +34,6 @@ from tests.faulty_part import work
 
 TYPES = {"f4": "<f4", "u4": "<u4", "i1": "i1", "u1": "u1"}
 ASSETS = Path(pc.__file__).parent / "viewer" / "assets"
-
-
-@cache
-def part_of(template: str) -> Part:
-    return pc.compile_equation(pc.read_template(template_paths()[template]).bind())
 
 
 def unpack(data: bytes):
