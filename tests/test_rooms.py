@@ -13,7 +13,8 @@ PACKAGE = Path(__file__).parent.parent / "pc2cad"
 #: room -> the rooms and outside packages it may import, everywhere in its files
 ALLOWED = {
     "errors": set(),
-    "equation": {"equation", "errors", "numpy", "sympy"},
+    "names": {"errors"},
+    "equation": {"equation", "errors", "names", "numpy", "sympy"},
     "mapping": {"equation", "numpy"},
     "topology": {"topology", "equation", "errors"},
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
@@ -64,12 +65,12 @@ ALLOWED = {
         "topology", "numpy",
     },
     "export": {
-        "export", "errors", "geometry", "interior", "isogeometry", "mesh", "topology", "numpy",
-        "OCP", "lib3mf", "vtkmodules",
+        "export", "errors", "geometry", "interior", "isogeometry", "mesh", "names", "processes",
+        "topology", "numpy", "OCP", "lib3mf", "vtkmodules",
     },
     "studies": {
         "studies", "bodies", "compiler", "equation", "errors", "export", "geometry", "library",
-        "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
+        "names", "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",

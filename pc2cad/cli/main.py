@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import traceback
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ from typing import Any, Final, NoReturn
 
 from pc2cad.cli.guard import add_limits, guard
 from pc2cad.cli.interruption import ignore_interruptions, insistent
-from pc2cad.cli.output import complain, say, tolerate_encodings
+from pc2cad.cli.output import complain, complain_at_length, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
 
 INTERRUPTED: Final = 130
@@ -124,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if argv is None:
             ignore_interruptions()
         if os.environ.get("PC2CAD_DEBUG") == "1":
-            traceback.print_exc()
+            complain_at_length(error)
         sentence, code = _verdict(error)
         complain(sentence)
         return code
