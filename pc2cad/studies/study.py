@@ -20,6 +20,7 @@ from pc2cad.studies.overview import contact_sheet, plot
 from pc2cad.studies.plan import Plan, check_plan, grid, read_axis, read_table, sample
 from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
 from pc2cad.studies.store import open_store
+from pc2cad.studies.table import COLUMNS
 from pc2cad.studies.variant import Task
 
 SHEET = "contact-sheet.png"
@@ -80,6 +81,9 @@ def study(
     sheet = (SHEET,) if thumbnails else ()
     read = parse_template(task.template, task.name, str(path))
     check_plan(plan, read)
+    for name in (name for columns in drawn.values() for name in columns):
+        if name not in (*plan.names, *(column for column, kind in COLUMNS if kind is not str)):
+            raise InputError(f"plots: the results have no column of numbers '{name[:80]}'")
     read.bind(task.fixed)
     spline_profile(degree, max_degree, profile)
     result = run_study(
