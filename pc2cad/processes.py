@@ -23,6 +23,30 @@ class CrashedError(KernelError):
     """The process that did the work was ended by the system or by a fault of the kernel."""
 
 
+def start_of(process: int) -> str | None:
+    """Return when a process began, '' where the system does not tell, None where there is none.
+
+    The text is the same for as long as the process lives, and another one for a later process that
+    has got its number. One that has ended and is only not yet buried is none.
+    """
+    if sys.platform == "linux":
+        try:
+            stat = Path(f"/proc/{process}/stat").read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError:
+            return ""
+        fields = stat.rpartition(b")")[2].split()
+        return None if fields[0] in (b"Z", b"X") else fields[19].decode()
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return None
+    except OSError:
+        return ""
+    return ""
+
+
 def resident_memory(process: int) -> int:
     """Return the resident memory of a process in bytes, 0 where the system does not tell."""
     try:

@@ -13,7 +13,7 @@ import pytest
 
 from pc2cad import isolation
 from pc2cad.cli.main import VERBS
-from tests import hostile
+from tests import hostile_folder as hostile
 
 #: one call of each verb, and whether it loads the kernel
 CALLS = {

@@ -15,7 +15,8 @@ ALLOWED = {
     "errors": set(),
     "options": {"errors"},
     "scale": set(),
-    "equation": {"equation", "errors", "numpy", "sympy"},
+    "names": {"errors"},
+    "equation": {"equation", "errors", "names", "numpy", "sympy"},
     "mapping": {"equation", "numpy"},
     "topology": {"topology", "equation", "errors"},
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
@@ -73,12 +74,12 @@ ALLOWED = {
         "scale", "topology", "numpy",
     },
     "export": {
-        "export", "errors", "geometry", "interior", "isogeometry", "mesh", "topology", "numpy",
-        "OCP", "lib3mf", "vtkmodules",
+        "export", "errors", "geometry", "interior", "isogeometry", "mesh", "names", "processes",
+        "topology", "numpy", "OCP", "lib3mf", "vtkmodules",
     },
     "studies": {
-        "studies", "bodies", "compiler", "equation", "errors", "export", "library", "options",
-        "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
+        "studies", "bodies", "compiler", "equation", "errors", "export", "library", "names",
+        "options", "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
         "mesh", "analysis", "checked", "errors", "mapping", "properties", "topology", "numpy",

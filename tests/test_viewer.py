@@ -29,7 +29,7 @@ from pc2cad.viewer.page import Slider, Variant, page
 from pc2cad.viewer.payload import payload
 from pc2cad.viewer.recompute import Recompute, SupersededError
 from pc2cad.viewer.serve import PortTakenError, server
-from tests import hostile
+from tests import hostile_folder as hostile
 from tests.faulty_part import work
 
 TYPES = {"f4": "<f4", "u4": "<u4", "i1": "i1", "u1": "u1"}

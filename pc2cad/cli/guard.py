@@ -147,12 +147,12 @@ def _watch(
 
 def _sweep(arguments: argparse.Namespace, child: int) -> None:
     """Remove what the child was writing when it ended."""
-    from pc2cad.export.files import sweep
+    from pc2cad.export.files import sweep_after
 
     given = vars(arguments)
     for path in (given.get("output"), given.get("report"), *given.get("outputs", ())):
         if path is not None:
-            sweep(Path(os.path.realpath(path)).parent, child)
+            sweep_after(Path(os.path.realpath(path)).parent, child)
 
 
 def _blame(number: int) -> str:

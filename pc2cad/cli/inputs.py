@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, overload
+from unicodedata import normalize
 
 from pc2cad.errors import InputError, PointCadError
 from pc2cad.options import CompileOptions
@@ -77,12 +78,20 @@ def read_options(arguments: argparse.Namespace) -> CompileOptions:
 
 def check_different(outputs: Sequence[str], template: Path) -> None:
     """Raise OutputClashError where two outputs, or one and the template, are the same file."""
-    taken = {os.path.realpath(template): "the template"}
-    for path in outputs:
+    taken: dict[str, tuple[str, str]] = {}
+    for path, what in (
+        (os.fspath(template), "the template"),
+        *((path, f"another output, {path}") for path in outputs),
+    ):
         real = os.path.realpath(path)
-        if real in taken:
-            raise OutputClashError(f"the output {path} is the same file as {taken[real]}")
-        taken[real] = f"another output, {path}"
+        alike = normalize("NFC", normalize("NFD", real).casefold())
+        if alike in taken:
+            other, known = taken[alike]
+            how = "is the same file as" if other == real else (
+                "differs in capitals or accents alone, which many systems take for one name, from"
+            )  # fmt: skip
+            raise OutputClashError(f"the output {path} {how} {known}")
+        taken[alike] = real, what
 
 
 @contextmanager

@@ -10,7 +10,6 @@ import argparse
 import logging
 import os
 import sys
-import traceback
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
@@ -19,7 +18,7 @@ from typing import Any, Final, NoReturn
 
 from pc2cad.cli.guard import add_limits, guard
 from pc2cad.cli.interruption import ignore_interruptions, insistent
-from pc2cad.cli.output import complain, say, tolerate_encodings
+from pc2cad.cli.output import complain, complain_at_length, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
 from pc2cad.isolation import forget_current_folder
 
@@ -130,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if argv is None:
             ignore_interruptions()
         if _debugging():
-            traceback.print_exc()
+            complain_at_length(error)
         sentence, code = _verdict(error)
         complain(sentence)
         return code

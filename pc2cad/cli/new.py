@@ -83,9 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not path.endswith(".toml"):
         raise InputError(f"new: '{path[-80:]}' must end in .toml")
     if "\0" not in path and os.path.lexists(path):
-        raise FileExistsAlreadyError(f"new: {path} exists already; choose another name")
+        raise FileExistsAlreadyError(f"new: {shown(path)} exists already; choose another name")
     name = os.path.basename(path)
-    own = name if name.isascii() and name.isprintable() else "FILE.toml"
-    write_atomically(path, STARTER.format(name=own).encode())
+    own = shlex.quote(name) if name.isascii() and name.isprintable() else "FILE.toml"
+    write_atomically(path, STARTER.format(name=own).encode(), new=True)
     say(f"{shown(path)}: written; next: pc2cad build {shlex.quote(path)} -o part.step")
     return 0

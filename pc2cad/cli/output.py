@@ -1,15 +1,22 @@
-"""What the command line writes: results on stdout, one sentence or a progress line on stderr."""
+"""What the command line writes: results on stdout, one sentence or a progress line on stderr.
+
+Nothing else writes to them. Texts may come from templates and paths: a character that is not
+printable, which could move a terminal's cursor or hide what it shows, is written as its escape.
+"""
 
 from __future__ import annotations
 
 import re
 import sys
 import time
+import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from threading import Lock, Timer
 from types import TracebackType
 from typing import Any, Final, TextIO
+
+from pc2cad.names import visible
 
 #: a message longer than this is cut: it quotes something that nobody wrote by hand
 LONGEST_MESSAGE: Final = 1200
@@ -19,9 +26,9 @@ _FIGURES: Final = re.compile(r"-|-?[0-9][-+.0-9e x]*")
 
 
 def say(text: str, flush: bool = False) -> None:
-    """Write a result and an end of line to stdout (nowhere when it is closed)."""
+    """Write the lines of a result to stdout (nowhere when it is closed)."""
     if sys.stdout is not None:
-        sys.stdout.write(f"{text}\n")
+        sys.stdout.write(f"{_lines(text)}\n")
         if flush:
             sys.stdout.flush()
 
@@ -34,18 +41,29 @@ def complain(text: str) -> None:
             sys.stderr.flush()
 
 
+def complain_at_length(error: BaseException) -> None:
+    """Write where an error arose to stderr, for who develops."""
+    if sys.stderr is not None:
+        told = "".join(traceback.format_exception(error))
+        with suppress(OSError, ValueError):
+            sys.stderr.write(f"{_lines(told)}\n")
+
+
+def _lines(text: str) -> str:
+    return text if text.isprintable() else "\n".join(map(visible, text.split("\n")))
+
+
 def one_line(text: str) -> str:
     """Return a text without line ends and control characters, cut where it is very long."""
-    text = " ".join(text.split())
-    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    text = visible(" ".join(text.split()))
     if len(text) > LONGEST_MESSAGE:
         text = f"{text[: LONGEST_MESSAGE - 220]} … {text[-200:]}"
     return text
 
 
 def shown(path: str) -> str:
-    """Return a path for a result: quoted where it has odd characters."""
-    return path if path.isprintable() else repr(path)
+    """Return a path for a result: quoted, on one line, where it has odd characters."""
+    return path if path.isprintable() else f"'{visible(path)}'"
 
 
 def tolerate_encodings() -> None:
@@ -60,7 +78,8 @@ def tolerate_encodings() -> None:
 def table(rows: Sequence[tuple[str, ...]], indent: str = "  ") -> str:
     """Return rows of cells as aligned columns; columns of figures are aligned to the right."""
     columns = []
-    for cells in zip(*rows, strict=True):
+    for cells in zip(*(map(visible, row) for row in rows), strict=True):
+        cells = tuple(cells)
         width = max(map(len, cells))
         figures = len(rows) > 1 and all(_FIGURES.fullmatch(cell) for cell in cells[1:])
         columns.append([c.rjust(width) if figures else c.ljust(width) for c in cells])
@@ -131,9 +150,9 @@ class Progress:
         with suppress(OSError, ValueError):
             if self._bar is None:
                 self._bar = _bar(self._stream)
-                self._bar.add_task(text, total=total)
+                self._bar.add_task(one_line(text), total=total)
                 self._bar.start()
-            self._bar.update(0, description=text, completed=finished, total=total)
+            self._bar.update(0, description=one_line(text), completed=finished, total=total)
 
 
 def _bar(stream: TextIO) -> Any:

@@ -9,6 +9,7 @@ from pc2cad.cli.inputs import (
     add_options,
     add_template,
     bind,
+    check_different,
     load,
     named,
     read_numbers,
@@ -71,13 +72,14 @@ def run(arguments: argparse.Namespace) -> int:
     from pc2cad.picture.drawing import drawing
     from pc2cad.picture.image import camera_for, check_ending, write_picture
 
-    template, _ = load(arguments)
+    template, path = load(arguments)
     equation = bind(template, arguments)
     style, view = _style(arguments), _view(arguments.view)
     width, height = read_numbers("--size", arguments.size, int, "x", 2)
     for output in arguments.outputs:
         check_ending(output)
         check_target(output)
+    check_different(arguments.outputs, path)
     with Progress(arguments.quiet) as progress:
         progress("load the kernel")
         from pc2cad.compiler import compile_solid

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pc2cad.cli.inputs import add_template, bind, load, read_settings
 from pc2cad.cli.output import one_line, say
 from pc2cad.equation.template_bodies import Bodies, BodiesTemplate
+from pc2cad.names import visible
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
@@ -68,9 +69,9 @@ def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[s
         yield f"  {as_text(low)} <= {name} <= {as_text(high)}"
     yield from _curves(template, path)
     if template.guide is not None:
-        yield f"\nGuide\n  N(u): {template.guide.words}"
+        yield f"\nGuide\n  N(u): {one_line(template.guide.words)}"
     if template.frame is not None:
-        yield f"\nFrame\n  R = N + normal, Q = N + binormal: {template.frame.words}"
+        yield f"\nFrame\n  R = N + normal, Q = N + binormal: {one_line(template.frame.words)}"
     if template.layers:
         yield "\nLayers (from w = 0 up, each with the same share of w; depth(w): all below w)"
         yield from (f"  {d.name} = {one_line(d.text)}" for d in template.layers)
@@ -110,7 +111,7 @@ def _curves(template: Template, path: Path) -> Iterator[str]:
     raw = tomllib.loads(path.read_text(encoding="utf-8"))
     yield "\nCurves (coordinates in the plane of the section, once round for t from 0 to 1)"
     for name, table in raw["curves"].items():
-        yield f"  {name}_x(t), {name}_y(t): {_in_words(table)}"
+        yield f"  {name}_x(t), {name}_y(t): {visible(_in_words(table))}"
         if table["kind"] in ("sine", "ellipse", "superellipse", "polar", "plane"):
             for axis in "xy":
                 tree = template.curves[f"{name}_{axis}"](symbol("t"))

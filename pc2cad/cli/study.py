@@ -21,7 +21,6 @@ from pc2cad.errors import InputError
 if TYPE_CHECKING:
     from pc2cad.studies.local import Limits
     from pc2cad.studies.run import Progress as State
-    from pc2cad.studies.run import StudyResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,7 +90,6 @@ def run(arguments: argparse.Namespace) -> int:
     from pc2cad.studies.study import study
 
     begun = time.monotonic()
-    plots = _plots(arguments.plot)
     with Progress(arguments.quiet) as progress, named(arguments.template):
 
         def show(state: State) -> None:
@@ -118,13 +116,15 @@ def run(arguments: argparse.Namespace) -> int:
             resume=arguments.resume,
             stop_after=arguments.stop_after or None,
             progress=show,
+            plots=_plots(arguments.plot),
         )
-        _plot(result, plots)
     if not arguments.quiet:
         spent = _duration(time.monotonic() - begun)
         say(f"{shown(arguments.output)}: {len(result.rows)} variants, {result.built} worked out "
             f"now in {spent}")  # fmt: skip
         say(table([(status, str(count)) for status, count in sorted(result.counts.items())]))
+        for note in result.notes:
+            say(f"  {note}")
         if not result.with_parquet:
             say("  results.csv only: Parquet needs pip install 'pc2cad[study]'")
     return 0
@@ -138,15 +138,6 @@ def _plots(texts: Sequence[str]) -> list[tuple[str, str]]:
             raise InputError(f"--plot '{text[:80]}': write COLUMN:PARAMETER, such as volume:p")
         pairs.append((column, against))
     return pairs
-
-
-def _plot(result: StudyResult, plots: Sequence[tuple[str, str]]) -> None:
-    from pc2cad.export.files import write_atomically
-    from pc2cad.studies.overview import plot
-
-    for column, against in plots:
-        image = plot(result.rows, column, against)
-        write_atomically(result.folder / f"{column}-{against}.png", image)
 
 
 def _vary(texts: Sequence[str]) -> dict[str, str | Sequence[float]]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
+    check_different,
     load,
     named,
     read_options,
@@ -63,7 +64,7 @@ class _Maker:
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._arguments = arguments
-        self.template, _ = load(arguments)
+        self.template, self.path = load(arguments)
         self.settings = read_settings(arguments.settings)
         self.opening = self.template.bind(self.settings).parameters
         self._options = read_options(arguments)
@@ -92,6 +93,7 @@ def _write(maker: _Maker, arguments: argparse.Namespace) -> int:
 
     by_ending(arguments.output, {".html": None, ".htm": None}, "page")
     check_target(arguments.output)
+    check_different((arguments.output,), maker.path)
     sliders = [_stored(text, maker) for text in arguments.sliders]
     count = 1
     for slider in sliders:

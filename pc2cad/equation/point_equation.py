@@ -11,6 +11,7 @@ from pc2cad.equation.points import Combination, Kind, kind_of, point
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import ONE, ZERO, Expr, Number, as_expr
 from pc2cad.errors import InputError
+from pc2cad.names import LABEL_RULE, clean, clean_lines, is_label
 
 #: the three current parameters, in the order of every array and table
 PARAMETERS: Final = ("u", "v", "w")
@@ -74,6 +75,15 @@ class PointEquation:
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False
     )
+
+    def __post_init__(self) -> None:
+        # texts come from files, their names and scripts, and go into files and to terminals
+        for key in ("name", "title", "source", "frame"):
+            object.__setattr__(self, key, clean(getattr(self, key)))
+        object.__setattr__(self, "about", clean_lines(self.about))
+        for layer in self.layers:
+            if not isinstance(layer, str) or not is_label(layer):
+                raise LayersError(f"the name of a layer is {LABEL_RULE}; here is {layer!r:.80}")
 
     def move(self, **points: Any) -> PointEquation:
         """Return the equation with points replaced by current points (the moving simplex).

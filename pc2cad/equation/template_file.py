@@ -13,6 +13,7 @@ from typing import Final
 from pc2cad.equation.template import Template, TemplateError
 from pc2cad.equation.template_bodies import BodiesTemplate, read_bodies
 from pc2cad.equation.template_reader import read_tables
+from pc2cad.names import clean
 
 LARGEST_FILE: Final = 256 * 1024
 #: the TOML parser takes quadratic time for keys of thousands of parts
@@ -26,6 +27,7 @@ def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
 
 def parse_template(text: str, name: str, file: str = "template") -> Template | BodiesTemplate:
     """Return the template that a TOML text holds; `file` is named in messages."""
+    name = clean(name) or "unnamed"
     if _DEEP_KEY.search(text):
         raise TemplateError(f"{file}: a dotted key is nested deeper than the format goes")
     try:

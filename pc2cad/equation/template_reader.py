@@ -15,6 +15,7 @@ from pc2cad.equation.template_channel import attempt, read_curves, read_frame, r
 from pc2cad.equation.template_tables import Tables, shown, written
 from pc2cad.equation.tree import ONE, ZERO, Expr, symbol
 from pc2cad.errors import InputError
+from pc2cad.names import LABEL_RULE, clean, clean_lines, is_label
 
 TEXTS: Final = ("title", "about", "source", "units")
 TABLES: Final = (
@@ -95,7 +96,8 @@ class Reader(Tables):
 
     def texts(self) -> dict[str, str]:
         """Return title, about, source and units."""
-        texts = {key: self.text(key) for key in TEXTS}
+        texts = {key: clean(self.text(key)) for key in TEXTS}
+        texts["about"] = clean_lines(self.text("about"))
         texts["units"] = texts["units"] or "mm"
         if texts["units"] not in UNITS:
             known = ", ".join(UNITS)
@@ -121,7 +123,9 @@ class Reader(Tables):
                 if tree.symbols:
                     self.fail(f"{key}.{k}", "must be constant")
             result.append(
-                Parameter(name, limits["default"], limits.get("min"), limits.get("max"), about)
+                Parameter(
+                    name, limits["default"], limits.get("min"), limits.get("max"), clean(about)
+                )
             )
         for parameter in result:
             value = self._bound.get(parameter.name, symbol(parameter.name))
@@ -191,6 +195,8 @@ class Reader(Tables):
         result = []
         for name, raw in self.table("layers").items():
             key = f"[layers] {shown(name)}"
+            if not is_label(name):
+                self.fail(key, f"the name of a layer is {LABEL_RULE}")
             result.append(Definition(name, written(raw), self.scalar(key, raw)))
         if result:
             key = "[layers]"

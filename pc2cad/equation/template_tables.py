@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any
 
 from pc2cad.equation.language import RESERVED_NAMES, nearest, read_expression
 from pc2cad.equation.points import Combination, Value, kind_of
@@ -14,8 +13,7 @@ from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.template import TemplateError
 from pc2cad.equation.tree import Expr, number, substitute
 from pc2cad.errors import InputError
-
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}\Z")
+from pc2cad.names import is_identifier, visible
 
 
 class Tables:
@@ -82,7 +80,7 @@ class Tables:
 
     def define(self, key: str, name: str, value: Value | None) -> None:
         """Add a name, which must be new, well formed and not reserved."""
-        if not _NAME.match(name):
+        if not is_identifier(name):
             self.fail(key, f"'{shown(name)}' is not a name (a letter, then letters, digits, _)")
         if name in RESERVED_NAMES:
             self.fail(key, f"the name {name} is reserved")
@@ -127,4 +125,4 @@ def written(raw: object) -> str:
 
 def shown(key: str) -> str:
     """Make a key safe for a one-line message."""
-    return key if key.isprintable() and len(key) <= 80 else repr(key)[:80]
+    return key if key.isprintable() and len(key) <= 80 else repr(visible(key))[:80]

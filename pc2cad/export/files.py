@@ -1,13 +1,16 @@
 """Write a file whole or not at all.
 
 The bytes go to a temporary file beside the target, reach the disk, and take the target's name in
-one step; until then the old file stays as it was.
+one step; until then the old file stays as it was. A process that is killed leaves its temporary
+file, which the next one that writes into the folder removes: its name says whose it is, and a lock
+on it that its owner lives, on this machine or another.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterator, Mapping
@@ -16,11 +19,20 @@ from pathlib import Path
 from typing import TypeVar
 
 from pc2cad.errors import FileNotWrittenError, InputError
+from pc2cad.names import visible
+from pc2cad.processes import start_of
+
+try:
+    import fcntl
+except ImportError:  # no such locks on this system, and left-overs stay there
+    fcntl = None  # type: ignore[assignment]
 
 Entry = TypeVar("Entry")
 
 #: Start of the names of temporary files, so that left-overs of a killed process can be found.
 TEMPORARY_PREFIX = ".pc2cad-"
+#: process and its start, where the system tells it
+_TEMPORARY = re.compile(r"\.pc2cad-([0-9]{1,10})-(?:([0-9]{1,20})-)?[0-9a-f]{16}\.tmp")
 
 _ADVICE = {
     errno.ENOENT: "its folder does not exist; create the folder first",
@@ -35,6 +47,7 @@ _ADVICE = {
     errno.ELOOP: "its symbolic links form a loop; choose another name",
     errno.EMFILE: "too many files are open; close some and write again",
     errno.ENFILE: "too many files are open; close some and write again",
+    errno.EEXIST: "a file has that name already; choose another one",
     errno.EISDIR: "a folder has that name; choose another name",
 }
 
@@ -71,27 +84,43 @@ def check_target(path: str | os.PathLike[str]) -> None:
         raise _failure(path, error) from error
 
 
-def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
+def write_atomically(
+    path: str | os.PathLike[str], data: bytes, *, owned: bool = False, new: bool = False
+) -> None:
     """Write `data` to `path` in one step: see `replacing`."""
-    with replacing(path) as temporary, open(temporary, "wb") as stream:
+    with (
+        replacing(path, owned=owned, new=new) as temporary,
+        open(temporary, "wb") as stream,
+    ):
         stream.write(data)
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(
+    path: str | os.PathLike[str], *, owned: bool = False, new: bool = False
+) -> Iterator[Path]:
     """Give the name of an empty file to fill, which then takes the place of `path` in one step.
 
     Afterwards there is the whole new file or, after any error inside, the old one. A symbolic link
     stays and the file that it points to is replaced. A replaced file keeps its permissions, a new
-    one gets the usual permissions of the process.
+    one gets the usual permissions of the process. Left-overs of killed processes beside it go.
+
+    Args:
+        path: the file's name.
+        owned: the name is not a user's choice but that of a file in a folder of ours, where a
+            link that somebody has put must not lead the bytes elsewhere; whoever writes many files
+            there sweeps the folder himself.
+        new: nothing may have that name yet.
 
     Raises:
         FileNotWrittenError: it could not be written; the old file is untouched and no temporary
             file is left.
 
     """
-    target = _resolve(path)
-    mode = _mode_of_existing(path, target)
+    target = _unlinked(path) if owned or new else _resolve(path)
+    mode = None if new else _mode_of_existing(path, target)
+    if not owned:
+        sweep(target.parent)
     try:
         descriptor, temporary = _create_beside(target, 0o666 if mode is None else mode)
         try:
@@ -100,9 +129,12 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
                     os.fchmod(descriptor, mode)
                 yield Path(temporary)
                 os.fsync(descriptor)
+                if fcntl is not None:  # under its lock; elsewhere an open file cannot be moved
+                    _move(temporary, target, new)
             finally:
                 os.close(descriptor)
-            os.replace(temporary, target)
+            if fcntl is None:
+                _move(temporary, target, new)
         except BaseException:
             with suppress(OSError):
                 os.unlink(temporary)
@@ -112,12 +144,72 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     _sync_folder(target.parent)
 
 
-def sweep(folder: Path, process: int | None = None) -> None:
-    """Remove temporary files that a killed process has left; without it nobody may write there."""
-    whose = "" if process is None else f"{process}-"
-    for path in folder.glob(f"{TEMPORARY_PREFIX}{whose}*.tmp"):
+def sweep(folder: Path) -> None:
+    """Remove the temporary files of dead processes from a folder; what is not ours stays."""
+    if fcntl is None:
+        return
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            found = _TEMPORARY.fullmatch(entry.name)
+            if found is None or not _is_dead(int(found[1]), found[2]):
+                continue
+            with suppress(OSError):
+                _remove_unlocked(entry.path)
+
+
+def sweep_after(folder: Path, process: int) -> None:
+    """Remove the temporary files of a child process that has just ended."""
+    for path in folder.glob(f"{TEMPORARY_PREFIX}{process}-*.tmp"):
         with suppress(OSError):
             path.unlink()
+
+
+def _is_dead(process: int, start: str | None) -> bool:
+    found = start_of(process)
+    return found is None or (bool(start) and found not in ("", start))
+
+
+def _remove_unlocked(path: str) -> None:
+    """Remove a regular file of this user that nobody holds a lock on."""
+    descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        status = os.fstat(descriptor)
+        if stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid():
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            os.unlink(path)
+    finally:
+        os.close(descriptor)
+
+
+def _move(temporary: str, target: Path, new: bool) -> None:
+    if not new:
+        os.replace(temporary, target)
+        return
+    try:
+        os.link(temporary, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links
+        if os.path.lexists(target):
+            raise FileExistsError(errno.EEXIST, "there is one", str(target)) from None
+        os.replace(temporary, target)
+    else:
+        os.unlink(temporary)
+
+
+def _unlinked(path: str | os.PathLike[str]) -> Path:
+    """Return the file behind `path` where only its folder is reached by links."""
+    resolved = _resolve(path)  # says what is wrong with a name that cannot be
+    folder, name = os.path.split(os.fspath(path))
+    if not name:
+        return resolved
+    target = _resolve(folder or ".") / name
+    if os.path.islink(target):
+        raise FileNotWrittenError(
+            f"Cannot write {_shown(path)}: a symbolic link has that name, which is neither "
+            "followed nor replaced; remove it."
+        )
+    return target
 
 
 def _resolve(path: str | os.PathLike[str]) -> Path:
@@ -169,11 +261,24 @@ def _create_beside(target: Path, mode: int) -> tuple[int, str]:
     """Create an empty temporary file in the target's folder; the system applies the umask."""
     # as in tempfile, but with the permissions of an ordinary new file instead of 0600
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
+    own = "-".join(filter(None, (str(os.getpid()), start_of(os.getpid()))))
     for _ in range(100):
-        name = str(target.parent / f"{TEMPORARY_PREFIX}{os.getpid()}-{secrets.token_hex(8)}.tmp")
+        name = str(target.parent / f"{TEMPORARY_PREFIX}{own}-{secrets.token_hex(8)}.tmp")
         with suppress(FileExistsError):
-            return os.open(name, flags, mode), name
+            descriptor = os.open(name, flags, mode)
+            if _locked(descriptor):
+                return descriptor, name
+            os.close(descriptor)
     raise FileExistsError(errno.EEXIST, "no free name for a temporary file", str(target.parent))
+
+
+def _locked(descriptor: int) -> bool:
+    """Lock a temporary file; say whether it is still there: somebody may have swept it before."""
+    if fcntl is None:
+        return True
+    with suppress(OSError):  # a file system without locks
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    return os.fstat(descriptor).st_nlink > 0
 
 
 def _sync_folder(folder: Path) -> None:
@@ -199,4 +304,4 @@ def _shown(path: str | os.PathLike[str]) -> str:
     text = os.fspath(path)
     if len(text) > 200:
         text = f"{text[:100]}…{text[-60:]}"
-    return text if text.isprintable() else repr(text)
+    return text if text.isprintable() else f"'{visible(text)}'"

@@ -7,6 +7,7 @@ from xml.sax.saxutils import quoteattr
 from pc2cad.export.patches import Interface, interfaces, sides
 from pc2cad.export.spline_files import numbers, rows
 from pc2cad.isogeometry import Patch, VolumeModel
+from pc2cad.names import clean
 
 
 def encode(model: VolumeModel) -> str:
@@ -27,7 +28,7 @@ def encode(model: VolumeModel) -> str:
     ]
     for name, places in free.items():
         listed = "\n".join(places)
-        lines.append(f"<boundary name={quoteattr(name)}>{listed}</boundary>")
+        lines.append(f"<boundary name={quoteattr(clean(name))}>{listed}</boundary>")
     lines.append("</MultiPatch>")
     for identifier, piece in enumerate(model.patches):
         lines += _geometry(piece, identifier)

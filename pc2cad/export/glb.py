@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from pc2cad import __version__
 from pc2cad.export.model import UNITS_IN_MM, Exportable, ExportOptions
-from pc2cad.export.part21 import one_line
 from pc2cad.export.surface import faces_in_order, single_precision, smooth_normals, surface
+from pc2cad.names import clean
 
 _MAGIC, _VERSION = 0x46546C67, 2
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
@@ -44,8 +44,8 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
         used, numbers = np.unique(mesh.triangles[mesh.faces == i], return_inverse=True)
         triangles = numbers.reshape(-1, 3)
         vertices = mesh.vertices[used] @ _Y_UP.T
-        scene.add(face.name, face.colour or _GREY, vertices, triangles)
-    return scene.encoded(one_line(exportable.name) or "unnamed")
+        scene.add(clean(face.name), face.colour or _GREY, vertices, triangles)
+    return scene.encoded(clean(exportable.name) or "unnamed")
 
 
 class _Scene:

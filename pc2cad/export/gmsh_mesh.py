@@ -8,6 +8,7 @@ import numpy as np
 
 from pc2cad.export.mesh_files import Ints, cell_blocks, reordered, whole_sides
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.names import percent
 
 #: element numbers of gmsh by type and order
 _CODES = {
@@ -29,9 +30,9 @@ _CHUNK = 1 << 18
 def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh; physical volumes are the layers, or one called ``solid``."""
     sides = whole_sides(mesh.sides)
-    names = [f'2 {k} "{name}"' for k, name in enumerate(sides, start=1)]
+    names = [f'2 {k} "{_quotable(name)}"' for k, name in enumerate(sides, start=1)]
     volumes = enumerate(mesh.layers or ["solid"], start=len(sides) + 1)
-    names += [f'3 {k} "{name}"' for k, name in volumes]
+    names += [f'3 {k} "{_quotable(name)}"' for k, name in volumes]
     blocks = cell_blocks(mesh)
     with open(path, "wb") as stream:
         stream.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
@@ -59,6 +60,11 @@ def write(mesh: VolumeMesh, path: Path) -> None:
                 stream.write(head.tobytes() + numbers.tobytes())
                 first += len(part)
         stream.write(b"\n$EndElements\n")
+
+
+def _quotable(name: str) -> str:
+    """Return a name that may stand between quotes: these, and control characters, as ``%XX``."""
+    return percent(name, '"\\', limit=120, plain=False)
 
 
 def _ordered(kind: str, nodes: Ints, order: int) -> Ints:

@@ -42,6 +42,7 @@ from pc2cad.export.kernel import (
     subshapes,
 )
 from pc2cad.export.model import Exportable, ExportOptions
+from pc2cad.names import percent
 
 #: Parameters of the kernel's translators; they belong to the process, hence are put back.
 _PARAMETERS: dict[str, int | str] = {
@@ -104,7 +105,7 @@ def _text(exportable: Exportable, stamp: str) -> bytes:
     writer = IGESCAFControl_Writer()
     writer.SetNameMode(True)
     writer.SetColorMode(True)
-    names = {f"F{i}": face.name for i, face in enumerate(exportable.faces)}
+    names = {f"F{i}": _ascii(face.name) for i, face in enumerate(exportable.faces)}
     names["P"] = _ascii(exportable.name) or "unnamed"
     if not writer.Transfer(document(exportable, lambda key: names[key])):
         raise KernelError("The kernel could not translate the solid to an IGES model.")
@@ -141,7 +142,8 @@ def _head(model: Any, name: str, stamp: str) -> None:
 
 
 def _ascii(text: str) -> str:
-    return part21.one_line(text, 60).encode("ascii", "replace").decode()
+    """Return a name in ASCII, what else it holds as ``%XX``: strings here are counted in bytes."""
+    return percent(text, "", limit=60)
 
 
 def _check(text: bytes, originals: list[Census]) -> None:

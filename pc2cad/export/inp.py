@@ -1,7 +1,8 @@
 """Abaqus and CalculiX input (.inp): nodes, elements, node sets, element sets and surfaces.
 
-Names hold letters, digits and underscores only (``u=0`` is ``u_0``). Neither program has pyramids
-for every element family: they are written as bricks one face of which is a single node.
+Names hold letters, digits and underscores only (``u=0`` is ``u_0``); of the part's name, what
+could be a keyword is ``%XX``. Neither program has pyramids for every element family: they are
+written as bricks one face of which is a single node.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from pc2cad.export.mesh_files import plain_names
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.names import percent
 
 _TYPES = {
     "hexahedron": ("C3D8", "C3D20"), "wedge": ("C3D6", "C3D15"),
@@ -29,8 +31,9 @@ _CHUNK = 1 << 15
 def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh; coordinates have the 20 characters that CalculiX reads (1e-13 of them)."""
     names = plain_names([*mesh.node_sets, *mesh.sides, *mesh.layers])
-    with open(path, "w", encoding="ascii", errors="replace", newline="\n") as stream:
-        stream.write(f"*HEADING\n{mesh.name} ({mesh.units})\n*NODE, NSET=solid\n")
+    title = percent(mesh.name, "*\"'\\", limit=200)
+    with open(path, "w", encoding="ascii", newline="\n") as stream:
+        stream.write(f"*HEADING\n{title} ({mesh.units})\n*NODE, NSET=solid\n")
         _nodes(stream, mesh)
         for kind, block in mesh.blocks.items():
             stream.write(f"*ELEMENT, TYPE={_TYPES[kind][mesh.order - 1]}, ELSET=solid\n")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pc2cad.export.mesh_files import Ints, cell_blocks, whole_sides
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.names import percent
 
 _CODES = {
     ("hexahedron", 1): "HE8", ("hexahedron", 2): "H20", ("wedge", 1): "PE6", ("wedge", 2): "P15",
@@ -32,14 +33,14 @@ def write(mesh: VolumeMesh, path: Path) -> None:
     import h5py
 
     sides = whole_sides(mesh.sides)
-    with h5py.File(path, "w") as file:
+    with h5py.File(path, "w", locking=False) as file:
         _attributes(file.create_group("INFOS_GENERALES"), MAJ=3, MIN=0, REL=0)
         body = file.create_group("ENS_MAA").create_group("mesh")
         _attributes(
             body, DIM=3, ESP=3, REP=0, UNT=np.bytes_(" " * 16), SRT=1, TYP=0,
             UNI=np.bytes_(f"{mesh.units:<16}" * 3),
             NOM=np.bytes_("".join(f"{axis:<16}" for axis in "XYZ")),
-            DES=np.bytes_(mesh.name.encode("ascii", "replace")[:200]),
+            DES=np.bytes_(percent(mesh.name, "", limit=200)),
         )  # fmt: skip
         step = body.create_group(_STEP)
         _attributes(step, CGT=1, NDT=-1, NOR=-1, PDT=-1.0)
@@ -109,13 +110,13 @@ def _node_families(mesh: VolumeMesh) -> tuple[Ints, dict[int, list[str]]]:
 
 def _families(parent: Any, families: Mapping[int, Sequence[str]]) -> None:
     for number, names in families.items():
-        family = parent.create_group(f"FAM_{number}_" + "_".join(names))
+        family = parent.create_group(f"FAM_{number}_" + percent("_".join(names), "/", limit=48))
         _attributes(family, NUM=number)
         group = family.create_group("GRO")
         _attributes(group, NBR=len(names))
         rows = np.zeros((len(names), 80), dtype=np.int8)
         for row, name in zip(rows, names, strict=True):
-            text = name.encode("ascii", "replace")[:80]
+            text = percent(name, "", limit=80).encode("ascii")
             row[: len(text)] = np.frombuffer(text, dtype=np.int8)
         # an array type of 80 characters per name
         data = group.create_dataset("NOM", (len(names),), dtype="80int8")

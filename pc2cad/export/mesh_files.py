@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from pc2cad.errors import require
 from pc2cad.export.files import by_ending, check_target, replacing
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.names import words
 
 Ints = NDArray[np.integer]
 #: writes a mesh to an empty file
@@ -150,12 +150,4 @@ def reordered(kind: str, nodes: Ints, order: int, edges: tuple[tuple[int, int], 
 
 def plain_names(names: Iterable[str]) -> dict[str, str]:
     """Return names of letters, digits and underscores: ``u=-1`` becomes ``u_m1``."""
-    plain: dict[str, str] = {}
-    for name in dict.fromkeys(names):
-        text = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"-(?=[\d.])", "m", name)).strip("_")
-        taken = set(plain.values())
-        number = 1
-        while (candidate := text if number == 1 else f"{text}_{number}") in taken:
-            number += 1
-        plain[name] = candidate
-    return plain
+    return words(names, taken=("solid",))

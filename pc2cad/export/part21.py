@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pc2cad.errors import KernelError
+from pc2cad.names import clean
 
 #: Longest name in characters; the standard allows 256 in the header.
 NAME_LIMIT = 200
@@ -32,7 +33,6 @@ _COLOUR = re.compile(rb"(COLOUR_RGB\('',)([^)]*)\)")
 _MARK = re.compile(rb"'@(\w+)@'")
 _SCHEMA = re.compile(rb"FILE_SCHEMA\s*\(\(\s*'([^']*)'\s*\)\)")
 _PROCESSOR = re.compile(rb"STEP\s+processor\s+([\d.]+)")
-_GAPS = re.compile(r"[\s\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,7 @@ def mark(key: str) -> str:
 
 def one_line(text: str, limit: int = NAME_LIMIT) -> str:
     """Return `text` on one line, without control characters, of at most `limit` characters."""
-    line = _GAPS.sub(" ", text).strip()
-    return line if len(line) <= limit else line[: limit - 1].rstrip() + "…"
+    return clean(text, limit)
 
 
 def lines(text: str) -> list[str]:

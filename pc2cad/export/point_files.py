@@ -11,6 +11,7 @@ import numpy as np
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.interior import PointSet
+from pc2cad.names import percent
 
 
 def encode_ply(points: PointSet) -> bytes:
@@ -84,4 +85,6 @@ def write_points(points: PointSet, path: str | os.PathLike[str]) -> None:
 
 
 def _plain(points: PointSet) -> str:
-    return f"{points.name} ({points.units})".encode("ascii", "replace").decode()[:200]
+    """Return name and unit for a comment; the word that ends the header is escaped."""
+    name = percent(points.name, "", limit=200, words=("end_header", "texturefile"))
+    return f"{name} ({points.units})"

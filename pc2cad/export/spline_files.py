@@ -77,7 +77,7 @@ def write_splines(model: VolumeModel, path: str | os.PathLike[str]) -> None:
     encode: Callable[[VolumeModel], str] = importlib.import_module(
         spline_format(path).module
     ).encode
-    write_atomically(path, encode(model).encode("ascii", "replace"))
+    write_atomically(path, encode(model).encode())
 
 
 def numbers(values: Iterable[float]) -> str:

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from pc2cad import __version__
 from pc2cad.export.model import Exportable, ExportOptions
-from pc2cad.export.part21 import one_line
 from pc2cad.export.surface import single_precision, surface
+from pc2cad.names import percent
 
 HEADER_SIZE = 80
+#: words that readers look for wherever they stand: of the text variant, and of colours
+WORDS = ("endsolid", "facet", "normal", "vertex", "color=", "material=")
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -57,5 +59,11 @@ def facet_normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _header(exportable: Exportable) -> bytes:
     """Return 80 bytes of text; it must not start with "solid", the mark of the text variant."""
-    text = f"pc2cad {__version__} binary STL, unit {exportable.units}: {one_line(exportable.name)}"
-    return text.encode("ascii", "replace")[:HEADER_SIZE].ljust(HEADER_SIZE)
+    text = f"pc2cad {__version__} binary STL, unit {exportable.units}: "
+    text += stl_name(exportable, HEADER_SIZE - len(text))
+    return text.encode("ascii").ljust(HEADER_SIZE)
+
+
+def stl_name(exportable: Exportable, limit: int = 200) -> str:
+    """Return the part's name in ASCII, other characters and the format's words as ``%XX``."""
+    return percent(exportable.name, "", limit=limit, words=WORDS)

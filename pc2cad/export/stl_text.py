@@ -6,8 +6,7 @@ Specification: https://www.loc.gov/preservation/digital/formats/fdd/fdd000506.sh
 from __future__ import annotations
 
 from pc2cad.export.model import Exportable, ExportOptions
-from pc2cad.export.part21 import one_line
-from pc2cad.export.stl import facet_corners, facet_normals
+from pc2cad.export.stl import facet_corners, facet_normals, stl_name
 
 #: nine digits give every single-precision number back
 _FACET = (
@@ -27,8 +26,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     """
     corners = facet_corners(exportable, options)
     normals = (facet_normals(corners) + 0.0).tolist()  # without negative zeros
-    name = one_line(exportable.name).encode("ascii", "replace").decode()
-    title = f"{name} unit {exportable.units}"
+    title = f"{stl_name(exportable)} unit {exportable.units}"
     rows = corners.reshape(len(corners), 9).tolist()
     facets = (_FACET.format(*n, *c) for n, c in zip(normals, rows, strict=True))
     return f"solid {title}\n{''.join(facets)}endsolid {title}\n".encode("ascii")

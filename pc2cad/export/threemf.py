@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from pc2cad import __version__
 from pc2cad.errors import KernelError
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
-from pc2cad.export.part21 import one_line
 from pc2cad.export.surface import faces_in_order, single_precision, surface
 from pc2cad.mesh.triangles import Triangles
+from pc2cad.names import clean
 
 _UNITS = {"mm": "MilliMeter", "cm": "CentiMeter", "m": "Meter", "in": "Inch"}
 #: digits of the largest coordinate: one more than single precision holds
@@ -55,8 +55,8 @@ def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles
     model = wrapper.CreateModel()
     model.SetUnit(getattr(library.ModelUnit, _UNITS[exportable.units]))
     texts = {
-        "Title": one_line(exportable.name) or "unnamed",
-        "Description": one_line(exportable.description, 1000),
+        "Title": clean(exportable.name) or "unnamed",
+        "Description": clean(exportable.description, 1000),
         "Application": f"pc2cad {__version__}",
     }
     for key, value in texts.items():
@@ -70,7 +70,7 @@ def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles
     )
     faces = faces_in_order(exportable)
     for i, face in enumerate(faces):
-        members = thing.AddTriangleSet(f"side{i}", face.name)
+        members = thing.AddTriangleSet(f"side{i}", clean(face.name))
         members.SetTriangleList(np.flatnonzero(mesh.faces == i).tolist())
     if any(face.colour for face in faces):
         _colour(library, wrapper, model, thing, faces, mesh)

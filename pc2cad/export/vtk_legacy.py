@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pc2cad.export.mesh_files import cell_blocks
 from pc2cad.export.vtu import VTK_TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.names import percent
 
 _CHUNK = 1 << 18
 
@@ -20,7 +21,7 @@ def write(mesh: VolumeMesh, path: Path) -> None:
     blocks = cell_blocks(mesh)
     cells = sum(len(block.nodes) for block in blocks)
     numbers = sum(block.nodes.size for block in blocks) + cells
-    title = mesh.name.encode("ascii", "replace").decode()[:200]
+    title = percent(mesh.name, "", limit=200)
     with open(path, "wb") as stream:
         stream.write(
             f"# vtk DataFile Version 4.2\n{title} ({mesh.units})\nBINARY\n"

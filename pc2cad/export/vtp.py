@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pc2cad.errors import KernelError
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, surface
+from pc2cad.names import clean
 
 
 def encode(exportable: Exportable, options: ExportOptions) -> bytes:
@@ -34,7 +35,9 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     sides = numpy_to_vtk(mesh.faces.astype(np.int32), deep=True)
     sides.SetName("side")
     data.GetCellData().AddArray(sides)
-    data.GetFieldData().AddArray(_texts("sides", [f.name for f in faces_in_order(exportable)]))
+    data.GetFieldData().AddArray(
+        _texts("sides", [clean(f.name) for f in faces_in_order(exportable)])
+    )
     data.GetFieldData().AddArray(_texts("unit", [exportable.units]))
     writer = vtkXMLPolyDataWriter()
     writer.SetInputData(data)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pc2cad.export.mesh_files import CellBlock, cell_blocks, whole_sides
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.names import clean
 
 #: type numbers of VTK by element and order
 VTK_TYPES = {
@@ -66,8 +67,8 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         )
 
     field = "".join(
-        f'<DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{k}'
-        "</DataArray>\n"
+        f'<DataArray type="Int32" Name={quoteattr(clean(name))} NumberOfTuples="1" '
+        f'format="ascii">{k}</DataArray>\n'
         for k, name in named
     )
     data = "\n".join(tag(name, name) for name in ("side", "layer") if name in arrays)

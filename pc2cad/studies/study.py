@@ -13,12 +13,16 @@ from pc2cad.errors import InputError
 from pc2cad.export.files import write_atomically
 from pc2cad.export.registry import format_for
 from pc2cad.library import find_template
+from pc2cad.names import NameNotAllowedError, is_ending
 from pc2cad.studies.local import Limits, LocalEngine
-from pc2cad.studies.overview import contact_sheet
+from pc2cad.studies.overview import contact_sheet, plot
 from pc2cad.studies.plan import Plan, check_plan, grid, read_axis, read_table, sample
 from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
 from pc2cad.studies.store import open_store
+from pc2cad.studies.table import COLUMNS
 from pc2cad.studies.variant import Task
+
+SHEET = "contact-sheet.png"
 
 
 def study(
@@ -43,6 +47,7 @@ def study(
     resume: bool = False,
     stop_after: int | None = 100,
     progress: Callable[[Progress], None] | None = None,
+    plots: Sequence[tuple[str, str]] = (),
 ) -> StudyResult:
     """Build many variants of a template and return the table of what became of each.
 
@@ -53,7 +58,8 @@ def study(
     ``contact-sheet.png`` of them all. Files go to ``folder/files``, or to the `store`: a folder or
     an address for fsspec. `cluster` is a Dask cluster or its address; without one, `workers`
     processes of this machine do the work (0: one for each processor), each variant within the
-    `limits`. `resume` goes on where an interrupted study stopped. See `run_study` for the rest;
+    `limits`. `plots` are columns of the table to be drawn against parameters. `resume` goes on
+    where an interrupted study stopped, if it is the same study. See `run_study` for the rest;
     raises PlanError and TemplateError besides.
     """
     path = find_template(os.fspath(template))
@@ -61,7 +67,7 @@ def study(
     task = Task(
         template=read_template_text(path),
         name=path.stem,
-        formats=tuple(dict.fromkeys(formats)),
+        formats=_formats(formats),
         store=store or os.path.join(os.path.abspath(folder), "files"),
         tolerance=tolerance,
         degree=degree,
@@ -70,20 +76,35 @@ def study(
         thumbnails=thumbnails,
         fixed=dict(fixed or {}),
     )
-    for ending in task.formats:
-        format_for(f"part.{ending}")
+    drawn = {f"{column}-{against}.png": (column, against) for column, against in plots}
+    sheet = (SHEET,) if thumbnails else ()
     read = parse_template(task.template, task.name, str(path))
     check_plan(plan, read)
+    for name in (name for columns in drawn.values() for name in columns):
+        if name not in (*plan.names, *(column for column, kind in COLUMNS if kind is not str)):
+            raise InputError(f"plots: the results have no column of numbers '{name[:80]}'")
     read.bind(task.fixed)
     _ = task.options  # refused before the work begins
     result = run_study(
         plan, task, Path(folder), _engine(cluster, workers, limits or Limits()),
-        resume=resume, stop_after=stop_after, progress=progress,
+        resume=resume, stop_after=stop_after, progress=progress, also=(*sheet, *drawn),
     )  # fmt: skip
+    pictures = {name: plot(result.rows, *columns) for name, columns in drawn.items()}
     if thumbnails:
-        sheet = contact_sheet(result.rows, plan.names, open_store(task.store))
-        write_atomically(result.folder / "contact-sheet.png", sheet)
+        pictures[SHEET] = contact_sheet(result.rows, plan.names, open_store(task.store))
+    for name, image in pictures.items():
+        write_atomically(result.folder / name, image, owned=True)
     return result
+
+
+def _formats(endings: Sequence[str]) -> tuple[str, ...]:
+    """Return endings as they stand in files' names; raise InputError for one of no format."""
+    found = tuple(dict.fromkeys(ending.removeprefix(".").lower() for ending in endings))
+    for ending in found:
+        if not is_ending(ending):
+            raise NameNotAllowedError(f"the format {ending[:80]!r} is no ending of a file's name")
+        format_for(f"part.{ending}")
+    return found
 
 
 def _plan(

@@ -15,10 +15,13 @@ from typing import Any
 
 from pc2cad.errors import InputError
 from pc2cad.export.files import write_atomically
+from pc2cad.names import cell
 from pc2cad.studies.plan import Plan
 from pc2cad.studies.variant import Outcome
 
 WAITING = "waiting"
+#: files that a table is written to
+CSV, PARQUET = "results.csv", "results.parquet"
 #: columns after the parameters, and what their cells are
 COLUMNS: tuple[tuple[str, type], ...] = (
     ("status", str), ("reason", str), ("units", str), ("volume", float), ("area", float),
@@ -60,15 +63,21 @@ def _row(
 
 
 def to_csv(table: Sequence[Row]) -> bytes:
-    """Return a table as CSV; numbers come back as the same doubles."""
+    """Return a table as CSV; numbers come back as the same doubles.
+
+    A text that a spreadsheet would take for a formula has an apostrophe before it.
+    """
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(table[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {name: repr(cell) if isinstance(cell, float) else cell for name, cell in row.items()}
-        for row in table
-    )
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([_cell(name) for name in table[0]])
+    writer.writerows([_cell(row[name]) for name in table[0]] for row in table)
     return text.getvalue().encode()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, str):
+        return cell(value)
+    return repr(value) if isinstance(value, float) else value
 
 
 def to_parquet(table: Sequence[Row], plan: Plan, formats: Sequence[str]) -> bytes:
@@ -123,10 +132,10 @@ class TableWriter:
         """Write the tables now and return their rows."""
         start = time.monotonic()
         table = rows(self._plan, self._keys, outcomes, self._formats)
-        write_atomically(self._folder / "results.csv", to_csv(table))
+        write_atomically(self._folder / CSV, to_csv(table), owned=True)
         if self.with_parquet:
             data = to_parquet(table, self._plan, self._formats)
-            write_atomically(self._folder / "results.parquet", data)
+            write_atomically(self._folder / PARQUET, data, owned=True)
         spent = time.monotonic() - start
         # at most 2 % of the time goes into tables
         self._next = time.monotonic() + max(1.0, 50 * spent)

@@ -6,12 +6,13 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pc2cad import __version__
 from pc2cad.errors import PointCadError
+from pc2cad.names import visible
 from pc2cad.options import CompileOptions
 from pc2cad.studies.store import open_store
 
@@ -90,6 +91,8 @@ class Outcome:
     files: Mapping[str, str] = field(default_factory=dict)
     #: seconds of work, and of each part of it
     times: Mapping[str, float] = field(default_factory=dict)
+    #: format -> SHA-256 of the file
+    hashes: Mapping[str, str] = field(default_factory=dict)
 
     @staticmethod
     def from_dict(data: Mapping[str, Any]) -> Outcome:
@@ -101,7 +104,7 @@ def run_variant(task: Task, job: Job) -> Outcome:
     """Build a variant and write its files; whatever goes wrong is an outcome, not an exception."""
     start = time.perf_counter()
     try:
-        figures, files, times = _build(task, job)
+        outcome = _build(task, job)
     except PointCadError as error:
         status, reason = STATUS[error.exit_code], str(error)
     except MemoryError:
@@ -111,15 +114,13 @@ def run_variant(task: Task, job: Job) -> Outcome:
     except Exception as error:  # one variant must not end the study
         status, reason = STATUS[5], f"an unexpected error: {type(error).__name__}: {error}"
     else:
-        times["total"] = time.perf_counter() - start
-        return Outcome(job.key, BUILT, "", figures, files, times)
-    return Outcome(job.key, status, " ".join(reason.split()),
+        times = {**outcome.times, "total": time.perf_counter() - start}
+        return replace(outcome, times=times)
+    return Outcome(job.key, status, visible(" ".join(reason.split())),
                    times={"total": time.perf_counter() - start})  # fmt: skip
 
 
-def _build(
-    task: Task, job: Job
-) -> tuple[dict[str, float | int | str], dict[str, str], dict[str, float]]:
+def _build(task: Task, job: Job) -> Outcome:
     from pc2cad.compiler import compile_solid
     from pc2cad.export.model import ExportOptions
     from pc2cad.export.registry import format_for
@@ -136,11 +137,17 @@ def _build(
     }
     if task.thumbnails:
         encoded["thumbnail"] = _thumbnail(part)
-    files = {kind: f"{job.key}.{ENDINGS.get(kind, kind)}" for kind in encoded}
+    files = {kind: file_name(job.key, kind) for kind in encoded}
+    hashes = {kind: hashlib.sha256(data).hexdigest() for kind, data in encoded.items()}
     for kind, data in encoded.items():
         store.write(files[kind], data)
     times["write"] = time.perf_counter() - start
-    return figures_of(part.report), files, times
+    return Outcome(job.key, BUILT, "", figures_of(part.report), files, times, hashes)
+
+
+def file_name(key: str, kind: str) -> str:
+    """Return the name of a variant's file of a format, or of its thumbnail."""
+    return f"{key}.{ENDINGS.get(kind, kind)}"
 
 
 def _thumbnail(part: Part | BodiesPart) -> bytes:
