@@ -22,6 +22,7 @@ from pc2cad.equation.point_equation import Domain, Equation, PointEquation, poin
 from pc2cad.errors import InputError, require
 from pc2cad.geometry.profile import COMPACT, SplineProfile
 from pc2cad.isogeometry import VolumeModel, represent_volume
+from pc2cad.mesh.closure import check_whole
 from pc2cad.mesh.grid import Grading, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.ogrid import o_grid
@@ -128,8 +129,9 @@ def mesh_equation(
 ) -> tuple[VolumeMesh, MeshReport]:
     """Return the mesh of a point equation and the report on it.
 
-    Raises NotASolidError where the image is no solid or an element of the mesh is inverted, and
-    UnsuitableGridError where the cells do not fit the solid.
+    Raises NotASolidError where the image is no solid, an element of the mesh is inverted or its
+    facets do not hold what its elements fill, and UnsuitableGridError where the cells do not fit
+    the solid.
     """
     options = options or MeshOptions()
     clock = _Clock(progress)
@@ -147,7 +149,9 @@ def mesh_equation(
             cells = grid.cells
             mesh = hexahedra(analysis, grid, options.order)
     clock("quality")
-    report = report_on(mesh, measure(mesh), properties, areas, cells)
+    quality = measure(mesh)
+    check_whole(mesh, quality.volume)
+    report = report_on(mesh, quality, properties, areas, cells)
     clock("")
     return mesh, MeshReport(**{**vars(report), "times": clock.times})
 

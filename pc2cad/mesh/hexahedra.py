@@ -177,9 +177,9 @@ class _Assembly:
             if not is_flat(tuple(int(p) for p in row)):
                 continue
             corners = self._corners(firsts[which.ravel() == k])
-            first: dict[frozenset[int], Ints] = {}
+            first: dict[frozenset[int], NDArray[np.int64]] = {}
             for a, b in HEXAHEDRON.edges:
-                middle = (corners[:, a] + corners[:, b]) // 2
+                middle = ((corners[:, a] + corners[:, b]) // 2).astype(np.int64)
                 ends = frozenset((int(row[a]), int(row[b])))
                 if len(ends) == 2:
                     pairs.append((middle, first.setdefault(ends, middle)))

@@ -163,7 +163,9 @@ def _angles(analysis: Analysis, side: SideFate) -> Iterator[tuple[int, float]]:
     for e in directions_of(side.patch):
         if e != side.along:
             chords = _chords(analysis, side, e, 64)
-            chords /= np.sqrt((chords * chords).sum(axis=-1, keepdims=True))
+            lengths = np.sqrt((chords * chords).sum(axis=-1, keepdims=True))
+            # another side may be drawn together with this one, and nothing turns along it
+            chords = np.divide(chords, lengths, out=np.zeros_like(chords), where=lengths > 0)
             steps = np.sqrt((np.diff(chords, axis=0) ** 2).sum(axis=-1))
             yield e, float((2 * np.arcsin(np.minimum(steps / 2, 1))).sum(axis=0).max())
 
