@@ -27,7 +27,6 @@ from pc2cad.equation.tree import (
     pieces,
     power,
     rebuild,
-    rewrite,
     symbol,
     walk,
 )  # fmt: skip
@@ -51,36 +50,72 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
     """
     if _KINKED.isdisjoint(node.op for node in walk(roots)):
         return roots
-    roots = rewrite(rewrite(rewrite(roots, "sqrt", _root), "acos", _arc), "asin", _arc)
-    done: dict[Expr, Expr] = {}
     # what is only used in a power of 2 or more has no kink
     bare = {arg for node in walk(roots) if not _is_smooth_power(node) for arg in node.args}
     bare.update(roots)
+    kept = _below_roots(roots)
+    done: dict[Expr, Expr] = {}
     for node in walk(roots):
         args = tuple(done[arg] for arg in node.args)
-        done[node] = node if args == node.args else rebuild(node, args)
-        if node.op == "abs" and node in bare:
-            done[node] = _absolute(args[0], 1, shown)
-        elif _is_smooth_power(node) and node.args[0].op == "abs" and done[node].op == "pow":
-            exponent = node.args[1].payload
-            inner = done[node.args[0].args[0]]
-            if exponent.denominator == 1:
-                done[node] = _absolute(inner, int(exponent), shown)
+        moved = node if args == node.args else rebuild(node, args)
+        if node not in kept and moved.op == node.op:
+            if node.op == "abs" and node in bare:
+                moved = _absolute(args[0], 1, shown)
+            elif node.op == "sqrt":
+                moved = _root(moved)
+            elif node.op in ("acos", "asin"):
+                moved = _arc(moved)
+            elif _is_smooth_power(node) and node.args[0].op == "abs":
+                exponent = node.args[1].payload
+                if exponent.denominator == 1:
+                    moved = _absolute(done[node.args[0].args[0]], int(exponent), shown)
+        done[node] = moved
     return tuple(done[root] for root in roots)
 
 
-def _root(node: Expr) -> Expr:
-    """Return the root of a square of one parameter as an absolute value."""
-    (square,) = node.args
-    if len(square.symbols) != 1:
-        return node
+def _below_roots(roots: tuple[Expr, ...]) -> set[Expr]:
+    """Return what roots, logarithms or quotients are taken of, factor by factor.
+
+    Where it vanishes they end: beside it, in pieces, they would be asked for roots of -1e-17.
+    """
+    found: set[Expr] = set()
+    for node in walk(roots):
+        below: list[Expr] = []
+        if node.op in ("sqrt", "log"):
+            # the root of a square is what is asked for here
+            below = [] if node.op == "sqrt" and _half(node.args[0]) else [node.args[0]]
+        elif node.op == "div":
+            below = [node.args[1]]
+        elif node.op == "pow":
+            exponent = node.args[1].payload if node.args[1].op == "number" else Fraction(1, 2)
+            if exponent.denominator != 1 or exponent < 0:
+                below = [node.args[0]]
+        while below:
+            inner = below.pop()
+            found.add(inner)
+            if inner.op in ("mul", "div", "neg", "pow"):
+                below += inner.args
+    return found
+
+
+def _half(square: Expr) -> tuple[Expr, int] | None:
+    """Return what a tree is an even power of, and half the exponent."""
     if square.op == "mul" and square.args[0] is square.args[1]:
-        return call("abs", square.args[0])
+        return square.args[0], 1
     if square.op == "pow" and square.args[1].op == "number":
         half = square.args[1].payload / 2
         if half.denominator == 1 and half > 0:
-            return power(call("abs", square.args[0]), number(half))
-    return node
+            return square.args[0], int(half)
+    return None
+
+
+def _root(node: Expr) -> Expr:
+    """Return the root of a square of one parameter without the root."""
+    half = _half(node.args[0])
+    if half is None or len(node.symbols) != 1:
+        return node
+    inner, exponent = half
+    return _in_pieces(inner, exponent) if exponent % 2 else power(inner, number(exponent))
 
 
 def _arc(node: Expr) -> Expr:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from math import pi
 
 import numpy as np
@@ -54,6 +54,20 @@ class Chart:
         for d in self._outer_first():
             places[:, d] *= self._width(places, d)
         return places
+
+    @property
+    def ranks(self) -> tuple[int, int, int]:
+        """In how many ways each direction is drawn together: who says how many cells there are.
+
+        Where a direction ends on two sides that do not depend on one another, all three count
+        alike: it is as thin there as they are wide.
+        """
+        for row in self.parents:
+            if any(p not in self.parents[q] and q not in self.parents[p]
+                   for p, q in combinations(row, 2)):  # fmt: skip
+                return 2, 2, 2
+        u, v, w = (len(row) for row in self.parents)
+        return u, v, w
 
     def _outer_first(self) -> list[int]:
         return sorted(range(3), key=lambda d: len(self.parents[d]))
@@ -113,7 +127,7 @@ class Polytope:
     cell: tuple[int, int, int]
     #: the direction and the cells of the fine grid along each edge; none along a cut
     edges: tuple[tuple[int, float] | None, ...]
-    #: in how many ways each direction is drawn together in the large cell
+    #: in how many ways each direction is drawn together in the large cell (`Chart.ranks`)
     ignored: tuple[int, int, int]
 
 
@@ -233,13 +247,13 @@ def polytopes(analysis: Analysis, large: Grid) -> list[Polytope]:
                 f"here an edge of cell {cell} is, and the sides at it are not"
             )
         lengths = [float(large.lines[d][cell[d] + 1] - large.lines[d][cell[d]]) for d in range(3)]
-        ignored = tuple(len(p) for p in chart.parents)
+        ignored = chart.ranks
         for piece in made[number]:
             firsts = [group[0] for group in piece.corners]
             edges = tuple(_along(piece, edge, axes, lengths) for edge in piece.kind.edges)
             found.append(Polytope(
                 piece.kind, tuple(rows[number][k] for k in firsts), places[firsts], chart,
-                (cell[0], cell[1], cell[2]), edges, (ignored[0], ignored[1], ignored[2]),
+                (cell[0], cell[1], cell[2]), edges, ignored,
             ))  # fmt: skip
     return found
 
