@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.cancellation import simplified
 from pc2cad.equation.evaluation import Program
+from pc2cad.equation.kinks import take_kinks_apart
 from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.equation.radicals import take_out_ends
 from pc2cad.equation.scalar import evaluate
@@ -130,7 +131,8 @@ def local_map(equation: PointEquation) -> Mapping3:
 
 def _mapping(equation: PointEquation, parameters: tuple[Expr, Expr, Expr]) -> Mapping3:
     change = dict(zip(PARAMETERS, parameters, strict=True))
-    x, y, z = take_out_ends(simplified(substitute(equation.coordinates, change)))
+    trees = take_kinks_apart(substitute(equation.coordinates, change), parameters)
+    x, y, z = take_out_ends(simplified(trees))
     return Mapping3((x, y, z), parameters)
 
 

@@ -16,7 +16,8 @@ import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.compiler import mesh_equation
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.mesh.collapse import pieces
+from pc2cad.mesh.collapse import is_flat
+from pc2cad.mesh.cutting import Cuts
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 from pc2cad.mesh.grid import Grading, UnsuitableGridError, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
@@ -399,10 +400,11 @@ def test_faces_of_an_element_close_and_point_outwards(name: str) -> None:
 
 def test_patterns_of_collapse_have_their_types() -> None:
     def kinds(pattern: tuple[int, ...]) -> list[str]:
-        return sorted(piece.kind.name for piece in pieces(pattern))
+        return sorted(piece.kind.name for piece in Cuts().pieces(pattern))
 
     assert kinds((0, 1, 2, 3, 0, 1, 6, 7)) == ["wedge"]
     assert kinds((0, 1, 2, 3, 4, 4, 4, 4)) == ["pyramid"]
     assert kinds((0, 1, 2, 0, 4, 4, 4, 4)) == ["tetra"]
     assert kinds((0, 0, 2, 3, 4, 5, 6, 7)) == ["pyramid"] * 2
-    assert kinds((0, 0, 0, 0, 4, 4, 4, 4)) == []
+    assert kinds((0, 1, 2, 3, 0, 5, 2, 3)) == ["tetra"] * 2
+    assert is_flat((0, 0, 0, 0, 4, 4, 4, 4))

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import vtk
 from shipped import checked_of
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from pc2cad.analysis import analyse
+from pc2cad.checked import check_map
 from pc2cad.cli.main import main
 from pc2cad.compiler import mesh_equation
 from pc2cad.equation.template_file import read_template
@@ -97,15 +98,59 @@ def test_vtk_reads_upright_elements_and_numbered_sides(
         field = grid.GetFieldData()
         numbers = [field.GetArray(name).GetValue(0) for name in ("w=1", "v=0.5")]
         assert numbers == [1, 2]
-    for index in range(mesh.elements):
-        cell = grid.GetCell(index)
-        centre, count = [0.0] * 3, cell.GetNumberOfPoints()
-        cell.GetParametricCenter(centre)
-        slopes = [0.0] * (3 * count)
-        cell.InterpolateDerivs(centre, slopes)
-        corners = np.array([cell.GetPoints().GetPoint(k) for k in range(count)])
-        assert np.linalg.det(np.reshape(slopes, (3, count)) @ corners) > 0
+    assert inward_faces(grid, mesh.elements) == 0
+    checked = vtk.vtkCellValidator()
+    checked.SetInputData(grid)
+    checked.Update()
+    states = vtk_to_numpy(checked.GetOutput().GetCellData().GetArray("ValidityState"))
+    assert not states[: mesh.elements].any()
+    if order == 1:  # of curved cells VTK measures chords
+        sizes = vtk.vtkCellSizeFilter()
+        sizes.SetInputData(grid)
+        sizes.Update()
+        found = vtk_to_numpy(sizes.GetOutput().GetCellData().GetArray("Volume"))
+        assert found[: mesh.elements].min() > 0
+        # and of pyramids those of two tetrahedra
+        assert found[: mesh.elements].sum() == pytest.approx(mesh.volume(), rel=2e-2)
     assert grid.GetPoint(7) == tuple(mesh.points[7])
+
+
+def inward_faces(grid: vtk.vtkUnstructuredGrid, count: int) -> int:
+    """Count the faces of the first cells that VTK turns inwards."""
+    inward = seen = 0
+    for index in range(count):
+        cell = grid.GetCell(index)
+        for face in map(cell.GetFace, range(cell.GetNumberOfFaces())):
+            seen += 1
+            corners = vtk_to_numpy(face.GetPoints().GetData())[: face.GetNumberOfEdges()]
+            middle = vtk_to_numpy(cell.GetPoints().GetData()).mean(axis=0)
+            following = np.roll(corners, -1, axis=0)
+            normal = np.cross(corners - middle, following - middle).sum(axis=0)
+            inward += bool(normal @ (corners.mean(axis=0) - middle) <= 0)
+    assert seen >= 4 * count > 0
+    return inward
+
+
+@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".inp", ".msh", ".med"])
+def test_meshio_and_pyvista_agree_on_the_sign_of_every_wedge(tmp_path: Path, ending: str) -> None:
+    meshio = pytest.importorskip("meshio")
+    mesh = make(*BALL, 1)
+    assert len(mesh.blocks["wedge"]) == 18
+    path = tmp_path / f"part{ending}"
+    write_mesh(mesh, path)
+    content = meshio.read(path)
+    corners = content.points[content.cells_dict["wedge"]]
+    a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
+    signs = np.sign((np.cross(a, b) * c).sum(axis=1))
+    # meshio takes wedges as gmsh and Abaqus number them, and leaves those of MED as they are
+    assert signs.tolist() == [-1.0 if ending == ".med" else 1.0] * 18
+    if ending in (".vtu", ".vtk"):
+        pyvista = pytest.importorskip("pyvista")
+        grid = pyvista.read(path)
+        volumes = grid.compute_cell_sizes(length=False, area=False)["Volume"]
+        wedges = volumes[grid.celltypes == pyvista.CellType.WEDGE]
+        assert len(wedges) == 18
+        assert wedges.min() > 0
 
 
 @pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh", ".vtk", ".med"])
@@ -269,7 +314,7 @@ def test_tetrahedra_have_the_same_names_and_nearly_the_same_measures(
     options = MeshOptions(size=size, order=2, shape="tetrahedra")
     mesh, report = mesh_equation(equation, options)
     assert set(report.elements) == {"tetra"}
-    boundary = analyse(equation).boundary
+    boundary = check_map(equation).analysis.boundary
     assert set(mesh.sides) == {boundary.name(face.patch) for face in boundary.faces}
     assert abs(report.volume_difference) < 5e-3
     assert report.quality.volume == pytest.approx(report.volume, rel=1e-10)

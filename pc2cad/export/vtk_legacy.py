@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.export.mesh_files import cell_blocks
-from pc2cad.export.vtu import VTK_TYPES
+from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.names import percent
 
@@ -30,8 +30,9 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         _put(stream, mesh.points, ">f8")
         stream.write(f"\nCELLS {cells} {numbers}\n".encode())
         for block in blocks:
-            for start in range(0, len(block.nodes), _CHUNK):
-                part = block.nodes[start : start + _CHUNK]
+            nodes = nodes_for_vtk(block, mesh.order)
+            for start in range(0, len(nodes), _CHUNK):
+                part = nodes[start : start + _CHUNK]
                 rows = np.empty((len(part), part.shape[1] + 1), dtype=">i4")
                 rows[:, 0] = part.shape[1]
                 rows[:, 1:] = part

@@ -17,15 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.export.mesh_files import CellBlock, cell_blocks, whole_sides
+from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.names import clean
 
-#: type numbers of VTK by element and order
-VTK_TYPES = {
-    ("hexahedron", 1): 12, ("hexahedron", 2): 25, ("wedge", 1): 13, ("wedge", 2): 26,
-    ("pyramid", 1): 14, ("pyramid", 2): 27, ("tetra", 1): 10, ("tetra", 2): 24,
-    ("quad", 1): 9, ("quad", 2): 23, ("triangle", 1): 5, ("triangle", 2): 22,
-}  # fmt: skip
 _NAMES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 _CHUNK = 1 << 20
 #: type, components, entries, and the data in parts
@@ -46,7 +41,12 @@ def write(mesh: VolumeMesh, path: Path) -> None:
     # in the order of the file
     arrays: dict[str, _Column] = {
         "points": ("f8", 3, len(mesh.points), lambda: iter((mesh.points,))),
-        "connectivity": (whole, 1, corners, lambda: (block.nodes for block in blocks)),
+        "connectivity": (
+            whole,
+            1,
+            corners,
+            lambda: (nodes_for_vtk(block, mesh.order) for block in blocks),
+        ),
         "offsets": (whole, 1, cells, lambda: _offsets(blocks)),
         "types": ("u1", 1, cells, constant(lambda b: VTK_TYPES[b.kind, mesh.order])),
         "side": ("i4", 1, cells, constant(lambda b: b.side)),

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from pc2cad.mesh.grid import Grid
-from pc2cad.topology.cells import Cell
+from pc2cad.topology.cells import Cell, normal_direction
 from pc2cad.topology.complex import BoundaryComplex, SideFate
 
 Ints = NDArray[np.int64]
@@ -68,13 +68,43 @@ def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Ints, Ints]:
 def partner_nodes(grid: Grid, side: SideFate) -> Ints:
     """Return the nodes of the side that a side is glued to, in the order of its own."""
     assert side.partner is not None
+    return _turned(cell_nodes(grid, side.partner), side)
+
+
+def _turned(image: Ints, side: SideFate) -> Ints:
+    """Return what lies on the partner of a side in the order of the side."""
     assert side.symmetry is not None
-    image = cell_nodes(grid, side.partner)
     if side.symmetry.reverse_s:
         image = image[::-1]
     if side.symmetry.reverse_t:
         image = image[:, ::-1]
     return image.T if side.symmetry.swap else image
+
+
+def side_cells(grid: Grid, patch: Cell) -> Ints:
+    """Return the numbers of the cells on a patch of the box, one axis per direction of it."""
+    d = normal_direction(patch)
+    spans = []
+    for k in range(3):
+        span = grid.span(k, patch[k])
+        edge = [grid.cells[k] - 1 if patch[d] > 0 else 0]
+        spans.append(np.array(edge) if k == d else np.arange(span.start, span.stop - 1))
+    u, v, w = np.ix_(*spans)
+    _, nv, nw = grid.cells
+    return np.asarray(np.squeeze((u * nv + v) * nw + w, axis=d), dtype=np.int64)
+
+
+def glued_cells(grid: Grid, boundary: BoundaryComplex) -> dict[int, list[int]]:
+    """Return the cells that lie on the other side of a gluing from each cell there."""
+    found: dict[int, list[int]] = {}
+    for side in boundary.sides:
+        if side.fate == "interface" and side.partner is not None:
+            here = side_cells(grid, side.patch)
+            there = _turned(side_cells(grid, side.partner), side)
+            for a, b in zip(here.ravel().tolist(), there.ravel().tolist(), strict=True):
+                found.setdefault(a, []).append(b)
+                found.setdefault(b, []).append(a)
+    return found
 
 
 def joined(pairs: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
 
+#: fewest cells between two sides that are drawn together along the same direction
+FEWEST_BETWEEN = 2
 #: fewest cells round a closed direction: with fewer, two elements share two faces
 FEWEST_ROUND = 3
 #: and as many are chosen at least where nobody said otherwise
@@ -129,14 +131,20 @@ def make_grid(
 def _wanted(
     analysis: Analysis, cells: tuple[int, int, int] | None, size: float | None
 ) -> tuple[int, int, int]:
-    closed = closed_directions(analysis)
+    closed, tapered = closed_directions(analysis), _tapered_directions(analysis)
+    reasons = {
+        FEWEST_ROUND: ", because the solid closes in that direction",
+        FEWEST_BETWEEN: ", because sides at both its ends are drawn together",
+        1: "",
+    }
+    fewest = [FEWEST_ROUND if d in closed else FEWEST_BETWEEN if d in tapered else 1
+              for d in range(3)]  # fmt: skip
     if cells is not None:
-        for d, count in enumerate(cells):
-            least = FEWEST_ROUND if d in closed else 1
+        for name, count, least in zip("uvw", cells, fewest, strict=True):
             if count < least:
                 raise UnsuitableGridError(
-                    f"{count} cells along {'uvw'[d]}: at least {least} are needed"
-                    + (", because the solid closes in that direction" if d in closed else "")
+                    f"{count} cell{'' if count == 1 else 's'} along {name}: at least {least} are "
+                    f"needed{reasons[least]}"
                 )
         counts = list(cells)
     else:
@@ -144,8 +152,9 @@ def _wanted(
         step = _default_size(analysis) if size is None else size
         with np.errstate(over="ignore"):
             counts = [int(min(np.ceil(length / step - 1e-9), 1e9)) for length in lengths]
-        least_round = GOOD_ROUND if size is None else FEWEST_ROUND
-        counts = [max(n, least_round if d in closed else 1) for d, n in enumerate(counts)]
+        if size is None:
+            fewest = [GOOD_ROUND if d in closed else n for d, n in enumerate(fewest)]
+        counts = [max(pair) for pair in zip(counts, fewest, strict=True)]
         counts = _joined(analysis, counts)
     if np.prod(counts, dtype=float) > MOST_CELLS:
         raise UnsuitableGridError(
@@ -163,6 +172,23 @@ def closed_directions(analysis: Analysis) -> set[int]:
         for d in range(3)
         if side.patch[d] % 2 == 0 and side.partner[d] % 2 == 0 and side.patch[d] != side.partner[d]
     }
+
+
+def _tapered_directions(analysis: Analysis) -> set[int]:
+    """Return the directions of one piece both ends of which are drawn together along another one.
+
+    A single cell between them would have no inside.
+    """
+    lost: dict[tuple[int, int], set[tuple[int, int]]] = {}
+    for side in analysis.boundary.sides:
+        if side.fate in ("curve", "point"):
+            (d,) = (d for d in range(3) if side.patch[d] % 2 == 0)
+            for e in set(directions_of(side.patch)) - {side.along}:
+                lost.setdefault((d, side.patch[d]), set()).add((e, side.patch[e]))
+    return {
+        d for d in range(3)
+        if len(analysis.bounds[d]) == 2 and lost.get((d, 0), set()) & lost.get((d, 2), set())
+    }  # fmt: skip
 
 
 def _joined(analysis: Analysis, counts: list[int]) -> list[int]:

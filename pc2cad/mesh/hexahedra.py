@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from pc2cad.checked import CheckedMap
 from pc2cad.errors import NotASolidError
 from pc2cad.mapping import open_grid
-from pc2cad.mesh.collapse import pieces
+from pc2cad.mesh.collapse import Pattern, Piece, is_flat, ring_of, single
+from pc2cad.mesh.cutting import Cuts
 from pc2cad.mesh.elements import HEXAHEDRON, TYPES
-from pc2cad.mesh.gluing import cell_nodes, merged_nodes
+from pc2cad.mesh.gluing import cell_nodes, glued_cells, joined, merged_nodes, side_cells
 from pc2cad.mesh.grid import Grid
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell, normal_direction
@@ -33,7 +34,7 @@ FACE_AT = ((5, 3), (2, 4), (0, 1))
 
 
 class CellCollapsesError(NotASolidError):
-    """A cell of the grid loses so many corners that no element is left."""
+    """A cell of the grid loses so many corners that no element is left on a face of the solid."""
 
 
 def hexahedra(checked: CheckedMap, grid: Grid, order: int = 1) -> VolumeMesh:
@@ -46,11 +47,11 @@ def hexahedra(checked: CheckedMap, grid: Grid, order: int = 1) -> VolumeMesh:
 
 @dataclass
 class _Split:
-    """Cells with one pattern of equal corners, ascending, and what each became."""
+    """Cells that became the same elements, ascending, and these."""
 
     cells: Ints
-    #: type, number of the first element of it within the type, face of the cell -> own face
-    parts: list[tuple[str, int, dict[int, int]]] = field(default_factory=list)
+    #: type, number of the first element of it within the type, own faces on each of the cell's
+    parts: list[tuple[str, int, tuple[tuple[int, ...], ...]]] = field(default_factory=list)
 
 
 class _Assembly:
@@ -67,10 +68,12 @@ class _Assembly:
         # a left-handed map: the element's first two directions are v and u
         self._axes = checked.orientation.axes
         self._splits: list[_Split] = []
+        #: indices that stand for others, ascending, and for which
+        self._merged = merged_nodes(self._fine, checked.analysis.boundary)
 
     def mesh(self) -> VolumeMesh:
-        moved, stands = merged_nodes(self._fine, self._analysis.boundary)
-        blocks, irregular = self._elements(moved, stands)
+        blocks, irregular = self._elements()
+        moved, stands = self._merged
         numbers, count = self._number(blocks, moved, stands)
         points = self._points(numbers, moved, count)
         if len(moved):
@@ -89,39 +92,116 @@ class _Assembly:
 
     # -- elements ------------------------------------------------------------------------------
 
-    def _elements(self, moved: Ints, stands: Ints) -> tuple[dict[str, Ints], Ints]:
+    def _elements(self) -> tuple[dict[str, Ints], Ints]:
         """Return the elements in indices of the fine grid, and the cells that are none as such."""
         firsts = self._first_corners()
-        irregular, rows = self._irregular(firsts, moved, stands)
+        irregular, patterns = self._irregular(firsts)
+        self._join_middles(firsts[irregular], patterns)
+        made = self._made(firsts, irregular, patterns)
+        irregular = np.sort(np.concatenate([cells for _, cells in made])) if made else irregular
         kept = self._corners(np.delete(firsts, irregular) if len(irregular) else firsts)
         blocks: dict[str, list[Ints]] = {HEXAHEDRON.name: [self._with_middles(kept)]}
         counts = dict.fromkeys(TYPES, 0)
-        patterns = (rows[:, :, None] == rows[:, None, :]).argmax(axis=2)
-        kinds, which = np.unique(patterns, axis=0, return_inverse=True)
-        for k, pattern in enumerate(kinds):
-            here = np.flatnonzero(which.ravel() == k)
-            split = _Split(irregular[here])
-            for piece in pieces(tuple(int(p) for p in pattern)):
-                corners = self._corners(firsts[split.cells])
+        counts[HEXAHEDRON.name] = len(kept)
+        for pieces, cells in made:
+            split = _Split(cells)
+            corners = self._corners(firsts[cells])
+            for piece in pieces:
                 columns = [corners[:, group[0]] for group in piece.corners]
                 if self._order == 2:
                     for edge in range(len(piece.kind.edges)):
                         a, b = piece.middle(edge)
                         columns.append((corners[:, a] + corners[:, b]) // 2)
                 name = piece.kind.name
-                faces = {f: own for f in range(6) if (own := piece.on_face(f)) is not None}
-                split.parts.append((name, counts[name], faces))
-                counts[name] += len(here)
+                split.parts.append((name, counts[name], tuple(map(piece.on_face, range(6)))))
+                counts[name] += len(cells)
                 blocks.setdefault(name, []).append(np.stack(columns, axis=1))
-            if not split.parts:
-                place = ", ".join(map(str, np.unravel_index(split.cells[0], self._grid.cells)))
-                raise CellCollapsesError(
-                    f"the cell ({place}) of the grid has too few different corners for an element; "
-                    "more cells in the direction that closes would help"
-                )
             self._splits.append(split)
-        made = {name: _joined(blocks[name]) for name in TYPES if name in blocks}
-        return {name: block for name, block in made.items() if len(block)}, irregular
+        of_type = {name: _whole(blocks[name]) for name in TYPES if name in blocks}
+        return {name: block for name, block in of_type.items() if len(block)}, irregular
+
+    def _made(
+        self, firsts: Ints, irregular: Ints, patterns: Ints
+    ) -> list[tuple[tuple[Piece, ...], Ints]]:
+        """Return what cells become, and which; none where their faces cover one another."""
+        made: list[tuple[tuple[Piece, ...], Ints]] = []
+        left: list[Ints] = []
+        kinds, which = np.unique(patterns, axis=0, return_inverse=True)
+        for k, row in enumerate(kinds):
+            cells = irregular[which.ravel() == k]
+            pattern = tuple(int(p) for p in row)
+            whole = single(pattern)
+            if whole is not None:
+                made.append(((whole,), cells))
+            elif is_flat(pattern):
+                self._check_flat(pattern, cells)
+                made.append(((), cells))
+            else:
+                left.append(cells)
+        if not left:
+            return made
+        cut = self._cut(firsts, np.concatenate(left))
+        cells = np.fromiter(cut, dtype=np.int64)
+        made = [(pieces, row[~np.isin(row, cells)]) for pieces, row in made]
+        alike: dict[tuple[Piece, ...], list[int]] = {}
+        for number, pieces in sorted(cut.items()):
+            alike.setdefault(pieces, []).append(number)
+        made += [(pieces, np.array(row)) for pieces, row in alike.items()]
+        return [(pieces, row) for pieces, row in made if len(row)]
+
+    def _cut(self, firsts: Ints, cells: Ints) -> dict[int, tuple[Piece, ...]]:
+        """Return the elements of cells that have to be cut, and of those that the cuts reach."""
+        glued = glued_cells(self._grid, self._analysis.boundary)
+        counts = self._grid.cells
+
+        def nodes(numbers: Ints) -> dict[int, list[int]]:
+            corners = _replace(self._corners(firsts[numbers]), *self._merged)
+            return dict(zip(numbers.tolist(), corners.tolist(), strict=True))
+
+        def beside(number: int) -> dict[int, list[int]]:
+            place = np.array(np.unravel_index(number, counts))
+            near = place + np.concatenate((np.eye(3, dtype=int), -np.eye(3, dtype=int)))
+            near = near[((near >= 0) & (near < counts)).all(axis=1)]
+            numbers = [*np.ravel_multi_index(tuple(near.T), counts), *glued.get(number, [])]
+            return nodes(np.array(numbers, dtype=np.int64))
+
+        return Cuts().solve(nodes(cells), beside)
+
+    def _join_middles(self, firsts: Ints, patterns: Ints) -> None:
+        """Make the middles of edges one that a flat cell lies between."""
+        if self._order == 1:
+            return
+        pairs = [self._merged]
+        kinds, which = np.unique(patterns, axis=0, return_inverse=True)
+        for k, row in enumerate(kinds):
+            if not is_flat(tuple(int(p) for p in row)):
+                continue
+            corners = self._corners(firsts[which.ravel() == k])
+            first: dict[frozenset[int], NDArray[np.int64]] = {}
+            for a, b in HEXAHEDRON.edges:
+                middle = ((corners[:, a] + corners[:, b]) // 2).astype(np.int64)
+                ends = frozenset((int(row[a]), int(row[b])))
+                if len(ends) == 2:
+                    pairs.append((middle, first.setdefault(ends, middle)))
+        if len(pairs) > 1:
+            self._merged = joined(pairs)
+
+    def _check_flat(self, pattern: Pattern, cells: Ints) -> None:
+        """Raise CellCollapsesError where nothing is left of a cell on a face of the solid."""
+        for face in self._analysis.boundary.faces:
+            d = normal_direction(face.patch)
+            own = HEXAHEDRON.faces[self._face(face.patch)]
+            if len(ring_of(own, pattern)) < 3:
+                continue
+            here = np.intersect1d(side_cells(self._grid, face.patch), cells)
+            if len(here):
+                place = ", ".join(map(str, np.unravel_index(here[0], self._grid.cells)))
+                thin = [name for name, n in zip("uvw", self._grid.cells, strict=True) if n == 1]
+                which = " or ".join(t for t in thin if t != "uvw"[d]) or "the other directions"
+                raise CellCollapsesError(
+                    f"the cell ({place}) of the grid has no inside, because sides at it are drawn "
+                    f"together; more cells along {which} would help"
+                )
 
     def _strides(self) -> tuple[int, int, int]:
         """Return the steps from a grid line to the next, in indices of the fine grid."""
@@ -146,10 +226,10 @@ class _Assembly:
         ]
         return firsts[:, None] + np.array(offsets, dtype=self._integer)
 
-    def _irregular(self, firsts: Ints, moved: Ints, stands: Ints) -> tuple[Ints, Ints]:
-        """Return the cells with equal corners, and those corners after merging."""
+    def _irregular(self, firsts: Ints) -> tuple[Ints, Ints]:
+        """Return the cells with equal corners, ascending, and which corners those are."""
         none = np.empty(0, dtype=np.int64), np.empty((0, 8), dtype=np.int64)
-        if not len(moved):
+        if not len(self._merged[0]):
             return none
         border = np.zeros(self._grid.cells, dtype=bool)
         for d in range(3):
@@ -159,11 +239,12 @@ class _Assembly:
         found, rows = [none[0]], [none[1]]
         for start in range(0, len(candidates), _CHUNK):
             part = candidates[start : start + _CHUNK]
-            corners = _replace(self._corners(firsts[part]), moved, stands)
+            corners = _replace(self._corners(firsts[part]), *self._merged)
             ordered = np.sort(corners, axis=1)
             equal = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
             found.append(part[equal])
-            rows.append(corners[equal])
+            own = corners[equal]
+            rows.append((own[:, :, None] == own[:, None, :]).argmax(axis=2))
         return np.concatenate(found), np.concatenate(rows)
 
     def _with_middles(self, cells: Ints) -> Ints:
@@ -242,26 +323,22 @@ class _Assembly:
 
     # -- sets ----------------------------------------------------------------------------------
 
+    def _face(self, patch: Cell) -> int:
+        """Return which face of its cells lies on a patch of the box."""
+        d = normal_direction(patch)
+        return FACE_AT[self._axes.index(d)][int(patch[d] > 0)]
+
     def _facets(self, patch: Cell, irregular: Ints) -> tuple[Facets, ...]:
         """Return the faces of elements on a patch of the box."""
-        d = normal_direction(patch)
-        upper = patch[d] > 0
-        face = FACE_AT[self._axes.index(d)][int(upper)]
-        spans = []
-        for k in range(3):
-            span = self._grid.span(k, patch[k])
-            edge = [self._grid.cells[k] - 1 if upper else 0]
-            spans.append(np.array(edge) if k == d else np.arange(span.start, span.stop - 1))
-        u, v, w = np.ix_(*spans)
-        _, nv, nw = self._grid.cells
-        cells = np.sort(((u * nv + v) * nw + w).ravel())
+        face = self._face(patch)
+        cells = np.sort(side_cells(self._grid, patch).ravel())
         regular = cells[~np.isin(cells, irregular)]
         position = regular - np.searchsorted(irregular, regular)
         rows = [(HEXAHEDRON.name, position, face)] if len(regular) else []
         for split in self._splits:
             here = np.flatnonzero(np.isin(split.cells, cells))
-            rows += [(n, first + here, own[face]) for n, first, own in split.parts
-                     if face in own and len(here)]  # fmt: skip
+            rows += [(name, first + here, own) for name, first, faces in split.parts
+                     for own in faces[face] if len(here)]  # fmt: skip
         return tuple(
             Facets(name, elements.astype(self._integer), np.full(len(elements), own, np.int8))
             for name, elements, own in rows
@@ -300,7 +377,7 @@ class _Assembly:
         member = np.zeros(count, dtype=bool)
         found: dict[str, Ints] = {}
         for name, parts in sets.items():
-            nodes = _joined(parts)
+            nodes = _whole(parts)
             member[nodes] = True
             found[name] = np.flatnonzero(member)
             member[nodes] = False
@@ -312,7 +389,7 @@ def _replace(indices: Ints, moved: Ints, stands: Ints) -> Ints:
     return np.where(moved[place] == indices, stands[place], indices)
 
 
-def _joined(parts: list[Ints]) -> Ints:
+def _whole(parts: list[Ints]) -> Ints:
     """Return arrays as one; a single one is not copied."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from pc2cad.checked import CheckedMap, Stages
 from pc2cad.errors import InputError, require
+from pc2cad.mesh.closure import check_whole
 from pc2cad.mesh.grid import Grading, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.ogrid import o_grid
@@ -78,8 +79,8 @@ def mesh_volume(
 ) -> tuple[VolumeMesh, MeshReport]:
     """Return hexahedra of the (u,v,w) grid and the report on them.
 
-    Raises NotASolidError where an element is inverted, and UnsuitableGridError where the cells do
-    not fit the solid.
+    Raises NotASolidError where an element is inverted or the facets do not hold what the elements
+    fill, and UnsuitableGridError where the cells do not fit the solid.
     """
     options, run = options or MeshOptions(), stages or Stages()
     if options.shape != "hexahedra":
@@ -89,6 +90,7 @@ def mesh_volume(
     fill = o_grid if is_o_grid else hexahedra
     mesh = run("mesh", lambda: fill(checked, grid, options.order))
     quality = run("quality", lambda: measure(mesh))
+    check_whole(mesh, quality.volume)
     cells = None if is_o_grid else grid.cells
     areas = side_areas(checked)
     return mesh, report_on(mesh, quality, checked.mass, areas, cells, run.times)
@@ -113,4 +115,5 @@ def mesh_solid(
                            name=equation.name, units=equation.units, layers=part.layers),
     )  # fmt: skip
     quality = run("quality", lambda: measure(mesh))
+    check_whole(mesh, quality.volume)
     return mesh, report_on(mesh, quality, mass, by_side(part.face_areas.items()), None, run.times)

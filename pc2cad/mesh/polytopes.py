@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from math import pi
 
 import numpy as np
@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from pc2cad.analysis import Analysis
 from pc2cad.checked import CheckedMap
 from pc2cad.mapping import open_grid
-from pc2cad.mesh.collapse import Pattern, Piece, pieces
-from pc2cad.mesh.elements import HEXAHEDRON, PYRAMID, TETRAHEDRON, ElementType
+from pc2cad.mesh.collapse import Pattern, Piece, is_flat, pattern_of
+from pc2cad.mesh.cutting import Cuts
+from pc2cad.mesh.elements import HEXAHEDRON, PYRAMID, ElementType
 from pc2cad.mesh.gluing import merged_nodes
 from pc2cad.mesh.grid import FEWEST_ROUND, Grid, UnsuitableGridError, closed_directions, joins
 from pc2cad.topology.cells import directions_of, normal_direction
@@ -39,7 +40,7 @@ _STRAIGHT = 0.01
 
 @dataclass(frozen=True)
 class Chart:
-    """Coordinates of a large cell: per direction, its share times the distances it depends on."""
+    """Coordinates of a large cell: per direction, its share times the distance it depends on."""
 
     #: the share is counted from the upper end
     upper: tuple[bool, ...]
@@ -50,17 +51,42 @@ class Chart:
 
     def place(self, shares: Array) -> Array:
         """Return coordinates of shares of the directions, (n, 3)."""
-        counted = np.where(self.upper, 1 - shares, shares)
-        return np.stack(
-            [counted[:, d] * counted[:, list(self.parents[d])].prod(axis=1) for d in range(3)],
-            axis=1,
-        )
+        places = np.where(self.upper, 1 - shares, shares)
+        for d in self._outer_first():
+            places[:, d] *= self._width(places, d)
+        return places
+
+    @property
+    def ranks(self) -> tuple[int, int, int]:
+        """In how many ways each direction is drawn together: who says how many cells there are.
+
+        Where a direction ends on two sides that do not depend on one another, all three count
+        alike: it is as thin there as they are wide.
+        """
+        for row in self.parents:
+            if any(p not in self.parents[q] and q not in self.parents[p]
+                   for p, q in combinations(row, 2)):  # fmt: skip
+                return 2, 2, 2
+        u, v, w = (len(row) for row in self.parents)
+        return u, v, w
+
+    def _outer_first(self) -> list[int]:
+        return sorted(range(3), key=lambda d: len(self.parents[d]))
+
+    def _width(self, places: Array, d: int) -> Array:
+        """Return the length of a direction: the distance from the nearest of its collapsed sides.
+
+        Not the product of these distances, which is no plane where two of them meet: there the
+        cell is cut in two, along what is equally far from both.
+        """
+        parents = list(self.parents[d])
+        return places[:, parents].min(axis=1) if parents else np.ones(len(places))
 
     def shares(self, places: Array) -> Array:
         """Return the shares of coordinates (n, 3); nan where a direction has no length."""
         counted = np.empty_like(places)
-        for d in sorted(range(3), key=lambda d: len(self.parents[d])):
-            width = counted[:, list(self.parents[d])].prod(axis=1)
+        for d in self._outer_first():
+            width = self._width(places, d)
             with np.errstate(invalid="ignore"):
                 counted[:, d] = places[:, d] / np.where(width > 1e-9, width, np.nan)
         for turn, angle in enumerate(self.arcs):
@@ -102,7 +128,7 @@ class Polytope:
     cell: tuple[int, int, int]
     #: the direction and the cells of the fine grid along each edge; none along a cut
     edges: tuple[tuple[int, float] | None, ...]
-    #: in how many ways each direction is drawn together in the large cell
+    #: in how many ways each direction is drawn together in the large cell (`Chart.ranks`)
     ignored: tuple[int, int, int]
 
 
@@ -152,7 +178,9 @@ def _angles(analysis: Analysis, side: SideFate) -> Iterator[tuple[int, float]]:
     for e in directions_of(side.patch):
         if e != side.along:
             chords = _chords(analysis, side, e, 64)
-            chords /= np.sqrt((chords * chords).sum(axis=-1, keepdims=True))
+            lengths = np.sqrt((chords * chords).sum(axis=-1, keepdims=True))
+            # another side may be drawn together with this one, and nothing turns along it
+            chords = np.divide(chords, lengths, out=np.zeros_like(chords), where=lengths > 0)
             steps = np.sqrt((np.diff(chords, axis=0) ** 2).sum(axis=-1))
             yield e, float((2 * np.arcsin(np.minimum(steps / 2, 1))).sum(axis=0).max())
 
@@ -204,11 +232,13 @@ def polytopes(checked: CheckedMap, large: Grid) -> list[Polytope]:
     moved, stands = merged_nodes(large, analysis.boundary)
     numbers[moved] = stands
     table = numbers.reshape(counts)
+    bits = _box_corners(axes)
+    cells = list(product(*(range(n) for n in large.cells)))
+    rows = [table[tuple((bits + np.array(cell)).T)].tolist() for cell in cells]
+    made = _without_pyramids(rows)
     found = []
-    for cell in product(*(range(n) for n in large.cells)):
-        bits = _box_corners(axes)
-        nodes = table[tuple((bits + np.array(cell)).T)].tolist()
-        pattern = tuple(nodes.index(node) for node in nodes)
+    for number, cell in enumerate(cells):
+        pattern = pattern_of(rows[number])
         chart = _chart(pattern, axes, arcs)
         places = chart.place(bits.astype(float))
         same = [tuple(np.flatnonzero((places == place).all(axis=1))) for place in places]
@@ -218,13 +248,13 @@ def polytopes(checked: CheckedMap, large: Grid) -> list[Polytope]:
                 f"here an edge of cell {cell} is, and the sides at it are not"
             )
         lengths = [float(large.lines[d][cell[d] + 1] - large.lines[d][cell[d]]) for d in range(3)]
-        ignored = tuple(len(p) for p in chart.parents)
-        for piece in _without_pyramids(pattern, nodes):
+        ignored = chart.ranks
+        for piece in made[number]:
             firsts = [group[0] for group in piece.corners]
             edges = tuple(_along(piece, edge, axes, lengths) for edge in piece.kind.edges)
             found.append(Polytope(
-                piece.kind, tuple(nodes[k] for k in firsts), places[firsts], chart,
-                (cell[0], cell[1], cell[2]), edges, (ignored[0], ignored[1], ignored[2]),
+                piece.kind, tuple(rows[number][k] for k in firsts), places[firsts], chart,
+                (cell[0], cell[1], cell[2]), edges, ignored,
             ))  # fmt: skip
     return found
 
@@ -254,21 +284,32 @@ def _chart(pattern: Pattern, axes: tuple[int, int, int], arcs: tuple[float, floa
     return Chart(tuple(upper), tuple(map(tuple, parents)), (u, v, w))
 
 
-def _without_pyramids(pattern: Pattern, nodes: list[int]) -> Iterator[Piece]:
-    """Give the elements of a cell, pyramids as two tetrahedra.
+def _without_pyramids(rows: list[list[int]]) -> list[tuple[Piece, ...]]:
+    """Return the elements of the large cells, pyramids cut in two, and what lies beside them too.
 
-    An apex has four edges, one too many for a hexahedron. The base is cut from its smallest node,
-    so that what lies on the other side of it is cut alike.
+    An apex has four edges, one too many for a hexahedron.
     """
-    for piece in pieces(pattern):
-        if piece.kind is not PYRAMID:
-            yield piece
-            continue
-        *base, apex = piece.corners
-        first = min(range(4), key=lambda k: nodes[base[k][0]])
-        a, b, c, d = (*base[first:], *base[:first])
-        yield Piece(TETRAHEDRON, (a, b, c, apex))
-        yield Piece(TETRAHEDRON, (a, c, d, apex))
+    cells = dict(enumerate(rows))
+    for nodes in rows:
+        if is_flat(pattern_of(nodes)):
+            raise UnsuitableGridError(
+                "a large cell of the O-grid has no inside, because sides at it are drawn together"
+            )
+    cuts = Cuts()
+    made = cuts.solve(cells, lambda number: cells)
+    while True:
+        bases = [
+            [rows[number][group[0]] for group in piece.corners[:4]]
+            for number, pieces in made.items()
+            for piece in pieces
+            if piece.kind is PYRAMID
+        ]
+        if not bases:
+            return [made[number] for number in cells]
+        for base in bases:
+            first = base.index(min(base))
+            cuts.diagonals.setdefault(frozenset(base), frozenset((base[first], base[first - 2])))
+        made = cuts.solve(cells, lambda number: cells)
 
 
 def _along(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ class VolumeMesh:
     def area(self, side: str) -> float:
         """Return the area of a side's facets."""
         total = 0.0
-        for normals, weights, _ in self._facet_integrands(side):
+        for normals, weights, _ in self.facet_integrands(side):
             total += float((np.sqrt((normals**2).sum(axis=-1)) * weights).sum())
         return total
 
@@ -97,20 +98,32 @@ class VolumeMesh:
 
         It is the sum of the elements' volumes where they fit together without gaps.
         """
-        centre = self.points[:: max(1, len(self.points) // 1000)].mean(axis=0)
-        whole = [name for name in self.sides if " (piece" not in name]
         total = 0.0
-        for side in whole:
-            for normals, weights, places in self._facet_integrands(side):
-                total += float((((places - centre) * normals).sum(axis=-1) * weights).sum())
+        for side in self.whole_sides:
+            for normals, weights, places in self.facet_integrands(side):
+                total += float(((places * normals).sum(axis=-1) * weights).sum())
         return total / 3
 
-    def _facet_integrands(self, side: str) -> Iterator[tuple[Array, Array, Array]]:
-        """Give normals (as long as the area element), weights and places at quadrature nodes."""
+    @property
+    def whole_sides(self) -> list[str]:
+        """The names of whole sides, without those of single patches of a creased one."""
+        return [name for name in self.sides if " (piece" not in name]
+
+    @cached_property
+    def centre(self) -> Array:
+        """A place amidst the nodes, about which sums lose least, (3,)."""
+        return np.asarray(self.points[:: max(1, len(self.points) // 1000)].mean(axis=0))
+
+    def facet_integrands(self, side: str) -> Iterator[tuple[Array, Array, Array]]:
+        """Give normals, weights and places at quadrature nodes.
+
+        Normals are as long as the area element, places are seen from `centre`.
+        """
+        centre = self.centre
         for shape, nodes in self.facet_nodes(side).items():
             at, weights = rule(shape, 4 if self.order == 1 else 6)
             slopes, values = gradients(shape, self.order, at), shapes(shape, self.order, at)
             for start in range(0, len(nodes), _CHUNK):
-                points = self.points[nodes[start : start + _CHUNK]]
+                points = self.points[nodes[start : start + _CHUNK]] - centre
                 tangents = np.einsum("qdk,nkx->dnqx", slopes, points, optimize=True)
                 yield np.cross(tangents[0], tangents[1]), weights, values @ points
