@@ -13,26 +13,29 @@ PACKAGE = Path(__file__).parent.parent / "pc2cad"
 #: room -> the rooms and outside packages it may import, everywhere in its files
 ALLOWED = {
     "errors": set(),
-    "equation": {"equation", "errors", "numpy", "sympy"},
+    "equation": {"equation", "errors", "linear", "numpy", "sympy"},
+    "linear": {"numpy"},
     "mapping": {"equation", "numpy"},
     "topology": {"topology", "equation", "errors"},
     "folding": {"certificate", "equation", "errors", "mapping", "numpy"},
     "analysis": {"equation", "errors", "folding", "mapping", "topology", "numpy"},
     "properties": {
-        "analysis", "equation", "errors", "exact_integrals", "folding", "geometry", "mapping",
-        "quadrature", "topology", "numpy",
+        "analysis", "equation", "errors", "exact_integrals", "folding", "geometry", "linear",
+        "mapping", "quadrature", "topology", "numpy",
     },
     "exact_integrals": {"analysis", "equation", "topology"},
     "quadrature": {"numpy"},
-    "geometry": {"geometry", "equation", "errors", "numpy", "scipy"},
-    "enclosure": {"enclosure", "equation", "geometry", "numpy", "scipy"},
+    "geometry": {"geometry", "linear", "equation", "errors", "numpy", "scipy"},
+    "enclosure": {"enclosure", "linear", "equation", "geometry", "numpy", "scipy"},
     "directions": {"analysis", "equation", "geometry", "mapping", "topology", "numpy"},
     "model": {"geometry", "topology", "numpy"},
     "planar": {"geometry", "model", "topology", "numpy"},
     "courses": {"directions", "equation", "geometry", "numpy"},
     "point_sets": {"directions", "geometry", "numpy"},
     "laying": {"geometry", "model", "topology", "numpy"},
-    "proof": {"directions", "enclosure", "equation", "geometry", "model", "topology", "numpy"},
+    "proof": {
+        "directions", "enclosure", "equation", "geometry", "linear", "model", "topology", "numpy",
+    },
     "boundary": {
         "analysis", "courses", "directions", "enclosure", "errors", "geometry", "laying", "model",
         "planar", "point_sets", "proof", "topology", "numpy",
@@ -41,7 +44,7 @@ ALLOWED = {
         "brep", "equation", "errors", "export", "meetings", "part", "report", "validation", "OCP",
     },
     "meetings": {"brep", "enclosure", "geometry", "model", "report", "OCP"},
-    "brep": {"brep", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
+    "brep": {"brep", "linear", "model", "errors", "geometry", "numpy", "scipy", "OCP"},
     "report": set(),
     "wires": {"equation", "numpy", "OCP"},
     "limits": {"equation", "errors", "numpy"},
@@ -56,7 +59,9 @@ ALLOWED = {
         "analysis", "contact", "continuity", "equation", "errors", "mapping", "sheets", "winding",
         "numpy",
     },
-    "certificate": {"certificate", "enclosure", "equation", "geometry", "mapping", "numpy"},
+    "certificate": {
+        "certificate", "enclosure", "equation", "geometry", "linear", "mapping", "numpy",
+    },
     "solidity": {"analysis", "equation", "injectivity"},
     "validation": {
         "analysis", "model", "brep", "equation", "errors", "geometry", "properties", "report",
@@ -72,7 +77,8 @@ ALLOWED = {
         "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
-        "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
+        "mesh", "analysis", "errors", "linear", "mapping", "topology", "numpy", "scipy", "OCP",
+        "gmsh",
     },
     "viewer": {"viewer", "bodies", "errors", "part", "picture", "processes", "report", "numpy"},
     "picture": {
