@@ -77,8 +77,8 @@ ALLOWED = {
         "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
-        "mesh", "analysis", "errors", "linear", "mapping", "topology", "numpy", "scipy", "OCP",
-        "gmsh",
+        "mesh", "analysis", "brep", "errors", "geometry", "linear", "mapping", "topology", "numpy",
+        "scipy", "OCP", "gmsh",
     },
     "viewer": {"viewer", "bodies", "errors", "part", "picture", "processes", "report", "numpy"},
     "picture": {
