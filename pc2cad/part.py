@@ -91,9 +91,8 @@ class Solid:
         from pc2cad.mesh.integrals import triangle_integrals
         from pc2cad.mesh.triangles import tessellate
 
-        mesh = tessellate(
-            self.shape, deflection=deflection, reference_volume=self.report.integrals.volume
-        )
+        own = self.report.integrals
+        mesh = tessellate(self.shape, deflection=deflection, volume=own.volume, area=own.area)
         found = triangle_integrals(mesh.vertices, mesh.triangles)
         source = f"{len(mesh.triangles)} triangles, deflection {mesh.deflection:.3g}"
         return Integrals(source, found.volume, found.area, found.centroid)

@@ -21,6 +21,7 @@ from pc2cad.geometry.bernstein import bezier_knots, degree_in
 from pc2cad.geometry.carriers import Evidence, Plane, SplineCurve, SplineSurface
 from pc2cad.geometry.rational import Course
 from pc2cad.geometry.trivariate import SplineVolume
+from pc2cad.linear import vectors
 from pc2cad.model import ModelEdge, ModelFace
 from pc2cad.topology.cells import Cell
 
@@ -220,11 +221,11 @@ def _is_bernstein(axis: Course, trees: Sequence[Expr], name: str) -> bool:
 def _combined(volume: SplineVolume, axis: int, shares: Array) -> SplineSurface:
     """Return the surface whose poles are a sum of a volume's along an axis, by shares."""
     first, second = (k for k in range(3) if k != axis)
-    weights, poles = None, np.tensordot(shares, volume.poles, (0, axis))
+    weights, poles = None, vectors(shares, np.moveaxis(volume.poles, axis, 0))
     if volume.weights is not None:
-        weights = np.tensordot(shares, volume.weights, (0, axis))
+        weights = vectors(shares, np.moveaxis(volume.weights, axis, 0))
         weighted = volume.poles * volume.weights[..., None]
-        poles = np.tensordot(shares, weighted, (0, axis)) / weights[..., None]
+        poles = vectors(shares, np.moveaxis(weighted, axis, 0)) / weights[..., None]
     return SplineSurface(
         (volume.degrees[first], volume.degrees[second]),
         (volume.knots[first], volume.knots[second]), poles, weights,

@@ -21,6 +21,7 @@ from pc2cad.errors import NotASolidError
 from pc2cad.exact_integrals import ExactIntegrals, exact_integrals
 from pc2cad.folding import Signs
 from pc2cad.geometry.bernstein import degree_in
+from pc2cad.linear import product
 from pc2cad.mapping import open_grid
 from pc2cad.quadrature import Panels, Samples, resolve, single
 from pc2cad.topology.cells import Cell, directions_of
@@ -191,11 +192,11 @@ def _flat_area(analysis: Analysis, patch: Cell, rules: list[Panels]) -> float:
     along_s, along_t = analysis.map.tangents((s, t), *open_grid(*nodes))
     normals = np.cross(along_s, along_t).reshape(-1, 3)
     weight = (weights[0][:, None, None] * weights[1][:, None] * weights[2]).ravel()
-    whole = weight @ normals
+    whole = product(weight, normals)
     area = float(np.sqrt(whole @ whole))
     if area == 0:
         return 0.0
-    along = normals @ (whole / area)
+    along = product(normals, whole / area)
     largest = float(np.abs(normals).max())
     across = np.abs(normals - along[:, None] * (whole / area)).max()
     flat = across <= 1e-13 * largest and along.min() >= -1e-13 * largest
@@ -319,6 +320,6 @@ def _total(density: _Density, rules: _Rules) -> Array:
     total: Array | float = 0.0
     for i in range(0, len(u), step):
         part = slice(i, i + step)
-        values = density(*open_grid(u[part], v, w)).values
-        total = total + np.moveaxis(values, -1, 0) @ ww @ wv @ wu[part]
+        values = np.moveaxis(density(*open_grid(u[part], v, w)).values, -1, 0)
+        total = total + product(product(product(values, ww), wv), wu[part])
     return np.asarray(total)

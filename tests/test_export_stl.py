@@ -143,7 +143,7 @@ def test_the_mesh_is_refined_until_its_volume_is_right():
     rod = BRepPrimAPI_MakeCylinder(1.0, 1000.0).Solid()
     exact = 1000.0 * math.pi
     coarse = tessellate(rod, angular_deflection=1.5)
-    fine = tessellate(rod, angular_deflection=1.5, reference_volume=exact)
+    fine = tessellate(rod, angular_deflection=1.5, volume=exact)
     assert abs(coarse.volume / exact - 1.0) > 0.01
     assert abs(fine.volume / exact - 1.0) <= 0.01
     assert fine.deflection < coarse.deflection
@@ -157,12 +157,12 @@ def test_a_thin_wall_keeps_its_volume():
     )
     solid = BRepBuilderAPI_MakeSolid(outer, TopoDS.Shell_s(inner.Reversed())).Solid()
     exact = 4.0 / 3.0 * math.pi * (50.0**3 - 49.99**3)
-    assert tessellate(solid, reference_volume=exact).volume == pytest.approx(exact, rel=0.01)
+    assert tessellate(solid, volume=exact).volume == pytest.approx(exact, rel=0.01)
 
 
 def test_a_volume_that_no_refinement_reaches_is_refused():
     with pytest.raises(KernelError, match=r"off after 6 refinements"):
-        tessellate(exportable("box").solid, reference_volume=5000.0)
+        tessellate(exportable("box").solid, volume=5000.0)
 
 
 def test_triangles_know_their_face():

@@ -22,6 +22,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from pc2cad.brep.patches import spline_flux
 from pc2cad.brep.trimmed import curve_jet, is_whole, trimmed_flux
 from pc2cad.errors import KernelError
+from pc2cad.linear import product
 
 Array = NDArray[np.float64]
 
@@ -121,4 +122,4 @@ def _edge_moments(edge: TopoDS_Edge, base: Array, axes: Array, origin: Array) ->
         dq = -dq
     p, q = local[:, 0], local[:, 1]
     primitives = np.array([p, p * p / 2, p * q, p**3 / 3, p * p * q / 2, p * q * q])
-    return np.asarray(primitives @ dq)
+    return product(primitives, dq)

@@ -13,6 +13,8 @@ from OCP.Geom2d import Geom2d_BSplineCurve
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
 
+from pc2cad.linear import product
+
 Array = NDArray[np.float64]
 IntArray = NDArray[np.integer]
 
@@ -20,9 +22,9 @@ IntArray = NDArray[np.integer]
 def flux(points: Array, normals: Array, weights: Array) -> Array:
     """Return ∬ r·n, ∬ |n| and ∬ r_i² n_i: points and normals (n, 3), weights (n,)."""
     result = np.empty(5)
-    result[0] = weights @ (points * normals).sum(axis=1)
-    result[1] = weights @ np.sqrt((normals * normals).sum(axis=1))
-    result[2:] = weights @ (points * points * normals)
+    result[0] = product(weights, (points * normals).sum(axis=1))
+    result[1] = product(weights, np.sqrt((normals * normals).sum(axis=1)))
+    result[2:] = product(weights, points * points * normals)
     return result
 
 
@@ -269,7 +271,7 @@ def _support(t: Array, knots: Array, degree: int) -> tuple[IntArray, Array]:
 def _sum(a: tuple[IntArray, Array], poles: Array, b: tuple[IntArray, Array]) -> Array:
     """Return the values (n, k) of Σ a_i b_j P_ij at n places."""
     local = poles[a[0][:, :, None], b[0][:, None, :]]
-    return np.asarray(np.einsum("ni,nj,nijk->nk", a[1], b[1], local, optimize=True))
+    return np.asarray(np.einsum("nj,njk->nk", b[1], np.einsum("ni,nijk->njk", a[1], local)))
 
 
 def _gauss(panels: Array, order: int) -> tuple[Array, Array]:
@@ -300,9 +302,13 @@ def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
     return np.diff(poles, axis=axis) * (scale[:, None, None] if axis == 0 else scale[:, None])
 
 
+def _times(table: Array | csr_array, flat: Array) -> Array:
+    return product(table, flat) if isinstance(table, np.ndarray) else np.asarray(table @ flat)
+
+
 def _tensor(a: Array | csr_array, poles: Array, b: Array | csr_array) -> Array:
     """Return the values (len(a), len(b), k) of Σ a_i b_j P_ij."""
     n, m, k = poles.shape
-    rows = (a @ poles.reshape(n, -1)).reshape(-1, m, k).transpose(1, 0, 2)
-    values = (b @ rows.reshape(m, -1)).reshape(b.shape[0], -1, k)
+    rows = _times(a, poles.reshape(n, -1)).reshape(-1, m, k).transpose(1, 0, 2)
+    values = _times(b, rows.reshape(m, -1)).reshape(b.shape[0], -1, k)
     return np.ascontiguousarray(values.transpose(1, 0, 2))

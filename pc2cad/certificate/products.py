@@ -23,6 +23,7 @@ from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.products import vector_products
 from pc2cad.equation.tree import ONE, ZERO, Expr
+from pc2cad.linear import product
 from pc2cad.mapping import Mapping3
 
 Array = NDArray[np.float64]
@@ -96,9 +97,13 @@ class _Sum:
         a, da = _enclosed([x for x, _ in self._terms], self._names[:1], [first])
         b, db = _enclosed([x for _, x in self._terms], self._names[1:], others)
         with np.errstate(all="ignore"):  # what is not bounded is nan, and of no sign
-            size = np.abs(a).T @ np.abs(b)
-            off = np.abs(a).T @ db + da.T @ (np.abs(b) + db) + (len(a) + 4) * UNIT * size
-            return _one_sign(a.T @ b, off)
+            size = product(np.abs(a).T, np.abs(b))
+            off = (
+                product(np.abs(a).T, db)
+                + product(da.T, np.abs(b) + db)
+                + (len(a) + 4) * UNIT * size
+            )
+            return _one_sign(product(a.T, b), off)
 
 
 def _refined(sign_in: Callable[[list[Place]], int], breaks: list[tuple[float, ...]]) -> int:

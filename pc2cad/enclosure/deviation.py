@@ -27,6 +27,7 @@ from pc2cad.equation.tree import Expr
 from pc2cad.geometry.bernstein import degree_in
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.spline_space import basis_matrix, local_basis
+from pc2cad.linear import product
 
 Array = NDArray[np.float64]
 
@@ -110,7 +111,7 @@ class _Spline:
             start, own = first[part], across[part]
             some = np.zeros((len(own), start[-1] - start[0] + p + 1))
             np.put_along_axis(some, (start - start[0])[:, None] + np.arange(p + 1), own, axis=1)
-            flat = some @ rows[start[0] : start[-1] + p + 1]
+            flat = product(some, rows[start[0] : start[-1] + p + 1])
             return np.asarray(flat.reshape(len(own), k, len(s)))
 
         return values
@@ -233,9 +234,9 @@ def _coefficients(gap: Array, s: int, t: int) -> Array:
     along is last, or has what lies behind it in one piece: that is many times faster.
     """
     along = windows(gap, 0, t)
-    along = to_bernstein(t) @ along.reshape(*along.shape[:2], -1)
+    along = product(to_bernstein(t), along.reshape(*along.shape[:2], -1))
     across = windows(along.reshape(*along.shape[:2], *gap.shape[1:]), 3, s)
-    return np.asarray((across.reshape(-1, s + 1) @ to_bernstein(s).T).reshape(across.shape))
+    return product(across.reshape(-1, s + 1), to_bernstein(s).T).reshape(across.shape)
 
 
 class _Survey:

@@ -26,6 +26,7 @@ from pc2cad.enclosure.remainder import (
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.products import vector_products
 from pc2cad.equation.tree import Expr
+from pc2cad.linear import product
 
 Array = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ class Products:
             for program, name, places in zip(self._programs, self._names, (s, t), strict=True)
         )
         vectors, factors = a.reshape(len(b), -1), np.ascontiguousarray(b.T)
-        return lambda part: np.asarray((factors[part] @ vectors).reshape(-1, 3, len(s)))
+        return lambda part: product(factors[part], vectors).reshape(-1, 3, len(s))
 
     def remainders(
         self, directions: Sequence[Direction], reach: Sequence[float], size: float, allowed: float

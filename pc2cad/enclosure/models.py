@@ -18,6 +18,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pc2cad import linear
+
 Array = NDArray[np.float64]
 
 #: unit of rounding of double precision
@@ -171,7 +173,7 @@ def _along_one(x: Array, y: Array, order: int) -> Array:
     outer = x.reshape(a, 1, *x.shape[2:]) * y.reshape(1, c, *y.shape[2:])
     boxes = outer.shape[2:]
     collect = _collect(a, c, order)
-    total = (collect @ outer.reshape(a * c, -1)).reshape(len(collect), *boxes)
+    total = linear.product(collect, outer.reshape(a * c, -1)).reshape(len(collect), *boxes)
     along_t = shape[0][1] > 1 or shape[1][1] > 1
     return np.asarray(total[None] if along_t else total[:, None])
 

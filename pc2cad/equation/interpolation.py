@@ -8,6 +8,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.linear import solve
+
 Array = NDArray[np.float64]
 #: ascending coefficients per piece
 Rows = list[list[float]]
@@ -43,7 +45,7 @@ def _closed_slopes(h: Array, rise: Array) -> Array:
         matrix[i, i - 1] += before
         matrix[i, (i + 1) % n] += after
         right[i] = 3 * (rise[i - 1] * before + rise[i] * after)
-    slopes = np.linalg.solve(matrix, right)
+    slopes = solve(matrix, right)
     return np.concatenate((slopes, slopes[:1]))
 
 
@@ -60,10 +62,10 @@ def _open_slopes(h: Array, rise: Array) -> Array:
         # one parabola: the second derivative is the same at both ends
         matrix[0, :2], right[0] = 1, 2 * rise[0]
         matrix[2, 1:], right[2] = 1, 2 * rise[1]
-        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+        return solve(matrix, right)
     # the third derivative is continuous at the first and at the last inner knot
     for row, i in ((0, 0), (n, n - 2)):
         one, two = 1 / h[i] ** 2, 1 / h[i + 1] ** 2
         matrix[row, i : i + 3] = one, one - two, -two
         right[row] = 2 * (rise[i] * one - rise[i + 1] * two)
-    return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+    return solve(matrix, right)

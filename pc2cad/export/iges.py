@@ -19,6 +19,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.GeomAbs import GeomAbs_CurveType
 from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.IGESBasic import IGESBasic_Name
 from OCP.IGESCAFControl import IGESCAFControl_Writer
 from OCP.IGESControl import IGESControl_Controller, IGESControl_Reader
 from OCP.IGESData import IGESData_IGESWriter
@@ -111,6 +112,7 @@ def _text(exportable: Exportable, stamp: str) -> bytes:
         raise KernelError("The kernel could not translate the solid to an IGES model.")
     writer.ComputeModel()
     model = writer.Model()
+    _order_names(model)
     _head(model, _ascii(exportable.name) or "unnamed", stamp)
     text_writer = IGESData_IGESWriter(model)
     numbers = text_writer.FloatWriter()
@@ -121,6 +123,23 @@ def _text(exportable: Exportable, stamp: str) -> bytes:
     if not text_writer.Print(stream):
         raise KernelError("The kernel could not write its IGES model as text.")
     return stream.getvalue()
+
+
+def _order_names(model: Any) -> None:
+    """Give the entities of names to those that they name in the order of both in the file.
+
+    The kernel appends them in the order of its addresses, which is another in every process.
+    """
+    entities = [model.Entity(i) for i in range(1, model.NbEntities() + 1)]
+    names = [entity for entity in entities if isinstance(entity, IGESBasic_Name)]
+    kind = IGESBasic_Name.get_type_descriptor_s()
+    named = [(e, e.TypedProperty(kind)) for e in entities if e.NbTypedProperties(kind) == 1]
+    texts = [name.Value().ToCString() for _, name in named]
+    for entity, name in named:
+        entity.RemoveProperty(name)
+    for (entity, _), name, text in zip(named, names, texts, strict=True):
+        name.Init(1, TCollection_HAsciiString(text))
+        entity.AddProperty(name)
 
 
 def _head(model: Any, name: str, stamp: str) -> None:

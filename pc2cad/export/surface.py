@@ -31,7 +31,9 @@ def surface(exportable: Exportable, options: ExportOptions) -> Triangles:
         exportable.solid,
         deflection=options.deflection,
         angular_deflection=options.angular_deflection,
-        reference_volume=exportable.properties.volume,
+        volume=exportable.properties.volume,
+        area=exportable.properties.area,
+        tolerance=exportable.tolerance,
     )
 
 

@@ -24,6 +24,7 @@ from pc2cad.geometry.tensor import (
     fit_surface,
     surface_deviation,
 )
+from pc2cad.linear import solve
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,9 @@ class PiecewiseSpace(SplineSpace):
         pieces = p * np.arange(count)[:, None] + np.arange(p + 1)
         flat = values.reshape(len(values), -1)[pieces]
         poles = np.empty((p * count + 1, flat.shape[-1]))
-        poles[pieces] = np.linalg.solve(_collocation(p), flat)
+        columns = flat.transpose(1, 0, 2).reshape(p + 1, -1)
+        solved = solve(_collocation(p), columns).reshape(p + 1, count, -1)
+        poles[pieces] = solved.transpose(1, 0, 2)
         # Chebyshev's places include the ends, where poles are values
         poles[::p] = values.reshape(len(values), -1)[::p]
         return poles.reshape(len(poles), *values.shape[1:])

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pc2cad.equation.breaks import Break
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.spline_space import SplineSpace, smallest_error
+from pc2cad.linear import product
 
 Array = NDArray[np.float64]
 #: values at parameters t of shape (m,): shape (m, columns, 3)
@@ -200,7 +201,7 @@ class _Portrait:
         values = chebyshev.chebvander(x, count - 1)
         for i in np.flatnonzero(np.diff(cuts)):
             rows = slice(cuts[i], cuts[i + 1])
-            result[rows] = values[rows] @ self.coefficients[i].reshape(count, -1)
+            result[rows] = product(values[rows], self.coefficients[i].reshape(count, -1))
         return result
 
     def distances(self, degree: int, target: float, rules: DirectionRules) -> _Distances:
@@ -230,7 +231,7 @@ class _Portrait:
         if not 0 <= order < count:
             return np.zeros((n, _PLACES, columns))
         flat = self.coefficients.transpose(1, 0, 2, 3).reshape(count, -1)
-        values = (_derivatives(order, count) @ flat).reshape(_PLACES, n, columns, 3)
+        values = product(_derivatives(order, count), flat).reshape(_PLACES, n, columns, 3)
         sizes = np.sqrt((values**2).sum(axis=-1)).transpose(1, 0, 2)
         return np.asarray(sizes * (2 / np.diff(self.limits)[:, None, None]) ** order)
 
@@ -244,7 +245,7 @@ def _derivatives(order: int, count: int) -> Array:
     """Return the derivatives of Chebyshev polynomials at the middles of _PLACES equal parts."""
     x = (2 * np.arange(_PLACES) + 1) / _PLACES - 1
     coefficients = chebyshev.chebder(np.eye(count), order)
-    return np.asarray(chebyshev.chebvander(x, len(coefficients) - 1) @ coefficients)
+    return np.asarray(product(chebyshev.chebvander(x, len(coefficients) - 1), coefficients))
 
 
 @lru_cache
@@ -273,8 +274,9 @@ def _look(sample: Sampler, rules: DirectionRules, target: float, floor: float) -
             raise ToleranceNotReachedError(
                 "the equation has no finite value inside its box: look for a division by zero"
             )
-        shape = (len(a), _NODES, *values.shape[1:])
-        coefficients = np.einsum("kj,njcx->nkcx", matrix, values.reshape(shape), optimize=True)
+        pieces = values.reshape(len(a), _NODES, -1).transpose(1, 0, 2)
+        coefficients = product(matrix, pieces.reshape(_NODES, -1)).reshape(pieces.shape)
+        coefficients = coefficients.transpose(1, 0, 2).reshape(-1, _NODES, *values.shape[1:])
         size = np.sqrt((coefficients**2).sum(axis=-1)).max(axis=-1)
         resolved = size[:, -_TAIL:].max(axis=1) <= small
         # what is no larger than rounding would only be magnified by derivatives

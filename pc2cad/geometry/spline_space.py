@@ -18,8 +18,11 @@ from math import comb, factorial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded, solve_triangular
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 from scipy.sparse import csr_array
+
+from pc2cad.linear import inverse, product, solve
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
@@ -246,18 +249,18 @@ def _projector(
     limits = np.flatnonzero(weights == 0)
     exact = design[limits].toarray()
     if degree <= _NORMAL_EQUATIONS:
-        solve, multiply = _by_cholesky(design, index, values, weights, size, cyclic)
+        by, multiply = _by_cholesky(design, index, values, weights, size, cyclic)
     else:
-        solve, multiply = _by_triangle(design, weights)
+        by, multiply = _by_triangle(index, values, weights, size, cyclic)
     correction = multiply(exact.T)
-    correction = np.linalg.solve((exact @ correction).T, correction.T).T
+    correction = solve(product(exact, correction).T, correction.T).T
 
     def project(flat: Array) -> Array:
         result: Array = np.zeros((size, flat.shape[1]))
         for _ in range(2):
             rest = flat - design @ result
-            step = solve(rest)
-            result += step - correction @ (exact @ step - rest[limits])
+            step = by(rest)
+            result += step - product(correction, product(exact, step) - rest[limits])
         return result
 
     return project
@@ -276,22 +279,30 @@ def _by_matrix(
     design = design.reshape(count, size)
     limits = np.flatnonzero(weights == 0)
     # functions over short intervals have small weights: they are made alike first
-    scale = 1 / np.sqrt(weights @ (design * design))
+    scale = 1 / np.sqrt(product(weights, design * design))
     scaled = design * scale
     adjoint = scaled.T * weights
     full = np.zeros((size + len(limits),) * 2)
-    full[:size, :size] = adjoint @ scaled
+    full[:size, :size] = product(adjoint, scaled)
     full[size:, :size] = scaled[limits]
     full[:size, size:] = scaled[limits].T
-    inverse = np.linalg.inv(full)[:size] * scale[:, None]
-    matrix = inverse[:, :size] @ adjoint
-    matrix[:, limits] = inverse[:, size:]
+    rows = inverse(full)[:size] * scale[:, None]
+    matrix = product(rows[:, :size], adjoint)
+    matrix[:, limits] = rows[:, size:]
 
     def project(flat: Array) -> Array:
-        result = matrix @ flat
-        return np.asarray(result + matrix @ (flat - design @ result))
+        result = product(matrix, flat)
+        return result + product(matrix, flat - product(design, result))
 
     return project
+
+
+def _order(size: int, cyclic: bool) -> Indices:
+    """Return the rows that unknowns get: those of a cycle are taken alternately from both ends."""
+    order = np.arange(size)
+    if cyclic:
+        order = np.where(order < (size + 1) // 2, 2 * order, 2 * (size - order) - 1)
+    return order
 
 
 def _by_cholesky(
@@ -301,9 +312,7 @@ def _by_cholesky(
 
     A cyclic matrix is banded, twice as wide, when its rows are taken alternately from both ends.
     """
-    order = np.arange(size)
-    if cyclic:
-        order = np.where(order < (size + 1) // 2, 2 * order, 2 * (size - order) - 1)
+    order = _order(size, cyclic)
     place = order[index]
     row, column = place[:, :, None], place[:, None, :]
     product = values[:, :, None] * (values * weights[:, None])[:, None, :]
@@ -323,15 +332,65 @@ def _by_cholesky(
     return (lambda rest: multiply(adjoint @ rest)), multiply
 
 
-def _by_triangle(design: csr_array, weights: Array) -> tuple[_Solve, _Solve]:
-    """Return the same maps by an orthogonal factorisation, for high degrees (and few poles)."""
-    roots = np.sqrt(weights)[:, None]
-    q, r = np.linalg.qr(design.toarray() * roots)
+def _by_triangle(
+    index: Indices, values: Array, weights: Array, size: int, cyclic: bool
+) -> tuple[_Solve, _Solve]:
+    """Return the same maps by an orthogonal factorisation, for high degrees.
+
+    Householder's reflections of a banded matrix touch few rows and columns each: one after the
+    other they cost less than those of a full matrix.
+    """
+    order = _order(size, cyclic)
+    place, roots = order[index], np.sqrt(weights)[:, None]
+    sorting = np.argsort(place.min(axis=1), kind="stable")
+    place = place[sorting]
+    table = np.zeros((len(index), size))
+    # a short cycle has one function several times in an interval
+    np.add.at(table, (np.arange(len(place))[:, None], place), (values * roots)[sorting])
+    reflections = _reflect(table, place.min(axis=1), np.maximum.accumulate(place.max(axis=1)) + 1)
+    width = max(int(np.flatnonzero(row)[-1]) - k for k, row in enumerate(table[:size])) + 1
+    band = np.zeros((width, size))
+    for k in range(width):
+        band[width - 1 - k, k:] = np.diagonal(table[:size], k)
+    back = np.argsort(order)
 
     def multiply(right: Array) -> Array:
-        return np.asarray(solve_triangular(r, solve_triangular(r, right, trans="T")))
+        solved = _triangle(band, _triangle(band, right[back], trans=1))
+        return np.asarray(solved[order])
 
-    return (lambda rest: np.asarray(solve_triangular(r, q.T @ (roots * rest)))), multiply
+    def solve(rest: Array) -> Array:
+        turned = (roots * rest)[sorting]
+        for k, end, vector in reflections:
+            turned[k:end] -= vector[:, None] * product(2 * vector, turned[k:end])
+        return np.asarray(_triangle(band, turned[:size])[order])
+
+    return solve, multiply
+
+
+def _reflect(table: Array, first: Indices, last: Indices) -> list[tuple[int, int, Array]]:
+    """Make a matrix triangular, in place; return the rows and the unit normal of each mirror.
+
+    Row i has entries from column first[i], ascending, and no row up to it any from last[i] on.
+    """
+    found = []
+    for k in range(table.shape[1]):
+        end = max(int(np.searchsorted(first, k, side="right")), k + 1)
+        vector = table[k:end, k].copy()
+        vector[0] += np.copysign(np.sqrt((vector * vector).sum()), vector[0])
+        vector /= np.sqrt((vector * vector).sum())
+        part = table[k:end, k : last[end - 1]]
+        part -= vector[:, None] * product(2 * vector, part)
+        table[k + 1 : end, k] = 0.0
+        found.append((k, end, vector))
+    return found
+
+
+def _triangle(band: Array, right: Array, trans: int = 0) -> Array:
+    """Return the solution of a banded upper triangle, or of its transpose, column by column."""
+    solved, singular = dtbtrs(band, right, uplo="U", trans="T" if trans else "N")
+    if singular:
+        raise np.linalg.LinAlgError("Singular matrix")
+    return np.asarray(solved)
 
 
 def _clamp_start(knots: Array, poles: Array, degree: int) -> Array:

@@ -13,6 +13,7 @@ from scipy.interpolate import BSpline
 
 from pc2cad.geometry.rational import Course
 from pc2cad.geometry.spline_space import SplineSpace
+from pc2cad.linear import along
 
 Array = NDArray[np.float64]
 #: values on the product of three parameter arrays: shape (len, len, len, 3)
@@ -171,6 +172,6 @@ def fit_volume(sample: GridSampler, axes: tuple[Course, Course, Course]) -> Spli
 
 
 def _contract(table: Array, x: Array, y: Array, z: Array) -> Array:
-    rows = np.tensordot(x, table, axes=(1, 0))
-    rows = np.tensordot(rows, y, axes=(1, 1))  # (x, pole of z, component, y)
-    return np.asarray(np.einsum("apcb,kp->abkc", rows, z, optimize=True))
+    for axis, matrix in enumerate((x, y, z)):
+        table = along(matrix, table, axis)
+    return table

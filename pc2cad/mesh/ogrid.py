@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
 from pc2cad.checked import CheckedMap
+from pc2cad.linear import along
 from pc2cad.mesh.blocks import Block, blocks
 from pc2cad.mesh.elements import HEXAHEDRON
 from pc2cad.mesh.gluing import joined
@@ -164,11 +165,10 @@ class _Layout:
     def _shares(self, lattice: _Lattice) -> Array:
         """Return the shares of the large cell at the nodes of a block; nan where any will do."""
         steps = [np.linspace(0, 1, n) for n in lattice.nodes.shape]
-        weights = [np.stack((1 - t, t)) for t in steps]
-        places = np.einsum(
-            "abcx,ai,bj,ck->ijkx", lattice.block.places, *weights, optimize=True
-        ).reshape(-1, 3)
-        return lattice.block.solid.chart.shares(places)
+        places = lattice.block.places
+        for axis, t in enumerate(steps):
+            places = along(np.stack((1 - t, t), axis=1), places, axis)
+        return lattice.block.solid.chart.shares(places.reshape(-1, 3))
 
     def _in_box(self, block: Block, shares: Array) -> Array:
         """Return local coordinates of the box for shares of a block's large cell."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.errors import NotASolidError
+from pc2cad.linear import product
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID, TYPES, gradients, rule
 from pc2cad.mesh.volume_mesh import VolumeMesh
 
@@ -82,10 +83,10 @@ def _figures(mesh: VolumeMesh) -> Iterator[tuple[str, int, _Corners, Array, Arra
         for start in range(0, len(block), _CHUNK):
             nodes = block[start : start + _CHUNK].T
             axes = [mesh.points[nodes, k] for k in range(3)]
-            tangents = [(table @ x[columns]).reshape(3, count, -1) for x in axes]
+            tangents = [product(table, x[columns]).reshape(3, count, -1) for x in axes]
             determinant = _determinant(*(np.stack([t[d] for t in tangents]) for d in range(3)))
             yield (
-                name, start, _at_corners(name, axes), weights @ determinant,
+                name, start, _at_corners(name, axes), product(weights, determinant),
                 determinant.min(axis=0),
             )  # fmt: skip
 

@@ -8,6 +8,7 @@ finer or coarser, mesh is not affected.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +29,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from pc2cad.errors import InputError, KernelError
+from pc2cad.mesh.agreement import Reference, Slack, face_slack
+from pc2cad.mesh.grids import attach, shapes_of
+from pc2cad.mesh.integrals import triangle_integrals
 
 #: Deflection that is tried first, as a share of the bounding box' diagonal.
 FIRST_DEFLECTION = 1e-3
@@ -42,6 +46,11 @@ REFINEMENTS = 6
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+#: all faces of a solid
+_ALL = range(10**9)
+#: within which the kernel takes points for one
+KERNEL_DISTANCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -80,7 +89,9 @@ def tessellate(
     *,
     deflection: float | None = None,
     angular_deflection: float = 0.3,
-    reference_volume: float | None = None,
+    volume: float | None = None,
+    area: float | None = None,
+    tolerance: float = 0.0,
 ) -> Triangles:
     """Return closed triangles of the boundary of `solid`.
 
@@ -88,32 +99,36 @@ def tessellate(
         solid: TopoDS_Solid.
         deflection: largest distance between chord and surface, model units. Without it the mesh
             starts at 1/1000 of the bounding box' diagonal, and both deflections are halved
-            until its volume is within 1 % of `reference_volume`: so thin walls keep their
-            thickness and long rods their section.
+            until its volume is within 1 % of `volume`: so thin walls keep their thickness and
+            long rods their section.
         angular_deflection: largest angle between neighbouring chords, radians.
-        reference_volume: volume of the solid, model units; needed for the refinement only.
+        volume: of the part, model units; the triangles' may differ by what their chords can be off
+            by, whatever the deflection.
+        area: of the part, likewise.
+        tolerance: how far the solid may be from the part with that volume and area.
 
     Raises:
         InputError: the deflection is too fine for the size of the part.
-        KernelError: the kernel's mesh is incomplete, not closed, inside out or too far from the
-            reference volume.
+        KernelError: the triangles are not closed, inside out, do not cover a face, or have another
+            volume or area than they can have.
 
     """
     diagonal = _diagonal(solid)
+    reference = Reference(volume, area, tolerance) if volume is not None else None
     if deflection is not None:
         if not deflection >= FINEST_DEFLECTION * diagonal:
             raise InputError(
                 f"The deflection {deflection:g} is too fine for a part of size {diagonal:g}; "
                 f"give at least {FINEST_DEFLECTION * diagonal:.3g}."
             )
-        return _mesh(solid, deflection, angular_deflection)
+        return _agreeing(solid, deflection, angular_deflection, reference)
     length, angle = FIRST_DEFLECTION * diagonal, angular_deflection
     deviation = math.inf
     for _ in range(1 + REFINEMENTS):
-        result = _mesh(solid, length, angle)
-        if reference_volume is None:
+        result = _agreeing(solid, length, angle, reference)
+        if reference is None:
             return result
-        deviation = abs(result.volume - reference_volume) / abs(reference_volume)
+        deviation = abs(result.volume - reference.volume) / abs(reference.volume)
         if deviation <= VOLUME_AGREEMENT:
             return result
         length, angle = length / 2.0, max(angle / 2.0, FINEST_ANGLE)
@@ -121,6 +136,64 @@ def tessellate(
         f"The volume of the triangle mesh is still {100.0 * deviation:.2g} % off after "
         f"{REFINEMENTS} refinements; give a deflection to accept that."
     )
+
+
+def _agreeing(
+    solid: Any, deflection: float, angle: float, reference: Reference | None
+) -> Triangles:
+    """Return triangles that cover every face and have the volume and area that they can have.
+
+    First as the kernel meshes the solid, then with grids of the faces that lost a part, then with
+    grids of all faces that can have one; and if all that is too coarse to be told, finer.
+    """
+    failure: KernelError | None = None
+    coarsest = min(deflection, _diagonal(solid) / 2)
+    for length in (deflection, coarsest / 8, coarsest / 64):
+        gridded: Collection[int] = ()
+        for _ in range(3):
+            try:
+                mesh, slack = _mesh(solid, length, angle, gridded)
+            except KernelError as error:
+                complaint, lost = error, frozenset[int]()
+            else:
+                text, lost = _complaint(mesh, slack, reference), slack.lost
+                if text is None:
+                    return mesh
+                complaint = KernelError(text)
+            failure = failure or complaint
+            if gridded is _ALL:
+                break
+            gridded = lost if lost and not gridded else _ALL
+        if reference is None:
+            break
+    assert failure is not None
+    raise failure
+
+
+def _complaint(mesh: Triangles, slack: Slack, reference: Reference | None) -> str | None:
+    """Return what the triangles lack, as a sentence; None where nothing is known of it."""
+    lost = (
+        f"The triangles of {len(slack.lost)} of the solid's faces do not cover them, at the "
+        f"deflection {mesh.deflection:g}; give another deflection, or write STEP."
+    )
+    if reference is None:
+        return lost if slack.lost else None
+    found = triangle_integrals(mesh.vertices, mesh.triangles)
+    size = float(np.abs(mesh.vertices).max())
+    off = reference.tolerance + KERNEL_DISTANCE + 1e3 * float(np.finfo(float).eps) * size
+    pairs = [("volume", found.volume, reference.volume, slack.volume + off * found.area)]
+    if reference.area is not None:
+        # along an edge, a distance costs its length; and no edge is longer than a triangle's
+        border = found.area * off / math.sqrt(found.area / len(mesh.triangles))
+        pairs.append(("area", found.area, reference.area, slack.area + border))
+    for name, own, true, bound in pairs:
+        if not abs(own - true) <= bound:
+            return (
+                f"The {name} of the triangles is {own:.6g} at the deflection {mesh.deflection:g}, "
+                f"and the part's is {true:.6g}: more than the {bound:.2g} that their chords can be "
+                "off by. Give a smaller deflection, or write STEP."
+            )
+    return lost if slack.lost else None
 
 
 def edge_defects(triangles: IntArray, vertex_count: int) -> EdgeDefects:
@@ -165,8 +238,10 @@ def enclosed_volume(vertices: NDArray[np.floating[Any]], triangles: IntArray) ->
     return float(np.einsum("ij,ij->", first, np.cross(second, third)) / 6.0)
 
 
-def _mesh(solid: Any, deflection: float, angular_deflection: float) -> Triangles:
-    points, triangles, faces = _kernel_mesh(solid, deflection, angular_deflection)
+def _mesh(
+    solid: Any, deflection: float, angular_deflection: float, gridded: Collection[int] = ()
+) -> tuple[Triangles, Slack]:
+    points, triangles, faces, slack = _kernel_mesh(solid, deflection, angular_deflection, gridded)
     vertices, triangles, remaining = weld(points, triangles)
     defects = edge_defects(triangles, len(vertices))
     if not defects.closed:
@@ -177,39 +252,41 @@ def _mesh(solid: Any, deflection: float, angular_deflection: float) -> Triangles
     volume = enclosed_volume(vertices, triangles)
     if not volume > 0.0:
         raise KernelError(f"The triangle mesh encloses the volume {volume:g}; it must be positive.")
-    return Triangles(
+    mesh = Triangles(
         vertices=vertices.astype(np.float64),
         triangles=triangles,
         faces=faces[remaining],
         volume=volume,
         deflection=deflection,
     )
+    return mesh, slack
 
 
 def _kernel_mesh(
-    solid: Any, deflection: float, angular_deflection: float
-) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return points (n, 3), triangles (m, 3) and face numbers (m,); shared points are equal."""
+    solid: Any, deflection: float, angular_deflection: float, gridded: Collection[int]
+) -> tuple[FloatArray, IntArray, IntArray, Slack]:
+    """Return points (n, 3), triangles (m, 3), face numbers (m,), and what they may be off by."""
     try:
         # neither geometry nor triangulation is copied: only the topology that carries the mesh
         copy = BRepBuilderAPI_Copy(solid, False, False).Shape()
+        if gridded:
+            attach(copy, gridded, deflection, angular_deflection)
         BRepMesh_IncrementalMesh(copy, deflection, False, angular_deflection, False)
     except Standard_Failure as failure:
         raise KernelError(f"The kernel could not mesh the solid: {failure}.") from None
     points: list[FloatArray] = []
     triangles: list[IntArray] = []
-    borders = _Borders(copy)
+    borders, slack = _Borders(copy), Slack()
     offset = 0
-    explorer = TopExp_Explorer(copy, TopAbs_ShapeEnum.TopAbs_FACE)
-    while explorer.More():
-        face = TopoDS.Face_s(explorer.Current())
-        explorer.Next()
-        location = TopLoc_Location()
+    for number, shape in enumerate(shapes_of(copy, TopAbs_ShapeEnum.TopAbs_FACE)):
+        face, location = TopoDS.Face_s(shape), TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
         if mesh is None:
-            raise KernelError(f"The kernel could not mesh face {len(points)} of the solid.")
-        nodes, corners = _face_mesh(face, mesh, location)
+            raise KernelError(f"The kernel could not mesh face {number} of the solid.")
+        nodes, corners = _own_mesh(mesh)
         borders.add(face, mesh, location, offset)
+        slack += face_slack(number, face, mesh, nodes, corners, deflection)
+        nodes, corners = _placed(face, location, nodes, corners)
         points.append(nodes)
         triangles.append(corners + offset)
         offset += len(nodes)
@@ -219,14 +296,20 @@ def _kernel_mesh(
     if not np.isfinite(all_points).all():
         raise KernelError("The kernel's triangle mesh has points that are not finite.")
     numbers = np.repeat(np.arange(len(triangles), dtype=np.int64), [len(t) for t in triangles])
-    return all_points[borders.representatives(offset)], np.concatenate(triangles), numbers
+    return all_points[borders.representatives(offset)], np.concatenate(triangles), numbers, slack
 
 
-def _face_mesh(face: Any, mesh: Any, location: Any) -> tuple[FloatArray, IntArray]:
-    """Return the nodes, (n, 3), and triangles, (m, 3), of one meshed face, seen from outside."""
+def _own_mesh(mesh: Any) -> tuple[FloatArray, IntArray]:
+    """Return the nodes, (n, 3), and triangles, (m, 3), of a triangulation as it stands."""
     nodes = np.array([mesh.Node(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)])
-    corners = corners.reshape(-1, 3).astype(np.int64) - 1
+    return nodes, corners.reshape(-1, 3).astype(np.int64) - 1
+
+
+def _placed(
+    face: Any, location: Any, nodes: FloatArray, corners: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """Return nodes and triangles of one face where it is, seen from outside."""
     inwards = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     if not location.IsIdentity():
         transformation = location.Transformation()

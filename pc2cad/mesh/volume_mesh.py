@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.linear import product
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 
 Array = NDArray[np.float64]
@@ -125,5 +126,5 @@ class VolumeMesh:
             slopes, values = gradients(shape, self.order, at), shapes(shape, self.order, at)
             for start in range(0, len(nodes), _CHUNK):
                 points = self.points[nodes[start : start + _CHUNK]] - centre
-                tangents = np.einsum("qdk,nkx->dnqx", slopes, points, optimize=True)
-                yield np.cross(tangents[0], tangents[1]), weights, values @ points
+                tangents = [product(slopes[:, d], points) for d in range(2)]
+                yield np.cross(tangents[0], tangents[1]), weights, product(values, points)

@@ -1,0 +1,118 @@
+"""Products and solutions of matrices whose last bits do not depend on the number of threads.
+
+A BLAS that shares a product among threads cuts it up by their number, and other cuts round
+differently: 1e-16 of a matrix of fits becomes 1e-9 of its knots. Small products it gives to one
+thread. So larger ones are taken here in blocks of a fixed size, each too small to be shared.
+Nothing is set for the process; products of vectors, which need no BLAS, go without it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: multiplications of a product that OpenBLAS gives to one thread, whatever their number
+#: (``SMP_THRESHOLD_MIN * GEMM_MULTITHREAD_THRESHOLD`` of its ``interface/gemm.c``)
+ONE_THREAD = 2**18
+#: largest side of a block
+BLOCK = 64
+#: size up to which a matrix is factorised by LAPACK, and entries of a right side that it is given:
+#: from 10,000 on, that of OpenBLAS may share either
+_SMALL, _ONE_THREAD_OF_LAPACK = 72, 2**13
+#: columns that are eliminated before the rest of a matrix is brought up to date
+_PANEL = 32
+
+
+def product(a: NDArray[Any], b: NDArray[Any]) -> Array:
+    """Return a @ b of vectors and matrices, or of one matrix with each of a stack."""
+    if a.ndim == 1 or b.ndim == 1:
+        return vectors(a, b)
+    if b.ndim > 2:
+        return along(a, b, b.ndim - 2) if len(a) * b[0].size > ONE_THREAD else np.asarray(a @ b)
+    (m, k), n = a.shape, b.shape[1]
+    if m * k * n <= ONE_THREAD:
+        return np.asarray(a @ b)
+    if k > 4 * BLOCK:
+        parts = range(0, k, 4 * BLOCK)
+        total = product(a[:, : 4 * BLOCK], b[: 4 * BLOCK])
+        for start in parts[1:]:
+            part = slice(start, start + 4 * BLOCK)
+            total += product(a[:, part], b[part])
+        return total
+    if n < m and n * k <= ONE_THREAD // 8:
+        return _by_rows(a, b)
+    if m * k <= ONE_THREAD // 8:
+        return _by_rows(b.T, a.T).T
+    parts = range(0, n, BLOCK)
+    return np.concatenate([_by_rows(a, b[:, i : i + BLOCK]) for i in parts], axis=1)
+
+
+def _by_rows(a: NDArray[Any], b: NDArray[Any]) -> Array:
+    """Return a @ b for a small b, in one call of a stack of blocks of rows."""
+    rows = max(1, ONE_THREAD // b.size)
+    whole = len(a) // rows * rows
+    stack = a[:whole].reshape(-1, rows, a.shape[1]) if whole else a[:0].reshape(0, 1, a.shape[1])
+    return np.concatenate(((stack @ b).reshape(whole, b.shape[1]), a[whole:] @ b))
+
+
+def along(matrix: Array, values: Array, axis: int) -> Array:
+    """Return the matrix times the values along one axis of theirs; that axis stays in its place."""
+    first = np.moveaxis(values, axis, 0)
+    result = product(matrix, first.reshape(len(first), -1))
+    return np.moveaxis(result.reshape(-1, *first.shape[1:]), 0, axis)
+
+
+def vectors(a: NDArray[Any], b: NDArray[Any]) -> Array:
+    """Return the sums over the last axis of a and the first of b, one of which has no other."""
+    if b.ndim == 1:
+        return np.asarray(np.einsum("...i,i->...", a, b))
+    return np.asarray(np.einsum("i,i...->...", a, b))
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """Return x (n, k) or (n,) with matrix @ x = right; numpy.linalg.LinAlgError where singular."""
+    if right.ndim == 1:
+        return solve(matrix, right[:, None])[:, 0]
+    size = len(matrix)
+    if size <= _SMALL:
+        step = _ONE_THREAD_OF_LAPACK // size
+        parts = range(0, right.shape[1], step)
+        columns = [np.linalg.solve(matrix, right[:, i : i + step]) for i in parts]
+        return np.concatenate(columns, axis=1) if columns else right.copy()
+    table, result = np.array(matrix, dtype=float), np.array(right, dtype=float)
+    for start in range(0, size, _PANEL):
+        stop = min(start + _PANEL, size)
+        _eliminate(table, result, start, stop)
+        below, here = slice(stop, None), slice(start, stop)
+        table[below, stop:] -= product(table[below, here], table[here, stop:])
+        result[below] -= product(table[below, here], result[here])
+    for start in reversed(range(0, size, _PANEL)):
+        here = slice(start, min(start + _PANEL, size))
+        result[here] = np.linalg.solve(np.triu(table[here, here]), result[here])
+        result[:start] -= product(table[:start, here], result[here])
+    return result
+
+
+def inverse(matrix: Array) -> Array:
+    """Return the inverse; numpy.linalg.LinAlgError where there is none."""
+    return solve(matrix, np.eye(len(matrix)))
+
+
+def _eliminate(table: Array, result: Array, start: int, stop: int) -> None:
+    """Factorise the columns of a panel, largest pivots first, and its rows right of it."""
+    for k in range(start, stop):
+        pivot = k + int(np.argmax(np.abs(table[k:, k])))
+        if not table[pivot, k]:
+            raise np.linalg.LinAlgError("Singular matrix")
+        if pivot != k:
+            table[[k, pivot]], result[[k, pivot]] = table[[pivot, k]], result[[pivot, k]]
+        table[k + 1 :, k] /= table[k, k]
+        table[k + 1 :, k + 1 : stop] -= table[k + 1 :, k, None] * table[k, k + 1 : stop]
+    for k in range(start, stop):
+        share = table[k + 1 : stop, k, None]
+        table[k + 1 : stop, stop:] -= share * table[k, stop:]
+        result[k + 1 : stop] -= share * result[k]
