@@ -21,7 +21,7 @@ import numpy as np
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "examples"))
 
-import analyses  # noqa: E402
+import solvers  # noqa: E402
 
 from pc2cad.checked import check_map  # noqa: E402
 from pc2cad.compiler import mesh_equation  # noqa: E402
@@ -60,19 +60,19 @@ def meshes(equation: PointEquation, cells: list[tuple[int, int, int]], sizes: li
     found: Found = {"hexahedra, order 2 (CalculiX)": [], "tetrahedra, order 2 (gmsh, CalculiX)": []}
     hexahedra, tetrahedra = found.values()
     for counts in cells:
-        mesh = analyses.mesh(equation, counts)
-        hexahedra.append((unknowns(mesh), analyses.conductance(mesh)))
+        mesh = solvers.mesh(equation, counts)
+        hexahedra.append((unknowns(mesh), solvers.conductance(mesh)))
     for size in sizes:
         mesh, _ = mesh_equation(equation, MeshOptions(size=size, order=2, shape="tetrahedra"))
-        tetrahedra.append((unknowns(mesh), analyses.conductance(mesh)))
+        tetrahedra.append((unknowns(mesh), solvers.conductance(mesh)))
     return found
 
 
 def pipe() -> tuple[Found, float]:
     equation = read_template(ROOT / "templates" / "elbow_pipe.toml").bind({})
-    _, reference = analyses.isogeometric_conductance(equation, 1, 4)
+    _, reference = solvers.isogeometric_conductance(equation, 1, 4)
     splines = [
-        analyses.isogeometric_conductance(equation, halved, raised)
+        solvers.isogeometric_conductance(equation, halved, raised)
         for raised, halved in ((1, 0), (2, 0), (3, 0), (3, 1), (4, 0))
     ]
     cells = [(n, n, max(1, n // 6)) for n in (4, 8, 12, 16, 24, 32)]
@@ -83,10 +83,10 @@ def pipe() -> tuple[Found, float]:
 def channel() -> tuple[Found, float]:
     equation = read_template(ROOT / "templates" / "channel_ellipse.toml").bind({})
     splines = [
-        analyses.conductance_of_splines(fitted(equation, (n, 2 * n, 1), degree))
+        solvers.conductance_of_splines(fitted(equation, (n, 2 * n, 1), degree))
         for n, degree in ((3, 2), (3, 3), (6, 3), (6, 4), (9, 4), (12, 4))
     ]
-    _, reference = analyses.conductance_of_splines(fitted(equation, (15, 30, 1), 5))
+    _, reference = solvers.conductance_of_splines(fitted(equation, (15, 30, 1), 5))
     cells = [(n, 2 * n, max(1, n // 8)) for n in (4, 6, 8, 12, 16, 24)]
     found = meshes(equation, cells, [2.0, 1.0, 0.7, 0.5, 0.35])
     return {"splines (MFEM)": splines, **found}, reference

@@ -236,12 +236,28 @@ def test_slopes_bound_every_change(root, a, b, c, d, s, t):
 # -- sums of products ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [n for n in template_paths() if "channel" in n or "torus" in n])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(n for n in template_paths() if "channel" in n or "torus" in n),
+        # knots at the ends of a parameter and inside it
+        "duct",
+        "square_to_round",
+    ],
+)
 def test_products_of_functions_of_one_parameter_agree(name):
     mapping = local_map(read_template(template_paths()[name]).bind({}))
     # the other torus has an edge of no length
     expected = 0 if name == "simplex_torus" else -1 if name in NEGATIVE else 1
     assert sign_from_products(mapping) == expected
+
+
+def test_a_section_that_shrinks_to_an_axis_off_its_middle():
+    radius = pc.sqrt(1 + 5 * COS**2) + pc.sin(2 * PI * U + V) / 5
+    x, y = (middle * (1 - W) + radius * turn * W for middle, turn in ((0.4 * V, COS), (0.2, SIN)))
+    mapping = mapped((x, y, V + W * COS / 10))
+    assert sign_from_factors(mapping) == 0
+    assert sign_from_products(mapping) == 1 == sign_from_enclosures(mapping)
 
 
 def bent(reach):

@@ -20,9 +20,10 @@ from pc2cad.enclosure.evaluate import enclose
 from pc2cad.enclosure.models import UNIT, Place
 from pc2cad.equation.breaks import find_breaks
 from pc2cad.equation.calculus import derivatives
+from pc2cad.equation.normal_form import Monomial, normal_form, tree_of
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.products import vector_products
-from pc2cad.equation.tree import ONE, ZERO, Expr
+from pc2cad.equation.tree import ONE, ZERO, Expr, symbol, walk
 from pc2cad.linear import product
 from pc2cad.mapping import Mapping3
 
@@ -30,12 +31,16 @@ Array = NDArray[np.float64]
 
 #: more products than this are left to others
 MOST_PRODUCTS = 6
+#: terms of a function of one parameter of which powers are taken out
+MOST_TERMS = 60
 #: boxes per direction, if need be
 BOXES = (32, 128, 256)
 #: boxes of the third direction, in which walls are thin
 FEWER = 8
 ORDER = 3
-_CORNERS = Place(np.array([0.0, 0.37, 1.0]), np.full(3, 1e-9), np.full(3, 1e-9))
+_POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
+#: what is looked at next to the ends of each cell first, as a share of it
+NEXT = 1e-9
 
 
 def sign_from_products(mapping: Mapping3) -> int:
@@ -72,12 +77,18 @@ class _Sum:
         }
         #: what all terms share, and what is known to be positive inside taken out of it
         self._common = next(iter(minors.values())) if len(minors) == 1 else ONE
+        found: dict[Expr, Expr] = {}
+        for (i, j), minor in minors.items():
+            for slope, factor in zip(slopes, factors, strict=True):
+                first = determinant((slope, vectors[i], vectors[j]))
+                second = factor if minor is self._common else factor * minor
+                if first is not ZERO:
+                    found[first] = found.get(first, ZERO) + second
+        firsts = _without_common_power(list(found), names[0])
         self._terms = [
             (first, second)
-            for (i, j), minor in minors.items()
-            for slope, factor in zip(slopes, factors, strict=True)
-            if (first := determinant((slope, vectors[i], vectors[j]))) is not ZERO
-            and (second := factor if minor is self._common else factor * minor) is not ZERO
+            for first, second in zip(firsts, found.values(), strict=True)
+            if second is not ZERO
         ]
         self._common = _without_powers(self._common, names[1:])
 
@@ -112,7 +123,7 @@ def _refined(sign_in: Callable[[list[Place]], int], breaks: list[tuple[float, ..
         counts = count, count, max(1, count // FEWER)
         found = sign_in([_boxes(n, b) for n, b in zip(counts, breaks, strict=True)])
         # where it vanishes on a side, no number of boxes is enough
-        if found or (count == BOXES[0] and not sign_in([_CORNERS] * 3)):
+        if found or (count == BOXES[0] and not sign_in([_ends(b) for b in breaks])):
             return found
     return 0
 
@@ -126,6 +137,33 @@ def _without_powers(tree: Expr, names: tuple[str, ...]) -> Expr:
             base = power.args[0] if power.op == "pow" else power
             tree = factor if base.op == "symbol" else tree
     return tree
+
+
+def _without_common_power(trees: list[Expr], name: str) -> list[Expr]:
+    """Return polynomials without the power of a parameter that all are multiples of."""
+    if not all(node.op in _POLYNOMIAL for node in walk(tuple(trees))):
+        return trees
+    forms = [normal_form(tree, MOST_TERMS) for tree in trees]
+    known = [form for form in forms if form is not None]
+    parameter = symbol(name)
+    shared = min((dict(m).get(parameter, 0) for form in known for m in form), default=0)
+    if not shared or len(known) < len(forms):
+        return trees
+    return [tree_of({_over(m, parameter, shared): c for m, c in form.items()}) for form in known]
+
+
+def _over(monomial: Monomial, atom: Expr, exponent: int) -> Monomial:
+    powers = dict(monomial)
+    powers[atom] -= exponent
+    return tuple((a, n) for a, n in powers.items() if n)
+
+
+def _ends(breaks: tuple[float, ...]) -> Place:
+    """Return tiny boxes at both ends of each cell between the breaks, inside it."""
+    points = np.array([0.0, *breaks, 1.0])
+    half = np.repeat(np.diff(points) * NEXT, 2)
+    centre = np.repeat(points, 2)[1:-1] + half * np.tile([1.0, -1.0], len(points) - 1)
+    return Place(centre, half, half)
 
 
 def _boxes(count: int, breaks: tuple[float, ...]) -> Place:

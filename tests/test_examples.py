@@ -1,0 +1,66 @@
+"""The scripts of examples/: each gives figures and what they should be."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from shutil import which
+
+import pytest
+
+FOLDER = Path(__file__).parent.parent / "examples"
+#: script -> how many figures it gives, and the largest relative error of any
+ERRORS = {
+    "bend_study": (6, 1e-12),
+    "cadquery_duct": (4, 1e-8),
+    "calculix_heat": (2, 2e-5),
+    "draft_check": (3, 3e-4),
+    "graded_block": (4, 1e-7),
+    "mfem_heat": (3, 5e-6),
+    "stellarator": (3, 3e-4),
+    "thickness_picture": (2, 2e-3),
+}
+#: script -> the program it needs, or the package
+NEEDS = {"calculix_heat": "ccx", "mfem_heat": "mfem"}
+#: what is imported by others: the analyses have a test of their own
+OTHERS = {"analyses", "solvers"}
+
+
+def examples() -> list[object]:
+    marks = {name: [pytest.mark.interop] for name in NEEDS}
+    return [pytest.param(name, marks=marks.get(name, [])) for name in ERRORS]
+
+
+def need(name: str) -> None:
+    if name == "calculix_heat" and which("ccx") is None:
+        pytest.skip("CalculiX is not installed (apt-get install calculix-ccx)")
+    if name == "mfem_heat":
+        pytest.importorskip("mfem")
+
+
+def test_every_script_is_tried() -> None:
+    assert {path.stem for path in FOLDER.glob("*.py")} == set(ERRORS) | OTHERS
+
+
+@pytest.mark.parametrize("name", examples())
+def test_an_example_finds_what_is_known(name: str) -> None:
+    need(name)
+    figures = import_module(name).main()
+    count, most = ERRORS[name]
+    assert len(figures) == count
+    for figure, (found, exact) in figures.items():
+        assert found == pytest.approx(exact, rel=most, abs=0), figure
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*ERRORS, "analyses"])
+def test_a_script_runs_by_itself(name: str, tmp_path: Path) -> None:
+    need(name)
+    done = subprocess.run(
+        [sys.executable, FOLDER / f"{name}.py"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.count("exact") >= 1
