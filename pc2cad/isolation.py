@@ -9,6 +9,8 @@ else would come from there. Hence no `from __future__` either.
 import os
 import sys
 
+#: where the kernel would look for its messages; without a folder it takes the current one
+_MESSAGES = ("CSF_XSMessage", "CSF_SHMessage")
 #: begins a process that imports from where its parent does, and takes pc2cad from the same place:
 #: `path` without the current folder, unless Python itself, told to leave it out, looks there
 _BEGIN = """\
@@ -46,6 +48,8 @@ def forget_current_folder() -> None:
     if sys.argv[:1] == ["-m"] and not sys.flags.safe_path and sys.path[0] == _here():
         del sys.path[0]
     sys.path[:] = [p for p in sys.path if os.path.isabs(p) and p not in floating]
+    for name in _MESSAGES:
+        os.environ.setdefault(name, os.devnull)
 
 
 def interpreter() -> list[str]:
@@ -60,7 +64,7 @@ def interpreter() -> list[str]:
 
 def environment() -> dict[str, str]:
     """Return the environment for a fresh Python: nothing in it depends on the current folder."""
-    result = dict(os.environ)
+    result = {**dict.fromkeys(_MESSAGES, os.devnull), **os.environ}
     entries = result.pop("PYTHONPATH", "").split(os.pathsep)
     if kept := [entry for entry in entries if os.path.isabs(entry)]:
         result["PYTHONPATH"] = os.pathsep.join(kept)

@@ -71,6 +71,26 @@ def test_the_files_do_leave_marks(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "files"),
+    [
+        (["mesh", "pyramid", "-o", "../t.msh", "--tetrahedra"], [".petscrc", "petscrc"]),
+        (["build", "pyramid", "-o", "../p.step"], ["XSTEP.us", "SHAPE.us"]),
+    ],
+    ids=["PETSc in gmsh", "messages of the kernel"],
+)
+def test_libraries_read_nothing_there_either(
+    arguments: list[str], files: list[str], tmp_path: Path
+) -> None:
+    """What they open has no writer, so that they would wait for ever."""
+    (tmp_path / "here").mkdir()
+    for name in files:
+        os.mkfifo(tmp_path / "here" / name)
+    done = call(tmp_path / "here", *arguments, "--time-limit", "60")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.slow
 def test_a_study_is_resumed_in_its_own_folder(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     vary = ["--vary", "p=.3,.5", "--workers", "1", "--quiet"]

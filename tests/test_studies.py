@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -585,13 +587,230 @@ def test_a_cluster_that_is_lost_ends_the_study_with_what_had_come(on_dask: Any) 
     assert told == [str(i) for i in range(9)]
 
 
-def test_a_cluster_that_is_not_there_is_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def sentence_of(capsys: pytest.CaptureFixture[str], folder: Path, address: str) -> tuple[int, str]:
+    """Return exit code and message of a study on a cluster."""
     pytest.importorskip("distributed")
-    arguments = ["study", "pyramid", "--table", "no.csv", "-o", str(tmp_path / "s")]
-    assert main([*arguments, "--dask", "tcp://127.0.0.1:1"]) == 2
-    assert "there is no such file" in capsys.readouterr().err
+    arguments = ["study", "pyramid_cut", "--vary", "p=.2,.3", "-o", str(folder / "s")]
+    code = main([*arguments, "--dask", address])
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1, said.err
+    return code, said.err
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["nonsense", "", "tcp://", "tcp://127.0.0.1", "tcp://127.0.0.1:port", "http://127.0.0.1:1",
+     "/etc/passwd", "tcp://127.0.0.1:", "tcp://[::1"],
+)  # fmt: skip
+def test_what_is_no_address_of_a_scheduler_is_one_sentence(
+    address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said = sentence_of(capsys, tmp_path, address)
+    assert code == 2
+    assert f"--dask: '{address}' is no address of a Dask scheduler" in said
+
+
+#: what somebody who listens on a port may do with a connection
+LISTENERS: dict[str, Callable[[socket.socket], object]] = {
+    "silent": lambda connection: None,
+    "web": lambda connection: connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n"),
+    "endless": lambda connection: connection.sendall((10**6).to_bytes(8, "little") + b"a"),
+    "noise": lambda connection: connection.sendall((16).to_bytes(8, "little") + bytes(16)),
+    "closed": lambda connection: connection.close(),
+}
+
+
+@pytest.mark.parametrize("kind", LISTENERS)
+def test_who_listens_but_is_no_scheduler_is_one_sentence_soon(
+    kind: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("pc2cad.studies.scheduler.SILENCE", 0.4)
+    connections = []
+
+    def listen() -> None:
+        with suppress(OSError):
+            while True:
+                connections.append(listener.accept()[0])
+                LISTENERS[kind](connections[-1])
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=listen, daemon=True).start()
+        begun = time.monotonic()
+        address = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        code, said = sentence_of(capsys, tmp_path, address)
+    assert time.monotonic() - begun < 10
+    assert connections
+    assert "Dask" in said
+    assert address in said
+    assert code == 5
+    for connection in connections:
+        connection.close()
+
+
+def test_a_port_without_anybody_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pc2cad.studies.scheduler.SILENCE", 0.4)
+    code, said = sentence_of(capsys, tmp_path, "tcp://127.0.0.1:1")
+    assert code == 5
+    assert "the Dask cluster tcp://127.0.0.1:1 cannot be reached" in said
+
+
+def test_a_worker_is_no_scheduler(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], on_dask: Any
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, processes=False, protocol="tcp", dashboard_address=":0"
+    ) as cluster:
+        code, said = sentence_of(capsys, tmp_path, cluster.workers[0].address)
+    assert code == 2
+    assert "is a Dask Worker, no scheduler" in said
+
+
+def test_limits_of_silence_are_within_what_is_promised() -> None:
+    from pc2cad.studies import dask, scheduler
+
+    assert 2 * scheduler.SILENCE + scheduler.FAREWELL < 15
+    assert dask.LOOK + scheduler.SILENCE + scheduler.FAREWELL < 15
+    assert Limits().wait + 2 * dask.LOOK + scheduler.FAREWELL < 15
+
+
+def test_a_cluster_without_workers_is_one_sentence(
+    on_dask: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pc2cad.studies import dask
+
+    monkeypatch.setattr(dask, "LOOK", 0.1)
+    engine = on_dask(lambda bundle: iter(()), 0)
+    engine._limits = Limits(wait=0.3)
+    with pytest.raises(dask.NoWorkersError, match=r"no worker for 0\.3 s.*--resume"):
+        list(engine.run(JOBS))
+
+
+def test_a_cluster_that_loses_its_workers_keeps_what_had_come(
+    on_dask: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pc2cad.studies import dask
+
+    monkeypatch.setattr(dask, "LOOK", 0.1)
+    lost = threading.Event()
+
+    def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
+        from distributed import get_worker
+
+        for job in bundle:
+            if job.key == "3" and not lost.is_set():
+                lost.set()
+                worker = get_worker()
+                worker.loop.add_callback(worker.batched_stream.abort)
+                worker.loop.add_callback(worker.close, executor_wait=False)
+                time.sleep(0.3)
+            yield built(job)
+
+    engine = on_dask(run, 1)
+    engine._limits = Limits(wait=0.5)
+    told: list[str] = []
+
+    def follow() -> None:
+        for outcomes in engine.run(JOBS):
+            told.extend(outcome.key for outcome in outcomes)
+
+    with pytest.raises(dask.NoWorkersError):
+        follow()
+    assert 1 <= len(told) <= 4
+    assert told == [str(i) for i in range(len(told))]
+
+
+def test_a_scheduler_that_falls_silent_ends_the_study_with_what_had_come(
+    on_dask: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is still connected, and answers nothing any more, as when its machine is gone."""
+    from pc2cad.studies import dask, scheduler
+
+    monkeypatch.setattr(dask, "LOOK", 0.1)
+    monkeypatch.setattr(scheduler, "SILENCE", 0.5)
+    fallen, left = threading.Event(), threading.Event()
+
+    def run(bundle: Sequence[Job]) -> Iterator[list[Outcome]]:
+        for job in bundle:
+            if job.key == "9":
+                left.wait(10)
+            yield built(job)
+
+    engine = on_dask(run, 1)
+    told = []
+
+    async def nothing(*_: Any, **__: Any) -> None:
+        fallen.set()
+        await asyncio.sleep(60)
+
+    def follow() -> None:
+        for outcomes in engine.run(JOBS):
+            told.extend(outcome.key for outcome in outcomes)
+            if len(told) == 9:
+                engine._client.cluster.scheduler.handlers["ncores"] = nothing
+
+    begun = time.monotonic()
+    with pytest.raises(dask.ClusterLostError, match="does not answer any more"):
+        follow()
+    left.set()
+    assert fallen.is_set()
+    assert told == [str(i) for i in range(9)]
+    assert time.monotonic() - begun < 10
+
+
+SCHEDULER = """
+import asyncio, sys
+from distributed import Scheduler, Worker
+async def main():
+    async with Scheduler(host="127.0.0.1", port=0, dashboard_address=":0") as scheduler:
+        async with Worker(scheduler.address, nthreads=1):
+            print(scheduler.address, flush=True)
+            await scheduler.finished()
+asyncio.run(main())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", ["SIGKILL", "SIGTERM", "SIGSTOP"])
+def test_a_scheduler_that_is_killed_is_one_sentence(number: str, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    command = [sys.executable, "-P", "-c", SCHEDULER]
+    scheduler = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        start_new_session=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert scheduler.stdout is not None
+    try:
+        address = scheduler.stdout.readline().strip()
+        study = subprocess.Popen(
+            [sys.executable, "-P", "-m", "pc2cad", "study", "pyramid_cut", "--vary",
+             "p=0.1:0.9:200", "-o", str(tmp_path / "s"), "--dask", address],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        journal = tmp_path / "s" / "journal.jsonl"
+        deadline = time.monotonic() + 120
+        while not (journal.exists() and journal.read_bytes().count(b"\n") > 5):
+            assert time.monotonic() < deadline
+            assert study.poll() is None
+            time.sleep(0.02)
+        scheduler.send_signal(getattr(signal, number))
+        begun = time.monotonic()
+        out, err = study.communicate(timeout=60)
+        assert time.monotonic() - begun < 15
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(scheduler.pid, signal.SIGKILL)
+        scheduler.communicate()
+    assert (study.returncode, out) == (5, "")
+    assert err.count("\n") == 1, err
+    assert "the Dask cluster has ended, or does not answer any more; go on with --resume" in err
+    assert journal.read_bytes().count(b"\n") > 5
 
 
 def test_files_go_to_an_address(tmp_path: Path) -> None:

@@ -101,7 +101,11 @@ def _model(solid: TopoDS_Shape) -> Iterator[Any]:
 
     running = bool(gmsh.isInitialized())
     if not running:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        # PETSc within gmsh would obey a file .petscrc in the current folder; builds of gmsh without
+        # it do not know the option, and say so unless they are silent
+        quiet = ["pc2cad", "-v", "0", "-skip_petscrc"]
+        gmsh.initialize(quiet, readConfigFiles=False, interruptible=False)
+        gmsh.option.setNumber("General.Verbosity", 5)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("Geometry.OCCAutoFix", 0)
     try:

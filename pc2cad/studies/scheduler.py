@@ -42,6 +42,7 @@ def connect(cluster: Any) -> Any:
     import distributed
 
     if isinstance(cluster, str):
+        _check(cluster)
         _within(SILENCE, cluster, lambda: asyncio.run(_greet(cluster)))
     return _within(
         SILENCE if isinstance(cluster, str) else START,
@@ -70,6 +71,23 @@ def close(client: Any, topic: str, lost: bool) -> None:
         if client.status == "running" and not lost:  # the scheduler logs what it cannot deliver
             client.unsubscribe_topic(topic)
         client.close(timeout=FAREWELL if lost else SILENCE)
+
+
+def _check(address: str) -> None:
+    """Raise ClusterAddressError unless this is an address."""
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    try:
+        scheme, place = parse_address(address)
+        get_backend(scheme)
+        if scheme != "inproc":
+            parse_host_port(place)
+    except ValueError as error:
+        raise ClusterAddressError(
+            f"--dask: '{address[:200]}' is no address of a Dask scheduler, such as "
+            f"tcp://127.0.0.1:8786: {error}"
+        ) from error
 
 
 async def _greet(address: str) -> None:
@@ -111,11 +129,8 @@ def _within(seconds: float, cluster: Any, do: Callable[[], Any]) -> Any:
     match found:
         case InputError():
             raise found
-        case OSError() | ImportError():  # the last: another version of Dask, by its own account
-            raise ClusterLostError(f"the Dask cluster {name} cannot be reached: {found}") from found
-        case Exception():
-            raise ClusterAddressError(
-                f"--dask: '{name[:200]}' is no address of a Dask scheduler, such as "
-                f"tcp://127.0.0.1:8786: {found}"
+        case Exception():  # what answers may be anything: web pages end in a MemoryError
+            raise ClusterLostError(
+                f"the Dask cluster {name} cannot be reached: {str(found) or 'no scheduler answers'}"
             ) from found
     return found
