@@ -221,8 +221,11 @@ def test_a_journal_of_another_version_is_told(tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
     lines = path.read_bytes().splitlines(keepends=True)
     header = json.loads(lines[0])
-    for began, words in (("f" * 32, "another version"), ({}, "pc2cad: it was not given"),
-                         ({**header["study"], "pc2cad": "\x1b[2J"}, r"it was \x1b[2J")):  # fmt: skip
+    others: list[tuple[Any, str]] = [
+        ("f" * 32, "another version"), ({}, "pc2cad: it was not given"),
+        ({**header["study"], "pc2cad": "\x1b[2J"}, r"it was \x1b[2J"),
+    ]  # fmt: skip
+    for began, words in others:
         path.write_bytes(json.dumps({"study": began}).encode() + b"\n" + b"".join(lines[1:]))
         before = contents(tmp_path)
         with pytest.raises(StudyDiffersError) as refusal:
@@ -374,16 +377,17 @@ WRITER = """
 import hashlib, os, random, sys
 from pathlib import Path
 from pc2cad.export.files import replacing, write_atomically
+made = [os.urandom(length) for length in (10, 10**5, 10**7)]
+made = [hashlib.sha256(data).hexdigest().encode() + data for data in made]
 print("ready", flush=True)
 while True:
-    data = os.urandom(random.choice((10, 10**5, 10**7)))
-    data = hashlib.sha256(data).hexdigest().encode() + data
+    data = random.choice(made)
     if random.random() < 0.5:
         write_atomically(sys.argv[1], data)
     else:
         with replacing(sys.argv[1]) as path:
-            for start in range(0, len(data), 10**5):
-                with open(path, "ab") as stream:
+            with open(path, "wb") as stream:
+                for start in range(0, len(data), 10**5):
                     stream.write(data[start : start + 10**5])
 """
 
