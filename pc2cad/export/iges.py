@@ -9,6 +9,7 @@ come back. Labels have eight characters at most.
 from __future__ import annotations
 
 import io
+import re
 import tempfile
 from dataclasses import replace
 from datetime import datetime
@@ -162,7 +163,9 @@ def _head(model: Any, name: str, stamp: str) -> None:
 
 def _ascii(text: str) -> str:
     """Return a name in ASCII, what else it holds as ``%XX``: strings here are counted in bytes."""
-    return percent(text, "", limit=60)
+    # the kernel takes what begins like a counted string, 3Hole, for one, and its count away
+    counted = re.match(r"\d+ *H", text)
+    return percent(text, "", limit=60, words=[counted[0]] if counted else ())
 
 
 def _check(text: bytes, originals: list[Census]) -> None:

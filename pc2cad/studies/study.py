@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pc2cad.equation.template_file import parse_template, read_template_text
-from pc2cad.errors import InputError
+from pc2cad.errors import FileNotWrittenError, InputError
 from pc2cad.export.files import write_atomically
 from pc2cad.export.registry import format_for
 from pc2cad.library import find_template
@@ -62,6 +62,8 @@ def study(
     where an interrupted study stopped, if it is the same study. See `run_study` for the rest;
     raises PlanError and TemplateError besides.
     """
+    if not os.fspath(folder):
+        raise FileNotWrittenError("the study's folder has no name; give one")
     path = find_template(os.fspath(template))
     plan = _plan(vary or {}, table, sampling, seed)
     task = Task(
