@@ -155,6 +155,10 @@ def _is_smooth_power(node: Expr) -> bool:
 
 def _absolute(argument: Expr, exponent: int, shown: tuple[Expr, ...]) -> Expr:
     """Return |argument|^exponent without the absolute value, as far as that is known."""
+    if argument.op == "pow" and argument.args[1].op == "number":
+        times = argument.args[1].payload
+        if times.denominator == 1 and times > 0:
+            return _absolute(argument.args[0], int(times) * exponent, shown)
     if exponent % 2 == 0:
         return power(argument, number(exponent))
     if len(argument.symbols) == 1:
