@@ -46,6 +46,7 @@ ALLOWED = {
     "wires": {"equation", "numpy", "OCP"},
     "limits": {"equation", "errors", "numpy"},
     "reloading": set(),
+    "isolation": set(),
     "processes": {"errors"},
     "winding": {"numpy", "scipy"},
     "sheets": {"analysis", "directions", "equation", "geometry", "topology", "winding", "numpy"},
@@ -68,13 +69,16 @@ ALLOWED = {
         "OCP", "lib3mf", "vtkmodules",
     },
     "studies": {
-        "studies", "bodies", "compiler", "equation", "errors", "export", "geometry", "library",
-        "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
+        "studies", "bodies", "compiler", "equation", "errors", "export", "geometry", "isolation",
+        "library", "part", "picture", "processes", "report", "numpy", "scipy", "__version__",
     },
     "mesh": {
         "mesh", "analysis", "errors", "mapping", "topology", "numpy", "scipy", "OCP", "gmsh",
     },
-    "viewer": {"viewer", "bodies", "errors", "part", "picture", "processes", "report", "numpy"},
+    "viewer": {
+        "viewer", "bodies", "errors", "isolation", "part", "picture", "processes", "report",
+        "numpy",
+    },
     "picture": {
         "picture", "bodies", "equation", "errors", "export", "mapping", "part", "topology", "numpy",
         "OCP", "vtkmodules",
@@ -179,6 +183,25 @@ def test_no_text_is_ever_evaluated() -> None:
 def test_sympy_is_loaded_by_its_bridge_only() -> None:
     using = {p.stem for p in PACKAGE.rglob("*.py") if "sympy" in {room(m) for m in imports(p)}}
     assert using == {"sympy_bridge"}
+
+
+def test_python_is_started_without_the_current_folder_or_not_at_all() -> None:
+    starting, isolated = set(), set()
+    for path in PACKAGE.rglob("*.py"):
+        if imports(path) & {"subprocess", "multiprocessing", "concurrent.futures"}:
+            starting.add(path.stem)
+            text = path.read_text()
+            isolated |= (
+                {path.stem} if "interpreter()" in text and "environment()" in text else set()
+            )
+    assert starting == isolated == {"local", "recompute"}
+
+
+def test_before_the_current_folder_is_forgotten_nothing_is_imported_from_it() -> None:
+    assert imports(PACKAGE / "isolation.py") == {"os", "sys"}
+    first = parsed(PACKAGE / "__init__.py").body
+    loaded = [node for node in first if isinstance(node, ast.Import | ast.ImportFrom)]
+    assert [ast.unparse(node) for node in loaded] == ["from pc2cad import isolation"]
 
 
 def test_a_process_is_forked_while_it_is_small_or_not_at_all() -> None:
