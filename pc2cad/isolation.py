@@ -34,7 +34,7 @@ import_module(module).main()
 def is_command() -> bool:
     """Say whether this process is the command: ``pc2cad``, or ``python -m pc2cad``."""
     given, whole = getattr(sys, "argv", []), sys.orig_argv
-    if given[:1] != ["-m"]:  # so it stands while Python looks for the module
+    if given[:1] != ["-m"] or len(whole) < len(given):  # so it stands while -m is looked for
         return os.path.basename(given[0] if given else "") in ("pc2cad", "pc2cad.exe")
     named = whole[len(whole) - len(given)]
     if named.startswith("-"):
