@@ -335,6 +335,25 @@ def test_formats_lead_nowhere_else(text: str, tmp_path: Path) -> None:
     assert list(tmp_path.rglob("*.step")) == []
 
 
+@pytest.mark.parametrize("name", ["volume", "status", "variant", "step"])
+def test_a_parameter_is_no_column_of_the_results(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.toml"
+    path.write_text(f'title = "t"\n[parameters]\n{name} = 1\n[solid]\nx = "u"\ny = "v"\nz = "w"\n')
+    with pytest.raises(InputError, match=f"the parameter {name} cannot vary"):
+        study(path, tmp_path / "s", vary={name: [1.0, 2.0]})
+    assert os.listdir(tmp_path) == ["t.toml"]
+
+
+def test_a_store_that_cannot_be_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["study", "pyramid_cut", "--vary", "p=.5", "-o", str(tmp_path / "s"), "--store"]
+    for store in ("a\0b", "x" * 300, "/dev/null"):
+        assert main([*command, store]) == 5
+        assert "cannot be used" in capsys.readouterr().err
+    assert os.listdir(tmp_path / "s") == []
+
+
 # -- outputs ---------------------------------------------------------------------------------------
 
 

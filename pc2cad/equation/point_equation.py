@@ -78,6 +78,11 @@ class PointEquation:
 
     def __post_init__(self) -> None:
         # texts come from files, their names and scripts, and go into files and to terminals
+        for key in ("name", "title", "about", "source", "frame"):
+            if not isinstance(getattr(self, key), str):
+                raise InputError(
+                    f"the {key} of an equation is a text, not {getattr(self, key)!r:.80}"
+                )
         for key in ("name", "title", "source", "frame"):
             object.__setattr__(self, key, clean(getattr(self, key)))
         object.__setattr__(self, "about", clean_lines(self.about))

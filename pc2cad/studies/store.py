@@ -63,9 +63,10 @@ class FolderStore:
             return set(os.listdir(self._folder))
         except FileNotFoundError:
             return set()
-        except OSError as error:
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
             raise FileNotWrittenError(
-                f"the folder {self._folder} cannot be used: {error.strerror}"
+                f"the folder {self._folder} cannot be used: {reason}"
             ) from error
 
     def digest(self, name: str) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -82,9 +82,7 @@ def study(
     sheet = (SHEET,) if thumbnails else ()
     read = parse_template(task.template, task.name, str(path))
     check_plan(plan, read)
-    for name in (name for columns in drawn.values() for name in columns):
-        if name not in (*plan.names, *(column for column, kind in COLUMNS if kind is not str)):
-            raise InputError(f"plots: the results have no column of numbers '{name[:80]}'")
+    _check_columns(plan, task, drawn.values())
     read.bind(task.fixed)
     _ = task.options  # refused before the work begins
     result = run_study(
@@ -97,6 +95,21 @@ def study(
     for name, image in pictures.items():
         write_atomically(result.folder / name, image, owned=True)
     return result
+
+
+def _check_columns(plan: Plan, task: Task, plots: Iterable[tuple[str, str]]) -> None:
+    """Raise InputError for a parameter that has a column's name, and for plots without columns."""
+    figures = ["variant", *(name for name, kind in COLUMNS if kind is not str)]
+    others = {*figures, *(name for name, _ in COLUMNS), *task.formats, "thumbnail"}
+    for name in plan.names:
+        if name in others:
+            raise InputError(
+                f"the parameter {name} cannot vary in a study: the results have a column of that "
+                "name; call it otherwise"
+            )
+    for name in (name for columns in plots for name in columns):
+        if name not in (*plan.names, *figures):
+            raise InputError(f"plots: the results have no column of numbers '{name[:80]}'")
 
 
 def _formats(endings: Sequence[str]) -> tuple[str, ...]:
