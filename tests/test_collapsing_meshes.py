@@ -133,10 +133,15 @@ def test_order_two_converges_at_fourth_order(
 ) -> None:
     exact = exact_volume(name)
     errors = [
-        abs(make(checked(name), make_grid(checked(name), (n, n, 2)), 2).volume() / exact - 1)
+        abs(make(checked(name), make_grid(checked(name), (n, n, n // 2)), 2).volume() / exact - 1)
         for n in (4, 8)
     ]
     assert np.log2(errors[0] / errors[1]) > 3.4
+
+
+def test_an_o_grid_of_a_long_hull_has_about_as_many_cells_as_its_grid() -> None:
+    grid = make_grid(checked("hull"), (40, 4, 4))
+    assert 320 < o_grid(checked("hull"), grid).elements < 1280
 
 
 @pytest.mark.parametrize(

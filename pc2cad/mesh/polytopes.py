@@ -57,18 +57,13 @@ class Chart:
         return places
 
     @property
-    def ranks(self) -> tuple[int, int, int]:
-        """In how many ways each direction is drawn together: who says how many cells there are.
-
-        Where a direction ends on two sides that do not depend on one another, all three count
-        alike: it is as thin there as they are wide.
-        """
-        for row in self.parents:
-            if any(p not in self.parents[q] and q not in self.parents[p]
-                   for p, q in combinations(row, 2)):  # fmt: skip
-                return 2, 2, 2
-        u, v, w = (len(row) for row in self.parents)
-        return u, v, w
+    def ends_on_two(self) -> bool:
+        """Whether a direction ends on two collapsed sides that do not depend on one another."""
+        return any(
+            first not in self.parents[second] and second not in self.parents[first]
+            for row in self.parents
+            for first, second in combinations(row, 2)
+        )
 
     def _outer_first(self) -> list[int]:
         return sorted(range(3), key=lambda d: len(self.parents[d]))
@@ -128,7 +123,7 @@ class Polytope:
     cell: tuple[int, int, int]
     #: the direction and the cells of the fine grid along each edge; none along a cut
     edges: tuple[tuple[int, float] | None, ...]
-    #: in how many ways each direction is drawn together in the large cell (`Chart.ranks`)
+    #: in how many ways each direction is drawn together in the large cell
     ignored: tuple[int, int, int]
 
 
@@ -248,13 +243,16 @@ def polytopes(checked: CheckedMap, large: Grid) -> list[Polytope]:
                 f"here an edge of cell {cell} is, and the sides at it are not"
             )
         lengths = [float(large.lines[d][cell[d] + 1] - large.lines[d][cell[d]]) for d in range(3)]
-        ignored = chart.ranks
+        u, v, w = (len(p) for p in chart.parents)
+        if chart.ends_on_two:
+            # all edges get the same number there: so many that blocks and grid have as many cells
+            lengths, (u, v, w) = [float(np.cbrt(np.prod(lengths)))] * 3, (2, 2, 2)
         for piece in made[number]:
             firsts = [group[0] for group in piece.corners]
             edges = tuple(_along(piece, edge, axes, lengths) for edge in piece.kind.edges)
             found.append(Polytope(
                 piece.kind, tuple(rows[number][k] for k in firsts), places[firsts], chart,
-                (cell[0], cell[1], cell[2]), edges, ignored,
+                (cell[0], cell[1], cell[2]), edges, (u, v, w),
             ))  # fmt: skip
     return found
 
