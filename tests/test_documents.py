@@ -34,20 +34,44 @@ def ids(found: list[tuple[str, str]]) -> list[str]:
     return [name for name, _ in found]
 
 
-@pytest.mark.parametrize(("_name", "code"), snippets("python"), ids=ids(snippets("python")))
+def marked(found: list) -> list:
+    """Mark what makes a study as slow: its workers load the kernel again."""
+    return [
+        pytest.param(*each, marks=pytest.mark.slow if "study" in str(each) else ())
+        for each in found
+    ]
+
+
+@pytest.mark.parametrize(("_name", "code"), marked(snippets("python")), ids=ids(snippets("python")))
 def test_python_runs_and_its_comments_are_true(
     _name: str, code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     exec(compile(code, _name, "exec"), names)
-    for line in code.splitlines():
-        expression, _, comment = line.partition("  # ")
-        value = comment.strip()
-        if value and (value[0] in "'\"" or value[0].isdigit()):
-            assert eval(expression, names) == pytest.approx(eval(value)), line
-    for name in re.findall(r"write\(\"(.+?)\"", code):
+    for expression, value in values_in(code):
+        assert eval(expression, names) == pytest.approx(eval(value)), expression
+    for name in written_by(code):
         assert_whole(tmp_path / name)
+
+
+def values_in(code: str) -> list[tuple[str, str]]:
+    """Return expressions and the values that comments behind them state."""
+    lines = [line.partition("  # ") for line in code.splitlines()]
+    return [(a, b.strip()) for a, _, b in lines if re.match(r"['\"\d]", b.strip())]
+
+
+def written_by(code: str) -> list[str]:
+    return re.findall(r"write\(\"(.+?)\"", code)
+
+
+def test_documents_state_values_and_write_files_of_many_kinds() -> None:
+    codes = [code for _, code in snippets("python")]
+    assert sum(len(values_in(code)) for code in codes) >= 15
+    names = [name for code in codes for name in written_by(code)]
+    names += [name for arguments in commands() for name in written(arguments)]
+    assert len(names) >= 18
+    assert {Path(name).suffix for name in names} >= {"", ".3mf", ".html", ".inp", ".step", ".vtu"}
 
 
 def whole_templates() -> list[tuple[str, str]]:
@@ -75,17 +99,9 @@ def commands() -> list[list[str]]:
     return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("pc2cad ")]
 
 
-def marked(found: list) -> list:
-    """Mark what studies do as slow: their workers load the kernel again."""
-    return [
-        pytest.param(*(each if isinstance(each, tuple) else (each,)), marks=pytest.mark.slow)
-        if "study" in str(each)
-        else each
-        for each in found
-    ]
-
-
-@pytest.mark.parametrize("arguments", marked(commands()), ids=lambda arguments: " ".join(arguments))
+@pytest.mark.parametrize(
+    "arguments", marked([(each,) for each in commands()]), ids=lambda arguments: " ".join(arguments)
+)
 def test_commands_succeed(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -99,15 +115,6 @@ def written(arguments: list[str]) -> list[str]:
     """Return the files and folders that a command is told to write."""
     new = arguments[1:2] if arguments[0] == "new" else []
     return new + [name for flag, name in pairwise(arguments) if flag in ("-o", "--report")]
-
-
-def test_documents_write_files_of_many_kinds() -> None:
-    names = [name for arguments in commands() for name in written(arguments)]
-    names += [
-        name for _, code in snippets("python") for name in re.findall(r"write\(\"(.+?)\"", code)
-    ]
-    assert len(names) >= 18
-    assert {Path(name).suffix for name in names} >= {"", ".3mf", ".html", ".inp", ".step", ".vtu"}
 
 
 def test_the_tutorial_from_top_to_bottom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

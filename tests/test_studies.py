@@ -133,7 +133,7 @@ def test_a_results_table_is_a_table_of_variants(tmp_path: Path) -> None:
 
 
 def test_a_worker_that_fails_loses_its_own_variant_only(tmp_path: Path) -> None:
-    limits = Limits(seconds=4, memory=1024**3)
+    limits = Limits(seconds=5, memory=1024**3 // 4)
 
     def engine(task: Task) -> LocalEngine:
         return LocalEngine(task, 2, limits, (FAULTY, str(tmp_path)))
@@ -144,8 +144,8 @@ def test_a_worker_that_fails_loses_its_own_variant_only(tmp_path: Path) -> None:
     reasons = {row["p"]: row["reason"] for row in result.rows if row["status"] != "built"}
     assert set(reasons) == {0.1, 0.2, 0.3, 0.4, 0.7}
     assert "SIGSEGV" in reasons[0.1]
-    assert "time limit of 4 s" in reasons[0.2]
-    assert "memory limit of 1 GiB" in reasons[0.3]
+    assert "time limit of 5 s" in reasons[0.2]
+    assert "memory limit of 0.25 GiB" in reasons[0.3]
     assert "exit code 7" in reasons[0.4]
     assert (tmp_path / "tried").exists(), "the crash that another try mends was not provoked"
     built = [row for row in result.rows if row["status"] == "built"]
