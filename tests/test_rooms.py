@@ -89,7 +89,9 @@ ALLOWED = {
         "analysis", "compiler", "equation", "errors", "geometry", "isogeometry", "mesh",
         "properties", "solidity",
     },
-    "interior": {"analysis", "errors", "mapping", "topology", "numpy", "scipy"},
+    "interior": {"analysis", "errors", "inversion", "mapping", "numpy", "scipy"},
+    "inversion": {"analysis", "mapping", "nearest", "topology", "numpy", "scipy"},
+    "nearest": {"analysis", "mapping", "topology", "numpy", "scipy"},
     "isogeometry": {
         "analysis", "directions", "errors", "geometry", "proof", "topology", "numpy",
     },
