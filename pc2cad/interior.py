@@ -7,7 +7,7 @@ the local parameters of the box and is vectorised.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 from pc2cad.analysis import Analysis
 from pc2cad.checked import CheckedMap
 from pc2cad.errors import InputError
+from pc2cad.inversion import Inverse, seed_points
 from pc2cad.mapping import open_grid
-from pc2cad.topology.cells import directions_of, normal_direction
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -28,12 +28,6 @@ _STRATA = 12
 _MARGIN = 1.25
 #: candidates per point of blue noise
 _CANDIDATES = 8
-#: points of the box from which the inversion starts, per direction
-_SEEDS = 32
-_MOST_STEPS = 60
-#: starts round a collapsed side: values of the parameters ignored there, and distances from it
-_ROUND = np.arange(0.5, 12) / 12
-_DEPTHS = (1e-4, 1e-3, 1e-2, 0.05)
 _CHUNK = 100_000
 MOST_POINTS = 100_000_000
 
@@ -62,6 +56,8 @@ class Location:
     nearest: Array
     #: how far it is; within rounding of 0 for inner points
     distance: Array
+    #: by how much another place may be nearer, at most, as samples of the boundary say
+    gap: Array
 
 
 def sample_uniform(checked: CheckedMap, count: int, seed: int = 0) -> PointSet:
@@ -98,7 +94,7 @@ def sample_grid(checked: CheckedMap, spacing: float) -> PointSet:
     """Return the points of a cubic lattice of a spacing (model units) that lie in the solid."""
     if not 0 < spacing < np.inf:
         raise InputError(f"the spacing of a lattice must be a positive length, not {spacing}")
-    shell = _seed_points(checked.analysis)[1]
+    shell = seed_points(checked.analysis)[1]
     low, high = shell.min(axis=0) - spacing, shell.max(axis=0) + spacing
     counts = np.ceil((high - low) / spacing)
     if np.prod(counts) > MOST_POINTS:
@@ -118,20 +114,21 @@ def locate(checked: CheckedMap, points: ArrayLike) -> Location:
     """Return for each point (n, 3) whether it is inside, and the nearest place of the solid.
 
     M is inverted by damped Newton steps that stay in the box, from the nearest of many images. A
-    point is inside where that ends within 1e-10 of the part's size of it. The nearest place is a
-    local minimum from these starts.
+    point is inside where that ends within 1e-10 of the part's size of it. For the others all cells
+    of the boundary are searched that may hold a nearer place; `gap` says what that leaves open.
     """
     targets = np.atleast_2d(np.asarray(points, dtype=float))
     if targets.ndim != 2 or targets.shape[1] != 3 or not np.isfinite(targets).all():
         raise InputError("points to locate are rows of three finite coordinates")
     analysis = checked.analysis
-    inverse = _Inverse(analysis)
-    local = np.empty_like(targets)
+    inverse = Inverse(analysis)
+    local, gap = np.empty_like(targets), np.zeros(len(targets))
     for start in range(0, len(targets), _CHUNK):
-        local[start : start + _CHUNK] = inverse(targets[start : start + _CHUNK])
+        part = slice(start, start + _CHUNK)
+        local[part], gap[part] = inverse(targets[part])
     nearest = analysis.map.points(*local.T)
     distance = np.sqrt(((nearest - targets) ** 2).sum(axis=1))
-    return Location(distance <= inverse.tolerance, _own(analysis, local), nearest, distance)
+    return Location(distance <= inverse.tolerance, _own(analysis, local), nearest, distance, gap)
 
 
 def _check(count: int) -> None:
@@ -240,169 +237,3 @@ def _apart(tree: cKDTree, count: int, distance: float) -> NDArray[np.int_]:
         undecided &= ~chosen
         undecided[high[chosen[low]]] = False
     return np.flatnonzero(kept)
-
-
-# -- inversion -------------------------------------------------------------------------------------
-
-
-def _seed_points(analysis: Analysis) -> tuple[Array, Array]:
-    """Return local places all over the box, its sides included, and their images."""
-    nodes = []
-    for d in range(3):
-        inner = [b.position for b in analysis.breaks[d] if 0 < b.position < 1]
-        grid = analysis.map.points(*open_grid(*_line(d)))
-        steps = np.sqrt((np.diff(grid.reshape(-1, 3), axis=0) ** 2).sum(axis=1)).sum()
-        many = int(np.clip(_SEEDS * steps / max(analysis.size, 1e-300), 3, 40 * _SEEDS))
-        nodes.append(np.unique(np.concatenate((np.linspace(0, 1, many), inner))))
-    places = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)
-    return places, analysis.map.points(*places.T)
-
-
-def _line(direction: int) -> list[Array]:
-    nodes = [np.array([0.53])] * 3
-    nodes[direction] = np.linspace(0, 1, 201)
-    return nodes
-
-
-class _Inverse:
-    """M inverted by Levenberg-Marquardt steps in the box; lives for one call of `locate`."""
-
-    def __init__(self, analysis: Analysis) -> None:
-        self._analysis = analysis
-        self._places, images = _seed_points(analysis)
-        self._tree = cKDTree(images)
-        self.tolerance = analysis.scale.search_noise
-        self._closed = np.zeros(3, dtype=bool)
-        #: coordinates of the lower and of the upper sides, and which of them (2, 3) bound the solid
-        self._limits = np.array([[0.0], [1.0]]) * np.ones(3)
-        self._faces = np.zeros((2, 3), dtype=bool)
-        #: direction, limit and ignored parameters of the sides that collapse
-        self._collapsed: list[tuple[int, float, tuple[int, ...]]] = []
-        for side in analysis.boundary.sides:
-            d = normal_direction(side.patch)
-            limit = float(side.patch[d] > 0)
-            if side.fate == "face":
-                self._faces[int(limit), d] = True
-            elif side.fate in ("curve", "point"):
-                ignored = tuple(k for k in directions_of(side.patch) if k != side.along)
-                if (d, limit, ignored) not in self._collapsed:
-                    self._collapsed.append((d, limit, ignored))
-        for side in analysis.boundary.sides:
-            if side.partner is not None and side.symmetry is not None:
-                plain = not (
-                    side.symmetry.swap or side.symmetry.reverse_s or side.symmetry.reverse_t
-                )
-                for d in range(3):
-                    if plain and side.patch[d] % 2 == 0 and side.patch[d] != side.partner[d]:
-                        self._closed[d] = True
-
-    def __call__(self, targets: Array) -> Array:
-        """Return the local places (n, 3) nearest to targets (n, 3)."""
-        best = np.empty_like(targets)
-        residual = np.full(len(targets), np.inf)
-        asked = np.arange(len(targets))
-        # a few starts for everyone, more for those that are not met: the first ones may end on a
-        # face of another strand or wall
-        for starts in (range(2), range(2, 6), range(6, 14)):
-            ranks = [rank + 1 for rank in starts]
-            _, nearest = self._tree.query(targets[asked], k=ranks)
-            for column in range(len(ranks)):
-                local, square = self._descend(targets[asked], self._places[nearest[:, column]])
-                better = square < residual[asked]
-                best[asked[better]] = local[better]
-                residual[asked[better]] = square[better]
-            # a minimum on a face is an answer; one elsewhere at a distance is none
-            on_face = ((best[asked] == self._limits[:, None]) & self._faces[:, None]).any(
-                axis=(0, 2)
-            )
-            missed = residual[asked] > self.tolerance**2
-            asked = asked[missed & ~on_face] if starts[0] else asked[missed]
-            if not len(asked):
-                break
-        for direction, limit, ignored in self._collapsed:
-            asked = np.flatnonzero((residual > self.tolerance**2) & (best[:, direction] == limit))
-            if len(asked):
-                start = self._round_pole(targets[asked], best[asked], direction, limit, ignored)
-                local, square = self._descend(targets[asked], start)
-                better = square < residual[asked]
-                best[asked[better]] = local[better]
-                residual[asked[better]] = square[better]
-        return best
-
-    def _round_pole(
-        self, targets: Array, local: Array, direction: int, limit: float, ignored: tuple[int, ...]
-    ) -> Array:
-        """Return starts off a collapsed side, the best of many all round it.
-
-        On such a side the direction in which the target lies is one of the parameters that M
-        ignores there: descent along the others ends on the side.
-        """
-        best, least = local.copy(), np.full(len(local), np.inf)
-        inwards = 1.0 - 2.0 * limit
-        for turn in product(_ROUND, repeat=len(ignored)):
-            for depth in _DEPTHS:
-                place = local.copy()
-                place[:, direction] = limit + inwards * depth
-                place[:, list(ignored)] = turn
-                square = ((self._analysis.map.points(*place.T) - targets) ** 2).sum(axis=1)
-                better = square < least
-                best[better], least[better] = place[better], square[better]
-        return best
-
-    def _descend(self, targets: Array, start: Array) -> tuple[Array, Array]:
-        local = start.copy()
-        damping = np.full(len(local), 1e-3)
-        square = np.full(len(local), np.inf)
-        active = np.arange(len(local))
-        for _ in range(_MOST_STEPS):
-            here = local[active]
-            point, *tangents = self._analysis.map.frame(*here.T)
-            gap = point - targets[active]
-            value = (gap * gap).sum(axis=1)
-            square[active] = value
-            jacobian = np.stack(tangents, axis=-1)
-            step, promised = self._step(here, jacobian, gap, damping[active])
-            moved = self._inside(here + step)
-            there = self._analysis.map.points(*moved.T) - targets[active]
-            after = (there * there).sum(axis=1)
-            better = after < value
-            index = active[better]
-            local[index], square[index] = moved[better], after[better]
-            # Nielsen's rule: where the solid curves away, damping settles at the curvature's share
-            gain = (value - after) / np.maximum(promised, 1e-300)
-            factor = np.clip(1 - (2 * gain - 1) ** 3, 0.1, 2.0)
-            damping[active] *= np.where(better, factor, 4.0)
-            small = after >= value * (1 - 1e-12)
-            done = (square[active] <= (self.tolerance / 100) ** 2) | (
-                (better & small) | (damping[active] > 1e8)
-            )
-            active = active[~done]
-            if not len(active):
-                break
-        return local, square
-
-    def _step(
-        self, here: Array, jacobian: Array, gap: Array, damping: Array
-    ) -> tuple[Array, Array]:
-        """Return the damped step and how much it should lower the square of the distance.
-
-        Directions that push out of the box are held.
-        """
-        gradient = np.einsum("nij,ni->nj", jacobian, gap)
-        held = ((here <= 0) & (gradient > 0)) | ((here >= 1) & (gradient < 0))
-        held &= ~self._closed
-        free = ~held
-        normal = np.einsum("nij,nik->njk", jacobian, jacobian)
-        diagonal = np.einsum("njj->nj", normal)
-        scale = diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300
-        both = free[:, :, None] & free[:, None, :]
-        normal = np.where(both, normal, 0.0)
-        normal += np.eye(3) * np.where(free, damping[:, None] * scale, scale)[:, None, :]
-        right = np.where(free, -gradient, 0.0)
-        step = np.linalg.solve(normal, right[..., None])[..., 0]
-        promised = (step * (damping[:, None] * scale * step - np.where(free, gradient, 0.0))).sum(1)
-        return step, promised
-
-    def _inside(self, place: Array) -> Array:
-        wrapped = np.where((place < 0) | (place > 1), place - np.floor(place), place)
-        return np.where(self._closed, wrapped, np.clip(place, 0.0, 1.0))

@@ -1,0 +1,87 @@
+"""The same bytes whatever the threads, the hash seed, the order of work and the locale."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pc2cad.linear import inverse, product, solve
+
+SCRIPT = """
+import sys
+import pc2cad
+from pc2cad.compiler import compile_equation
+from pc2cad.library import find_template
+for name in sys.argv[2:]:
+    part = compile_equation(pc2cad.read_template(find_template(name)).bind({}))
+    for ending in "step brep igs stl ast 3mf glb vtp".split():
+        part.write(f"{sys.argv[1]}/{name}.{ending}")
+    mesh = part.mesh()
+    for ending in "vtu inp msh vtk".split():
+        pc2cad.write_mesh(mesh, f"{sys.argv[1]}/{name}-mesh.{ending}")
+"""
+WAYS = (
+    {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "1"},
+    {"OMP_NUM_THREADS": "8", "OPENBLAS_NUM_THREADS": "8", "PYTHONHASHSEED": "2", "LC_ALL": "C"},
+)
+
+
+def files(folder: Path, way: dict[str, str], names: list[str]) -> dict[str, str]:
+    folder.mkdir()
+    environment = {**os.environ, "SOURCE_DATE_EPOCH": "0", **way}
+    command = [sys.executable, "-c", SCRIPT, str(folder), *names]
+    subprocess.run(command, env=environment, check=True, timeout=300)
+    return {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in folder.iterdir()}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["channel_sine"],
+        pytest.param(
+            ["duct", "trefoil", "channel_ellipse", "square_to_round", "figure_of_eight"],
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_files_are_the_same(tmp_path: Path, names: list[str]) -> None:
+    first = files(tmp_path / "a", WAYS[0], names)
+    second = files(tmp_path / "b", WAYS[1], names[::-1])
+    assert len(first) == 12 * len(names)
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [(3, 4, 5), (500, 60, 600), (70, 3000, 90), (5000, 64, 64), (64, 64, 5000), (90_000, 3, 3)],
+)
+def test_products_in_blocks_are_products(shape: tuple[int, int, int]) -> None:
+    m, k, n = shape
+    random = np.random.default_rng(3)
+    a, b = random.normal(size=(m, k)), random.normal(size=(k, n))
+    size = np.sqrt(k)
+    assert np.abs(product(a, b) - a @ b).max() <= 1e-13 * size**2
+    assert np.abs(product(a, b[:, 0]) - a @ b[:, 0]).max() <= 1e-13 * size**2
+    assert np.abs(product(a[0], b) - a[0] @ b).max() <= 1e-13 * size**2
+
+
+@pytest.mark.parametrize("size", [1, 60, 73, 200])
+def test_systems_are_solved_with_pivots(size: int) -> None:
+    random = np.random.default_rng(4)
+    matrix = random.normal(size=(size, size))
+    matrix[0, 0] = 0.0 if size > 1 else 1.0
+    right = random.normal(size=(size, 3))
+    assert solve(matrix, right) == pytest.approx(np.linalg.solve(matrix, right), rel=1e-8)
+    assert solve(matrix, right[:, 0]) == pytest.approx(solve(matrix, right)[:, 0], rel=1e-12)
+    assert product(matrix, inverse(matrix)) == pytest.approx(np.eye(size), abs=1e-9)
+
+
+def test_a_singular_system_is_said_to_be() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        solve(np.ones((80, 80)), np.ones(80))
