@@ -79,7 +79,7 @@ def sample_blue(checked: CheckedMap, count: int, seed: int = 0) -> PointSet:
     points = analysis.map.points(*local.T)
     tree = cKDTree(points)
     low, high = 0.0, 2.0 * float(np.cbrt(checked.mass.volume / count))
-    kept = np.arange(count)
+    kept: NDArray[np.int_] = np.arange(count)
     for _ in range(12):
         middle = (low + high) / 2
         found = _apart(tree, len(points), middle)

@@ -205,7 +205,7 @@ def _numbers(analysis: Analysis, counts: dict[Piece, int]) -> list[Integers]:
         inner = counts[d, position] - 1
         rows.append(np.array([edge.start, *range(start, start + inner), edge.end]))
         start += inner
-    result = []
+    result: list[Integers] = []
     for face in boundary.faces:
         n, m = (counts[d, p] for d, p in enumerate(face.patch) if p % 2)
         numbers = np.arange(start, start + (n + 1) * (m + 1)).reshape(n + 1, m + 1)

@@ -103,17 +103,29 @@ def test_options_are_refused_where_they_clash() -> None:
         CompileOptions(profile="quartic")
 
 
-@pytest.mark.parametrize("verb", ["build", "check", "spline", "render", "view", "study"])
+@pytest.mark.parametrize("verb", ["build", "check", "spline", "render", "view", "study", "mesh"])
 def test_every_verb_that_makes_splines_takes_their_options(
     verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    endings = {"build": "p.step", "spline": "p.xml", "render": "p.png", "view": "p.html"}
+    endings = {
+        "build": "p.step",
+        "spline": "p.xml",
+        "render": "p.png",
+        "view": "p.html",
+        "mesh": "p.vtu",
+    }
     output = [] if verb == "check" else ["-o", str(tmp_path / endings.get(verb, "folder"))]
     vary = ["--vary", "p=0.2:0.4:2"] if verb == "study" else []
     code = main([verb, "pyramid_cut", "--degree", "3", "--max-degree", "5", *output, *vary])
     assert code == 2
     assert "give one" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_hexahedra_have_no_tolerance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = str(tmp_path / "p.vtu")
+    assert main(["mesh", "pyramid_cut", "--tolerance", "0.1", "-o", output]) == 2
+    assert "hexahedra are of the equation itself" in capsys.readouterr().err
 
 
 def test_cadquerys_functions_take_all_options() -> None:

@@ -10,16 +10,19 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from pc2cad.cli.inputs import (
+    add_options,
     add_template,
     bind,
     check_different,
     load_one,
     named,
     read_length,
+    read_options,
     read_triple,
 )
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError
+from pc2cad.options import DEFAULTS
 
 if TYPE_CHECKING:
     from pc2cad.mesh.grid import Grading
@@ -61,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="let cells grow along u, v or w: last over first (w=4), or middle over both ends "
         "(w=4,both) (repeatable)",
     )  # fmt: skip
+    add_options(parser)
     parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
 
@@ -69,6 +73,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Mesh the template and write every file."""
     template, path = load_one(arguments)
     equation = bind(template, arguments)
+    wanted = read_options(arguments)
+    if wanted != DEFAULTS and not arguments.tetrahedra:
+        raise InputError(
+            "--tolerance, --degree, --max-degree and --profile are for the B-rep that --tetrahedra "
+            "are made of; hexahedra are of the equation itself"
+        )
     with Progress(arguments.quiet) as progress:
         progress("load NumPy and SciPy")
         from pc2cad.compiler import mesh_equation
@@ -83,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         reports = () if arguments.report is None else (arguments.report,)
         check_different((*arguments.outputs, *reports), path)
         with named(arguments.template):
-            mesh, report = mesh_equation(equation, options, progress)
+            mesh, report = mesh_equation(equation, options, progress, wanted)
         for output in arguments.outputs:
             progress(f"write {os.path.basename(output)}")
             write_mesh(mesh, output)

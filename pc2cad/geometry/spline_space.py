@@ -134,6 +134,7 @@ class SplineSpace:
     @cached_property
     def _projector(self) -> Callable[[Array], Array]:
         sites, weights = self._rule
+        owner: Indices
         if self.seam is None:
             first, values = local_basis(self.knots, self.degree, sites)
             owner, size = np.arange(self.size), self.size

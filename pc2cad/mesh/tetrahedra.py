@@ -149,12 +149,12 @@ def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[list[Ints], l
     They are in gmsh's numbers of nodes.
     """
     size = TETRAHEDRON.size(order)
-    volumes = []
+    volumes: list[Ints] = []
     for _, tag in gmsh.model.getEntities(3):
         _, _, nodes = gmsh.model.mesh.getElements(3, tag)
         rows = [np.asarray(n, dtype=np.int64).reshape(-1, size) for n in nodes]
         volumes += [row[:, _FROM_GMSH[order]] for row in rows]
-    triangles = []
+    triangles: list[Ints] = []
     for tag in surfaces:
         _, _, nodes = gmsh.model.mesh.getElements(2, tag)
         rows = [np.asarray(n, dtype=np.int64).reshape(-1, 3 * order)[:, :3] for n in nodes]
