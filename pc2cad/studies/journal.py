@@ -20,6 +20,8 @@ from pc2cad.errors import FileNotWrittenError, InputError
 from pc2cad.studies.variant import Outcome
 
 NAME = "journal.jsonl"
+#: bytes of one line
+LONGEST_LINE = 1024 * 1024
 
 
 class JournalInUseError(InputError):
@@ -57,8 +59,8 @@ class Journal:
 
     def _begin(self, fingerprint: str, resume: bool, folder: Path) -> None:
         self._file.seek(0)
-        whole, lines = _read(self._file.read())
-        header = next(lines, None)
+        lines = _read(self._file)
+        header, whole = next(lines, (None, 0))
         if header is None:
             self._file.truncate(0)
             self._append([{"study": fingerprint}])
@@ -73,10 +75,16 @@ class Journal:
                 f"{folder} holds this study already; go on with it by --resume, or choose another "
                 "folder"
             )
-        self._file.truncate(whole)
-        for line in lines:
-            outcome = Outcome.from_dict(line)
+        for line, end in lines:
+            try:
+                outcome = Outcome.from_dict(line)
+            except TypeError as error:
+                raise StudyDiffersError(
+                    f"{folder} holds a journal with a line that is no outcome, at byte {whole}"
+                ) from error
             self.outcomes[outcome.key] = outcome
+            whole = end
+        self._file.truncate(whole)
 
     def add(self, outcomes: Sequence[Outcome]) -> None:
         """Append what ended together and bring it to the disk at once."""
@@ -107,20 +115,19 @@ class Journal:
             self._file.close()
 
 
-def _read(data: bytes) -> tuple[int, Iterator[dict[str, Any]]]:
-    """Return the length of the whole lines, and what they hold."""
-    lines = []
-    whole = 0
-    for line in data.splitlines(keepends=True):
+def _read(file: BinaryIO) -> Iterator[tuple[dict[str, Any], int]]:
+    """Yield what each whole line holds, and where it ends; stop at the first that is torn.
+
+    No line is longer than what one outcome takes: the rest of a file without line ends stays unread.
+    """
+    while (line := file.readline(LONGEST_LINE)).endswith(b"\n"):
         try:
-            parsed = json.loads(line) if line.endswith(b"\n") else None
-        except ValueError:
-            parsed = None
+            parsed = json.loads(line)
+        except (ValueError, RecursionError):
+            return
         if not isinstance(parsed, dict):
-            break
-        lines.append(parsed)
-        whole += len(line)
-    return whole, iter(lines)
+            return
+        yield parsed, file.tell()
 
 
 def _lock(file: BinaryIO, folder: Path) -> None:
