@@ -6,7 +6,7 @@ import math
 import re
 from decimal import Decimal
 from fractions import Fraction
-from typing import Final
+from typing import Any, Final
 
 from pc2cad.errors import InputError
 
@@ -24,7 +24,7 @@ class NotANumberError(ValueDomainError):
     """What is given in the place of a number is none, or not a finite one."""
 
 
-def exact(value: object) -> Fraction:
+def exact(value: Any) -> Fraction:
     """Return the exact value of a number; a float means the decimal it prints as.
 
     Texts such as ``1/3`` and ``0.5``, NumPy's numbers and short decimals are taken as well. Raises
@@ -42,9 +42,7 @@ def exact(value: object) -> Fraction:
     if isinstance(value, Decimal) and not (value.is_finite() and abs(value.adjusted()) < 100):
         raise NotANumberError(f"{value} is outside the range 1e-60 to 1e60")
     try:
-        return Fraction(value)  # type: ignore[arg-type]
+        return Fraction(value)
     except (TypeError, ValueError, OverflowError):
         found = type(value).__name__
-        raise NotANumberError(
-            f"a number is needed, and something else ({found}) was given"
-        ) from None
+        raise NotANumberError(f"a number is needed, and a {found} was given") from None

@@ -1,4 +1,4 @@
-"""What was found of the nodes that were looked at last, so that chains of definitions stay linear."""
+"""What was found of the last nodes, so that work on chains of definitions stays linear."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A look at the text of a template before it is parsed, and at what was parsed before it is read.
 
-Parsers of TOML take quadratic time and memory for keys of many parts, and a level of their own stack
-for every bracket. One pass over the text, which knows strings and comments and nothing else, refuses
-such texts first.
+Parsers of TOML take quadratic time and memory for keys of many parts, and a level of their own
+stack for every bracket. One pass over the text, which knows strings and comments and nothing else,
+refuses such texts first.
 """
 
 from __future__ import annotations

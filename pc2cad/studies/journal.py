@@ -118,7 +118,7 @@ class Journal:
 def _read(file: BinaryIO) -> Iterator[tuple[dict[str, Any], int]]:
     """Yield what each whole line holds, and where it ends; stop at the first that is torn.
 
-    No line is longer than what one outcome takes: the rest of a file without line ends stays unread.
+    No line is longer than what one outcome takes: a file without line ends stays unread.
     """
     while (line := file.readline(LONGEST_LINE)).endswith(b"\n"):
         try:

@@ -30,7 +30,7 @@ _NUMBERS: Final = ("BOOLEAN", "INT32", "INT64", "FLOAT", "DOUBLE")
 
 
 def read_table(path: Path) -> Plan:
-    """Read the variants of a table; raise PlanError where it is none, or holds more than a study."""
+    """Read the variants of a table; raise PlanError where it is none, or larger than a study."""
     if not path.is_file():
         raise PlanError(f"{path}: there is no such file")
     if path.stat().st_size > LARGEST_TABLE:
