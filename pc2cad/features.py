@@ -90,9 +90,9 @@ def _fit(
         return None
     columns, inverse = _fitting(moving)
     if good.all():
-        coefficients = inverse @ found
+        coefficients: Array = inverse @ found
     else:
-        coefficients, *_ = np.linalg.lstsq(columns[good], found[good], rcond=None)
+        coefficients = np.asarray(np.linalg.lstsq(columns[good], found[good], rcond=None)[0])
     surface = _Surface(values, spans, moving, coefficients)
     rest = np.where(good, np.abs(found - columns @ coefficients), 0.0)
     least = max(ROUNDING * float(np.abs(found[good]).max()), PEAKED * float(np.median(rest)))
@@ -111,7 +111,7 @@ def _scatter() -> Array:
 def _fitting(moving: tuple[int, ...]) -> tuple[Array, Array]:
     """Return the cubic monomials in the scattered places, and what makes coefficients of values."""
     columns = _columns(_scatter()[:, moving])
-    return columns, np.linalg.pinv(columns)
+    return columns, np.asarray(np.linalg.pinv(columns), dtype=np.float64)
 
 
 def _places(spans: Array, share: Array) -> Array:

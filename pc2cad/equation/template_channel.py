@@ -214,6 +214,9 @@ def _parts(tables: Tables, key: str, raw: object, interval: tuple[Value, Value])
         tables.fail(f"{key} parts", f"has at most {MOST_PARTS} guides, here are {len(raw)}")
     from pc2cad.equation import guides
 
+    rows = [part.get("points") for part in raw]
+    if sum(len(row) for row in rows if isinstance(row, list)) > guides.MOST_PARTS:
+        tables.fail(f"{key} parts", f"have more than {guides.MOST_PARTS} points in all")
     found: list[Guide] = []
     for i, part in enumerate(raw):
         if part.get("kind") == "composite":
