@@ -148,8 +148,8 @@ class _Channel:
         u, v, w = np.ix_(self._axes[0], self._axes[1][::4], self._axes[2])
         tangent, q, *_ = self._vectors(self._section, u, v, w)
         size = _length(tangent) * _length(q).max()
-        cosine = np.abs(_product(tangent, q)) / size
-        return bool(np.isfinite(cosine).all() and cosine.max() <= PERPENDICULAR)
+        # also where the guide stands still, and has no direction
+        return bool((np.abs(_product(tangent, q)) <= PERPENDICULAR * size).all())
 
     # -- the limits ---------------------------------------------------------------------------
 
@@ -262,7 +262,9 @@ class _Channel:
         u = self._axes[0]
         fine = np.unique(np.concatenate([u, (u[1:] + u[:-1]) / 2]))
         _, first = self._curve(fine)
-        direction = first / _norm(first)[:, None]
+        speed = _norm(first)
+        moving = speed > 0  # where the guide stands still, its neighbours tell how it turns
+        direction = first[moving] / speed[moving, None]
         turning = np.arccos(np.clip((direction[1:] * direction[:-1]).sum(axis=1), -1, 1)).sum()
         count = int(np.clip(24 * turning, 200, MOST_STRANDS))
         u = (np.arange(count) + 0.5) / count

@@ -19,6 +19,7 @@ from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import walk
 from pc2cad.errors import NotASolidError
 from pc2cad.exact_integrals import ExactIntegrals, exact_integrals
+from pc2cad.features import find_features
 from pc2cad.folding import Signs
 from pc2cad.geometry.bernstein import degree_in
 from pc2cad.linear import product
@@ -91,7 +92,8 @@ def integrate(analysis: Analysis) -> Properties:
         whole = exact
         moments, error = _total(densities.volume, [p.rule() for p in exact]), EXACT
     else:
-        whole = [_panels(densities.volume, _limits(analysis), d) for d in range(3)]
+        features = _features(densities.measure, _limits(analysis))
+        whole = [_panels(densities.volume, _limits(analysis), d, features) for d in range(3)]
         found = [_integral(densities.volume, part) for part in _layers(analysis, whole)]
         layers, errors = [m for m, _ in found], [e for _, e in found]
         moments, error = np.sum(layers, axis=0), max(errors)
@@ -109,7 +111,7 @@ def integrate(analysis: Analysis) -> Properties:
             errors.append(EXACT)
             continue
         density = densities.area_of(face.patch)
-        panels = [_on_face(density, analysis, face.patch, whole, d) for d in range(3)]
+        panels = _on_face(density, analysis, face.patch, whole)
         area, face_error = _integral(density, panels)
         areas.append(float(area[0]))
         errors.append(face_error)
@@ -228,6 +230,12 @@ class _Densities:
                 values[1 + axis] = (points[..., axis] - centre) * determinant
         return Samples(np.moveaxis(values, 0, -1), size, points, np.stack(tangents))
 
+    def measure(self, u: Array, v: Array, w: Array) -> Samples:
+        """Return det J alone, and note no sign."""
+        a, b, c = self.analysis.map.tangents((0, 1, 2), u, v, w)
+        values = np.einsum("...i,...i->...", a, np.cross(b, c))
+        return Samples(values[..., None], np.abs(values))
+
     def area_of(self, patch: Cell) -> _Density:
         """Return the function that gives |M_s × M_t| on a patch."""
         s, t = directions_of(patch)
@@ -248,11 +256,22 @@ def _length(x: Array, y: Array, z: Array) -> Array:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def _panels(density: _Density, limits: list[list[float]], direction: int) -> Panels:
+def _features(density: _Density, limits: list[list[float]]) -> Array:
+    """Return places (m, 3) where a density stands out of its surroundings."""
+    spans = np.array([(row[0], row[-1]) for row in limits])
+    return find_features(lambda places: density(*places.T).values[:, 0], spans)
+
+
+def _panels(
+    density: _Density, limits: list[list[float]], direction: int, features: Array
+) -> Panels:
     """Return panels that resolve a density along one direction of a cell with such limits."""
     others = [d for d in range(3) if d != direction]
     spans = [(limits[d][0], limits[d][-1]) for d in others]
-    across = [low + (high - low) * _LINES[:, k] for k, (low, high) in enumerate(spans)]
+    across = [
+        np.append(low + (high - low) * _LINES[:, k], features[:, others[k]])
+        for k, (low, high) in enumerate(spans)
+    ]
 
     def sample(t: Array) -> Samples:
         places: list[Array] = [t[:, None]] * 3
@@ -262,7 +281,8 @@ def _panels(density: _Density, limits: list[list[float]], direction: int) -> Pan
         tangents = None if seen.tangents is None else seen.tangents[direction]
         return Samples(seen.values, seen.terms, seen.points, tangents)
 
-    return resolve(sample, limits[direction], look=all(len(set(row)) > 1 for row in limits))
+    look = all(len(set(row)) > 1 for row in limits)
+    return resolve(sample, limits[direction], look, len(features))
 
 
 def _limits(analysis: Analysis, patch: Cell | None = None) -> list[list[float]]:
@@ -276,16 +296,20 @@ def _limits(analysis: Analysis, patch: Cell | None = None) -> list[list[float]]:
 
 
 def _on_face(
-    density: _Density, analysis: Analysis, patch: Cell, whole: list[Panels], direction: int
-) -> Panels:
+    density: _Density, analysis: Analysis, patch: Cell, whole: list[Panels]
+) -> list[Panels]:
     """Return panels for a patch; where the volume needed panels, its area may well need them."""
     limits = _limits(analysis, patch)
-    low, high = limits[direction][0], limits[direction][-1]
-    if low == high:
-        return single(low)
-    inner = [float(x) for x in whole[direction].limits if low < x < high]
-    limits[direction] = [low, *inner, high]
-    return _panels(density, limits, direction)
+    features = _features(density, limits)
+    found = []
+    for direction, (low, *_, high) in enumerate(limits):
+        if low == high:
+            found.append(single(low))
+            continue
+        inner = [float(x) for x in whole[direction].limits if low < x < high]
+        refined = [*limits[:direction], [low, *inner, high], *limits[direction + 1 :]]
+        found.append(_panels(density, refined, direction, features))
+    return found
 
 
 def _integral(density: _Density, panels: list[Panels]) -> tuple[Array, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pc2cad.equation import curves
@@ -58,6 +58,8 @@ def points(**coordinates: Sequence[Expr | Number]) -> tuple[Combination, ...]:
     For example ``A, B = points(A=(4, 0, 0), B=(1, 5, 1))``.
     """
     for name, given in coordinates.items():
+        if not isinstance(given, Iterable) or isinstance(given, str):
+            raise InputError(f"the point {name} is three coordinates (x, y, z)")
         if len(given) != 3:
             raise InputError(f"the point {name} has {len(given)} coordinates instead of 3")
     return tuple(point(*given) for given in coordinates.values())

@@ -27,6 +27,9 @@ CONVERGED = 1e-13
 ROUNDING = 1e-10
 #: nodes of one direction, and length of a panel, at which it gives up
 MOST_NODES, SHORTEST = 60_000, 1e-13
+#: how much less the integral along a line through a feature counts than one along a common line:
+#: it stands for a small share of the box
+LENIENT = 1e4
 #: length of a panel below which a step in it is left alone: rounding of a root makes such steps
 STEEPEST = 1e-6
 #: nodes along which the accepted panels are looked at once more
@@ -97,12 +100,16 @@ def _nodes(low: Array, high: Array, orders: NDArray[np.int_]) -> tuple[Array, Ar
     return middle + half * x, half * weight
 
 
-def resolve(sample: Sampler, limits: Sequence[float], look: bool = False) -> Panels:
+def resolve(
+    sample: Sampler, limits: Sequence[float], look: bool = False, features: int = 0
+) -> Panels:
     """Return panels between the limits (breaks stay limits) that integrate the samples.
 
-    With `look`, accepted panels are seen at other places as well before they are believed.
+    With `look`, accepted panels are seen at other places as well before they are believed. The
+    last `features` lines run through features (see `features.find_features`): an error there counts
+    `LENIENT` times less.
     """
-    work = _Work(sample, np.asarray(limits, dtype=float))
+    work = _Work(sample, np.asarray(limits, dtype=float), features)
     with np.errstate(all="ignore"):  # what is not finite is refined, and shows in the error
         while work.step():
             pass
@@ -115,8 +122,9 @@ def resolve(sample: Sampler, limits: Sequence[float], look: bool = False) -> Pan
 class _Work:
     """The panels under way: open ones are refined, accepted ones are kept."""
 
-    def __init__(self, sample: Sampler, limits: Array) -> None:
+    def __init__(self, sample: Sampler, limits: Array, features: int) -> None:
         self._sample = sample
+        self._features = features
         n = len(limits) - 1
         self.low, self.high = limits[:-1].copy(), limits[1:].copy()
         self.order = np.full(n, ORDERS[0])
@@ -164,14 +172,14 @@ class _Work:
         self.order[index] = np.maximum(self.order[index], ORDERS[1])
         return [[int(self.order[i])] for i in index]
 
-    def _climb(self, i: int, rows: Sequence[_Part], scale: float, noise: float) -> bool:
+    def _climb(self, i: int, rows: Sequence[_Part], scale: Array, noise: float) -> bool:
         """Take the integrals of ascending orders in; return whether the panel may stay whole."""
         last = rows[-1][0]
         for value, _, _, miss in rows:
             old = self._known[i]
             # what all orders that are known say of this one
-            change = np.inf if old is None else float(np.abs((value - old, last - old)).max())
-            change = change / scale if np.isfinite(change) else np.inf
+            gap = np.inf if old is None else np.abs((value - old, last - old)) / scale
+            change = float(np.max(gap)) if np.isfinite(gap).all() else np.inf
             self._known[i] = value
             self._before[i], self._change[i] = self._change[i], change
             if old is not None and self._accept(i, change, noise, miss):
@@ -232,11 +240,17 @@ class _Work:
         self.open = joined(self.open.astype(float), 1.0).astype(bool)
         self.low, self.high = low[order], high[order]
 
-    def _scale(self) -> tuple[float, float]:
-        """Return the largest integral of absolute values, and its relative rounding."""
+    def _scale(self) -> tuple[Array, float]:
+        """Return per line (L, 1) what an error is relative to, and the relative rounding.
+
+        That is the largest integral of absolute values.
+        """
         sizes = [s for s in self._size if s is not None]
         total = np.sum(sizes, axis=0)
-        scale = max(float(np.nanmax(total)), 1e-300)
+        common = len(total) - self._features
+        scale = np.full((len(total), 1), max(float(np.nanmax(total[:common])), 1e-300))
+        own = np.nanmax(total[common:], axis=1, initial=0.0)[:, None]
+        scale[common:] = LENIENT * np.maximum(scale[common:], own)
         first = max(float(np.nanmax(total[..., 0])), 1e-300)
         return scale, 64 * EPSILON * float(np.nansum(self._terms)) / first
 
@@ -282,7 +296,7 @@ class _Work:
         for i in range(len(self.low)):
             finer = np.sum([found[k][0] for k in range(i * parts, (i + 1) * parts)], axis=0)
             known = self._known[i]
-            gap = np.inf if known is None else float(np.abs(finer - known).max()) / scale
+            gap = np.inf if known is None else float((np.abs(finer - known) / scale).max())
             if gap > max(ROUNDING / 10, 10 * noise, 2 * self._left[i]):
                 different.append(i)
         self._halve(different)

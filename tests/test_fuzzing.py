@@ -6,7 +6,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from fuzzing import grammar, oracles
+from fuzzing import grammar, options, oracles
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,3 +44,14 @@ def test_the_grammar_makes_good_and_bad_texts() -> None:
     assert 60 < accepted < 340
     accepted = sum(oracles.read_template(grammar.template(random)) for _ in range(400))
     assert 4 < accepted < 340
+
+
+def test_random_options_and_environments_end_in_a_sentence(tmp_path: Path) -> None:
+    codes = options.campaign(30, 1, tmp_path)
+    assert codes[2] > 10
+    assert codes[0] > 3
+
+
+@pytest.mark.slow
+def test_a_thousand_random_options_and_environments_end_in_a_sentence(tmp_path: Path) -> None:
+    assert sum(options.campaign(1000, 2, tmp_path).values()) == 1000

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import atan, cosh, hypot, pi, sqrt
+from math import atan, cosh, erf, hypot, pi, sqrt
 
 import numpy as np
 import pytest
@@ -103,3 +103,29 @@ def test_what_is_not_resolved_is_not_claimed():
     found = integrated((U, V, W * (1 + pc.sqrt(U + V))))
     exact = 1 + 8 / 15 * (2 * sqrt(2) - 1)
     assert abs(found.volume / exact - 1) <= found.relative_error < 1e-5
+
+
+def peak(a: float) -> float:
+    """The integral of exp(-a (1-x)²) over [0, 1]."""
+    return sqrt(pi / a) / 2 * erf(sqrt(a))
+
+
+CORNERS = {
+    "(uv)^50": ((U * V) ** 50, 1 / 51**2),
+    "(uv)^500": ((U * V) ** 500, 1 / 501**2),
+    "(uv)^900": ((U * V) ** 900, 1 / 901**2),
+    "other corner": ((1 - U) ** 300 * V**200, 1 / 301 / 201),
+    "bell in a corner": (pc.exp(-1000 * ((1 - U) ** 2 + (1 - V) ** 2)), peak(1000) ** 2),
+    "sharp bell in a corner": (pc.exp(-1e5 * ((1 - U) ** 2 + (1 - V) ** 2)), peak(1e5) ** 2),
+    "on an edge": (pc.exp(-1e4 * ((1 - U) ** 2 + (V - 0.5) ** 2)), peak(1e4) * sqrt(pi / 1e4)),
+    "along an edge": (pc.exp(-1e4 * (1 - U) ** 2), peak(1e4)),
+    "inside": (pc.exp(-1e4 * ((U - 0.31) ** 2 + (V - 0.62) ** 2)), pi / 1e4),
+    "a corner of the box": ((U * V * W) ** 300, 1 / 301**2),
+    "two corners": ((U * V) ** 400 + ((1 - U) * (1 - V)) ** 400, 2 / 401**2),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_what_stands_out_in_a_corner_is_integrated(name):
+    bump, more = CORNERS[name]
+    check(integrated((U, V, W * (1 + bump))), 1 + more, claim=1e-6)

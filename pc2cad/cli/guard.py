@@ -36,6 +36,8 @@ GRACE = 5.0
 #: signals that somebody sends to end the command: the child gets them, and its fate is ours
 ENDING = ("SIGTERM", "SIGHUP", "SIGQUIT")
 INTERRUPTED = "interrupted"
+#: seconds, and GiB: nobody means more
+LARGEST_LIMIT = 1e9
 _KEPT = "what was being written is as it was before"
 
 
@@ -53,6 +55,14 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(guarded=True)
 
 
+def check_limits(seconds: float, memory: float, least: float) -> None:
+    """Raise InputError unless both limits are numbers from `least` (0: no limit) to a billion."""
+    for option, value in (("--time-limit", seconds), ("--memory-limit", memory)):
+        if not least <= value <= LARGEST_LIMIT:
+            kind = ", or 0 for none" if not least else ""
+            raise InputError(f"{option} {value:g}: takes a positive number up to 1e9{kind}")
+
+
 def guard(arguments: argparse.Namespace) -> int | None:
     """Fork; return None in the child, which does the work, and its exit code in the parent.
 
@@ -62,8 +72,7 @@ def guard(arguments: argparse.Namespace) -> int | None:
     if not getattr(arguments, "guarded", False):
         return None
     seconds, memory = arguments.time_limit, arguments.memory_limit
-    if not (seconds >= 0.0 and memory >= 0.0):
-        raise InputError("--time-limit and --memory-limit take positive numbers, or 0 for none")
+    check_limits(seconds, memory, 0.0)
     if getattr(arguments, "serve", False) or not hasattr(os, "fork"):
         return None
     reading, writing = os.pipe()

@@ -63,6 +63,16 @@ def insistent() -> Iterator[None]:
         sys.unraisablehook = sys.__unraisablehook__
 
 
+def expect_interruptions() -> None:
+    """Let Ctrl-C raise KeyboardInterrupt from here on, where it was waiting for somebody to do so.
+
+    Where interruptions are ignored (``nohup``) they stay so.
+    """
+    with suppress(ValueError):  # not in the main thread
+        if callable(signal.getsignal(signal.SIGINT)):
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def ignore_interruptions() -> None:
     """Let nothing disturb a process that is ending anyway."""
     with suppress(ValueError):  # not in the main thread

@@ -17,7 +17,7 @@ from importlib import import_module
 from typing import Any, Final, NoReturn
 
 from pc2cad.cli.guard import add_limits, guard
-from pc2cad.cli.interruption import ignore_interruptions, insistent
+from pc2cad.cli.interruption import expect_interruptions, ignore_interruptions, insistent
 from pc2cad.cli.output import complain, complain_at_length, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
 from pc2cad.isolation import forget_current_folder
@@ -112,6 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code; ``argv`` is without the command's name."""
     try:
         if argv is None:
+            expect_interruptions()
             forget_current_folder()
         tolerate_encodings()
         if argv is None and not sys.warnoptions and not _debugging():
@@ -144,6 +145,8 @@ def _run(argv: Sequence[str] | None) -> int:
         arguments = make_parser().parse_args(argv)
     except SystemExit as leaving:  # --help and --version
         return int(leaving.code or 0)
+    if arguments.verb in (*GUARDED, "study"):
+        _check_epoch()
     if argv is not None:  # within a program that calls `main`, the process is not ours
         return int(arguments.run(arguments))
     ended = guard(arguments)
@@ -151,6 +154,17 @@ def _run(argv: Sequence[str] | None) -> int:
         return ended
     with insistent():
         return int(arguments.run(arguments))
+
+
+def _check_epoch() -> None:
+    """Look at SOURCE_DATE_EPOCH first: libraries that are loaded later fail on what it may not be.
+
+    Empty, it means nothing, which some of them do not know.
+    """
+    from pc2cad.export.epoch import NAME, stated_time
+
+    if stated_time() is None:
+        os.environ.pop(NAME, None)
 
 
 def _verdict(error: BaseException) -> tuple[str, int]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from pc2cad.cli.guard import check_limits
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
@@ -21,6 +22,12 @@ from pc2cad.errors import InputError
 if TYPE_CHECKING:
     from pc2cad.studies.local import Limits
     from pc2cad.studies.run import Progress as State
+
+
+#: worker processes of one machine
+MOST_WORKERS = 1024
+#: seconds, or GiB, that a variant has at least
+LEAST_LIMIT = 1e-3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -163,10 +170,13 @@ def _formats(text: str) -> list[str]:
 def _limits(arguments: argparse.Namespace) -> Limits:
     from pc2cad.studies.local import Limits
 
-    if arguments.workers < 0 or min(arguments.time_limit, arguments.memory_limit) <= 0:
-        raise InputError("--workers, --time-limit and --memory-limit take positive numbers")
-    if not arguments.wait >= 0:
-        raise InputError("--wait takes a positive number")
+    if not 0 <= arguments.workers <= MOST_WORKERS:
+        raise InputError(f"--workers {arguments.workers}: takes a number up to {MOST_WORKERS}")
+    if arguments.stop_after < 0:
+        raise InputError(f"--stop-after {arguments.stop_after}: takes a positive number, or 0")
+    if not 0 <= arguments.wait < float("inf"):
+        raise InputError("--wait takes a positive number of seconds, or 0")
+    check_limits(arguments.time_limit, arguments.memory_limit, LEAST_LIMIT)
     memory = int(arguments.memory_limit * 1024**3)
     return Limits(arguments.time_limit, memory, wait=arguments.wait)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Mapping
 from contextlib import closing
 from itertools import product
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from pc2cad.equation.template import Parameter
     from pc2cad.viewer.page import Slider, Variant
 
+_COUNT = re.compile(r" *[0-9]{1,4} *\Z")
 #: a page holds every combination of its sliders' values
 MOST_VARIANTS = 64
 
@@ -162,7 +164,7 @@ def _stored(text: str, maker: _Maker) -> Slider:
     parameter, raw = _parameter(text, maker)
     if ":" in raw:
         bounds = raw.split(":")
-        if len(bounds) != 3 or not bounds[2].strip().isdigit() or not 1 < int(bounds[2]) <= 1000:
+        if len(bounds) != 3 or not _COUNT.match(bounds[2]) or not 1 < int(bounds[2]) <= 1000:
             raise InputError(f"--slider {text[:80]}: write LOW:HIGH:COUNT, COUNT from 2")
         low, high = (_number(text, bound) for bound in bounds[:2])
         steps = int(bounds[2]) - 1

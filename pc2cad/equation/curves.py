@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import atan2, dist, hypot, tan
 from typing import Final
 
@@ -224,8 +224,7 @@ def contour(nodes: Plane, handle: Expr, spacing: str = "uniform") -> Curve:
         if min(chords) == 0:
             raise SectionError("two points of the contour that follow each other are one place")
         shares = [Fraction(c / sum(chords)) for c in chords]
-    run = [sum(shares[:i], Fraction(0)) for i in range(k)]
-    breaks = (*run, Fraction(1))
+    breaks = (*accumulate(shares[:-1], initial=Fraction(0)), Fraction(1))
     widths = [b - a for a, b in pairwise(breaks)]
     axes = []
     for axis in (0, 1):

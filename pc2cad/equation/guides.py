@@ -258,6 +258,9 @@ def composite(guides: Sequence[Guide], corners: str = "refuse") -> Guide:
         raise GuideError("a composite guide needs at least one part")
     if len(guides) > 1 and any(g.closed for g in guides):
         raise GuideError("a closed guide cannot be a part of a composite one")
+    many = sum(len(g.parts) for g in guides)
+    if many > MOST_PARTS:
+        raise GuideError(f"a guide has at most {MOST_PARTS} parts, here are {many}")
     lengths = [_length(g) for g in guides]
     ends = [_ends(g) for g in guides]
     count, size = len(guides), sum(lengths)
@@ -282,8 +285,6 @@ def composite(guides: Sequence[Guide], corners: str = "refuse") -> Guide:
         ]
         run += own
     breaks[-1] = Fraction(1)
-    if len(parts) > MOST_PARTS:
-        raise GuideError(f"a guide has at most {MOST_PARTS} parts, here are {len(parts)}")
     mitred = sum(plane is not None for plane in planes)
     words = f"{count} guides joined ({f'G1, {mitred} corners mitred' if mitred else 'G1'})"
     return Guide(tuple(parts), tuple(breaks), closed, words)

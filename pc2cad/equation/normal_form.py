@@ -13,6 +13,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Final
 
+from pc2cad.equation.recent import Recent
 from pc2cad.equation.tree import ONE, PI, ZERO, Expr, call, div, mul, number, power, walk
 
 #: A monomial: (atom, exponent) pairs in a fixed order. Atoms are compared by identity.
@@ -22,6 +23,9 @@ NormalForm = dict[Monomial, Fraction]
 
 #: Normal forms with more terms than this are given up: a proof that large is not worth its time.
 LARGEST_FORM: Final = 3000
+#: the same for the angles of sines and cosines
+LARGEST_ANGLE: Final = 12
+_angles: Final[Recent[NormalForm]] = Recent()
 
 
 class _TooLargeError(Exception):
@@ -35,9 +39,13 @@ def normal_form(
 
     Sub-trees that are `whole` are atoms, whatever they are made of.
     """
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        return () if whole is not None and whole(node) else _inner(node)
+
     forms: dict[Expr, NormalForm] = {}
     try:
-        for node in walk((root,), whole and (lambda n: () if whole(n) else n.args)):
+        for node in walk((root,), below):
             atom = whole is not None and whole(node)
             forms[node] = {((node, 1),): Fraction(1)} if atom else _form_of(node, forms, largest)
     except _TooLargeError:
@@ -65,6 +73,21 @@ def tree_of(form: NormalForm) -> Expr:
     return total
 
 
+def _inner(node: Expr) -> tuple[Expr, ...]:
+    """Return the operands that the form is made of: none for an atom."""
+    if node.op in ("add", "neg", "mul"):
+        return node.args
+    if node.op == "div" or (node.op == "pow" and _is_repeated(node.args[1])):
+        return node.args[:1]
+    return ()
+
+
+def _is_repeated(exponent: Expr) -> bool:
+    if exponent.op != "number" or exponent.payload.denominator != 1:
+        return False
+    return bool(0 < exponent.payload <= 64)
+
+
 def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
     if node.op == "number":
         return {(): node.payload} if node.payload else {}
@@ -77,13 +100,11 @@ def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalF
     if node.op == "div":
         inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): Fraction(1)}
         return _product(forms[node.args[0]], inverse, largest)
-    if node.op == "pow" and node.args[1].op == "number":
-        exponent: Fraction = node.args[1].payload
-        if exponent.denominator == 1 and 0 < exponent <= 64:
-            result = forms[node.args[0]]
-            for _ in range(int(exponent) - 1):
-                result = _product(result, forms[node.args[0]], largest)
-            return result
+    if node.op == "pow" and _is_repeated(node.args[1]):
+        result = forms[node.args[0]]
+        for _ in range(int(node.args[1].payload) - 1):
+            result = _product(result, forms[node.args[0]], largest)
+        return result
     return {((node, 1),): Fraction(1)}
 
 
@@ -172,17 +193,49 @@ def split_turns(root: Expr) -> tuple[Fraction, Expr]:
     """Return (r, rest) with root = r·pi + rest, rest in a canonical order of its terms."""
     if root.op == "pieces":
         return Fraction(0), root
-    form = normal_form(root, largest=12)
+    form = _angle_form(root)
     if form is None:
         return Fraction(0), root
-    turns = form.pop(((PI, 1),), Fraction(0))
+    turns = form.get(((PI, 1),), Fraction(0))
     rest = ZERO
-    for monomial in sorted(form, key=_printed):
+    # printing a tree is dear: what stands alone needs no order
+    terms = [monomial for monomial in form if monomial != ((PI, 1),)]
+    for monomial in sorted(terms, key=_printed) if len(terms) > 1 else terms:
         term = number(abs(form[monomial]))
-        for atom, exponent in sorted(monomial, key=lambda item: repr(item[0])):
+        factors = sorted(monomial, key=_first_printed) if len(monomial) > 1 else monomial
+        for atom, exponent in factors:
             term = mul(term, power(atom, number(exponent)))
         rest = rest + term if form[monomial] > 0 else rest - term
     return turns, rest
+
+
+def _angle_form(root: Expr) -> NormalForm | None:
+    """Return the normal form of an angle, None beyond `LARGEST_ANGLE` terms.
+
+    Angles that are sums on top of one another are met one by one: forms are remembered.
+    """
+    forms: dict[Expr, NormalForm] = {}
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        known = _angles.get(node)
+        if known is None:
+            return _inner(node)
+        forms[node] = known
+        return ()
+
+    try:
+        for node in walk((root,), below):
+            if node not in forms:
+                forms[node] = _form_of(node, forms, LARGEST_ANGLE)
+                if _inner(node):
+                    _angles.keep(node, forms[node])
+    except _TooLargeError:
+        return None
+    return forms[root]
+
+
+def _first_printed(factor: tuple[Expr, int]) -> str:
+    return repr(factor[0])
 
 
 def _printed(monomial: Monomial) -> str:

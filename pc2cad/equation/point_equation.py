@@ -162,7 +162,8 @@ def _domain(limits: Domain) -> tuple[Interval, Interval, Interval]:
 
 
 def _coordinate(value: Any) -> Expr | Number:
-    if type(value).__module__.partition(".")[0] == "sympy":
+    # classes that SymPy makes for undefined functions belong to no module, but their parents do
+    if any(str(kind.__module__).partition(".")[0] == "sympy" for kind in type(value).__mro__):
         from pc2cad.equation.sympy_bridge import from_sympy
 
         return from_sympy(value)

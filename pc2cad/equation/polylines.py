@@ -7,10 +7,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from math import atan2, hypot, tan
+from typing import Final
 
 from pc2cad.equation.guides import Guide, GuideError, Part, U, Vector, spatial
 from pc2cad.equation.points import point, vector
 from pc2cad.equation.tree import Expr, call, number
+
+#: each is a part with a frame of its own, which takes milliseconds
+MOST_FILLETS: Final = 400
 
 # -- vectors of floats -----------------------------------------------------------------------------
 
@@ -125,6 +129,9 @@ def _radii(radius: float | Sequence[float], count: int) -> list[float]:
         raise GuideError(f"the polyline has {count} corners, and {len(radii)} radii were given")
     if not all(0 <= r < float("inf") for r in radii):
         raise GuideError("a fillet radius is 0 or more")
+    fillets = sum(r > 0 for r in radii)
+    if fillets > MOST_FILLETS:
+        raise GuideError(f"a polyline has at most {MOST_FILLETS} fillets, here are {fillets}")
     return radii
 
 

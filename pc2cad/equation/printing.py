@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from typing import Final
 
+from pc2cad.equation.recent import Recent
 from pc2cad.equation.tree import Expr, number, piece_rows, walk
 
 _SUM, _PRODUCT, _UNARY, _POWER, _ATOM = range(1, 6)
@@ -16,22 +18,42 @@ _SUM, _PRODUCT, _UNARY, _POWER, _ATOM = range(1, 6)
 _Part = tuple[str, int]
 
 
-def as_text(root: Expr, limit: int = 4000) -> str:
-    """Return the tree in the language of the templates, at most about `limit` characters."""
-    return _print(root, _text, limit)
+#: at most about so many characters
+LONGEST_TEXT: Final = 4000
+LONGEST_LATEX: Final = 8000
+_texts: Final[Recent[_Part]] = Recent()
 
 
-def as_latex(root: Expr, limit: int = 8000) -> str:
-    """Return the tree as LaTeX mathematics (without dollar signs)."""
-    return _print(root, _latex, limit)
+def as_text(root: Expr) -> str:
+    """Return the tree in the language of the templates, at most about `LONGEST_TEXT` characters."""
+    parts: dict[Expr, _Part] = {}
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        known = _texts.get(node)
+        if known is None:
+            return node.args
+        parts[node] = known
+        return node.args if node.op == "neg" else ()  # a difference prints what is under the sign
+
+    for node in walk((root,), below):
+        if node not in parts:
+            parts[node] = _cut(_text(node, parts), LONGEST_TEXT)
+            if node.args:
+                _texts.keep(node, parts[node])
+    return parts[root][0]
 
 
-def _print(root: Expr, form: Callable[[Expr, dict[Expr, _Part]], _Part], limit: int) -> str:
+def as_latex(root: Expr) -> str:
+    """Return the tree as LaTeX mathematics (without dollar signs), cut as text is."""
     parts: dict[Expr, _Part] = {}
     for node in walk((root,)):
-        text, strength = form(node, parts)
-        parts[node] = (text, strength) if len(text) <= limit else (text[:limit] + "…", _ATOM)
+        parts[node] = _cut(_latex(node, parts), LONGEST_LATEX)
     return parts[root][0]
+
+
+def _cut(part: _Part, limit: int) -> _Part:
+    text, _ = part
+    return part if len(text) <= limit else (text[:limit] + "…", _ATOM)
 
 
 def _wrap(part: _Part, needed: int, opening: str = "(", closing: str = ")") -> str:

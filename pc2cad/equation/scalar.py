@@ -24,13 +24,19 @@ def evaluate(root: Expr, values: Mapping[str, float]) -> float:
 
 
 def evaluate_all(roots: tuple[Expr, ...], values: Mapping[str, float]) -> dict[Expr, float]:
-    """Return the values of the trees and of all their nodes (see `evaluate`)."""
+    """Return the values of the trees and of nodes below them (see `evaluate`)."""
     store: dict[Expr, float] = {}
-    for node in walk(roots):
+    # constants keep their values: definitions that use one another are looked at one by one
+    for node in walk(roots, lambda n: () if n.value is not None else n.args):
+        if node.value is not None:
+            store[node] = node.value
+            continue
         try:
             store[node] = _value(node, [store[arg] for arg in node.args], values)
         except (ValueError, ZeroDivisionError, OverflowError):
             store[node] = _NAN
+        if not node.symbols:
+            object.__setattr__(node, "value", store[node])
     return store
 
 

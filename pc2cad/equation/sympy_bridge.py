@@ -12,6 +12,7 @@ from functools import reduce
 from typing import Any
 
 import sympy
+from sympy.core.function import AppliedUndef
 
 from pc2cad.equation.functions import FUNCTIONS, PUBLIC_FUNCTIONS
 from pc2cad.equation.tree import (
@@ -43,6 +44,8 @@ def from_sympy(expression: Any) -> Expr:
 
     Floats stand for the decimals they print as.
     """
+    if not isinstance(expression, sympy.Basic):
+        raise NotTranslatableError(f"{type(expression).__name__} is no scalar expression of SymPy")
     done: dict[Any, Expr] = {}
     for node in sympy.postorder_traversal(expression):
         if node not in done:
@@ -63,6 +66,11 @@ def _tree(node: Any, args: list[Expr]) -> Expr:
         return reduce(add if node.is_Add else mul, args)
     if node.is_Pow:
         return call("exp", args[1]) if args[0] is E else power(args[0], args[1])
+    if isinstance(node, AppliedUndef):
+        raise NotTranslatableError(
+            f"{type(node).__name__} is a function without a definition; put an expression in its "
+            "place"
+        )
     name = _NAMES.get(type(node).__name__, type(node).__name__)
     if name in PUBLIC_FUNCTIONS and FUNCTIONS[name].arity == len(args):
         return call(name, *args)

@@ -118,6 +118,11 @@ class Template(Header):
 
     #: reads the template again with values for its parameters and other points
     _again: Callable[[Mapping[str, Expr], Mapping[str, Moved]], Template] = field(repr=False)
+    #: the values and points that it was read with
+    _given: tuple[Mapping[str, Expr], Mapping[str, Moved]] = field(repr=False)
+
+    def __reduce__(self) -> tuple[Callable[..., Template], tuple[Any, ...]]:
+        return self._again, self._given  # curves are functions, which do not pickle
 
     def move(self, points: Mapping[str, Moved]) -> Template:
         """Return the template with some of its points replaced by current points.
@@ -140,7 +145,10 @@ class Template(Header):
         ParameterRangeError outside min…max.
         """
         bound, moved = self.values(values)
-        return self._again(bound, moved)._equation(bound, partial(self._bind_moved, values or {}))
+        # what has no parameters has been read with all of them already
+        whole = not (bound or moved or any(self._given))
+        read = self if whole else self._again(bound, moved)
+        return read._equation(bound, partial(self._bind_moved, values or {}))
 
     def _bind_moved(self, values: Mapping[str, Any], points: Mapping[str, Moved]) -> PointEquation:
         self._check_names(points, [p.name for p in self.points], "point")

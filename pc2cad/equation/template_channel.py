@@ -124,8 +124,9 @@ def _curve(tables: Tables, key: str, kind: str, raw: dict[str, Any]) -> curves.C
     if "radius" not in raw:
         return curves.polygon(corners)
     radius = raw["radius"]
-    radii = radius if isinstance(radius, list) else [radius] * len(corners)
-    given = [tables.constant(f"{key} radius", r) for r in radii]
+    key = f"{key} radius"
+    radii = tables.few(key, radius) if isinstance(radius, list) else [radius] * len(corners)
+    given = [tables.constant(key, r) for r in radii]
     return curves.rounded_polygon(_bound(tables, corners), given)
 
 
@@ -197,7 +198,7 @@ def _guide(
         else:
             radius = raw.get("radius", 0)
             radii = (
-                [tables.real(f"{key} radius", r) for r in radius]
+                [tables.real(f"{key} radius", r) for r in tables.few(f"{key} radius", radius)]
                 if isinstance(radius, list) else tables.real(f"{key} radius", radius)
             )  # fmt: skip
             guide = polylines.polyline(points, radii, closed, str(raw.get("corners", "round")))
@@ -211,11 +212,18 @@ def _parts(tables: Tables, key: str, raw: object, interval: tuple[Value, Value])
         return tables.fail(f"{key} parts", "is a list of guides, [{ kind = …, … }, …]")  # type: ignore[no-any-return]
     if len(raw) > MOST_PARTS:
         tables.fail(f"{key} parts", f"has at most {MOST_PARTS} guides, here are {len(raw)}")
-    found = []
+    from pc2cad.equation import guides
+
+    rows = [part.get("points") for part in raw]
+    if sum(len(row) for row in rows if isinstance(row, list)) > guides.MOST_PARTS:
+        tables.fail(f"{key} parts", f"have more than {guides.MOST_PARTS} points in all")
+    found: list[Guide] = []
     for i, part in enumerate(raw):
         if part.get("kind") == "composite":
             tables.fail(f"{key} parts[{i}]", "a composite guide cannot be a part of another")
         found.append(_guide(tables, f"{key} parts[{i}]", part, (number(0), number(1)))[0])
+        if sum(len(guide.parts) for guide in found) > guides.MOST_PARTS:
+            tables.fail(f"{key} parts", f"are more than {guides.MOST_PARTS} in all")
     return found
 
 

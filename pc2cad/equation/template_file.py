@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import os
-import re
 import stat
 import tomllib
 from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
+from pc2cad.equation.budget import bounded
 from pc2cad.equation.template import Template, TemplateError
 from pc2cad.equation.template_bodies import BodiesTemplate, read_bodies
 from pc2cad.equation.template_reader import read_tables
+from pc2cad.equation.template_scan import check_numbers, check_text
 from pc2cad.names import clean
 
 LARGEST_FILE: Final = 256 * 1024
-#: the TOML parser takes quadratic time for keys of thousands of parts
-_DEEP_KEY: Final = re.compile(r"(?<![A-Za-z0-9_-])(?:[A-Za-z0-9_-]++[ \t]*+\.[ \t]*+){16}")
 
 
 def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
@@ -28,18 +27,21 @@ def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
 def parse_template(text: str, name: str, file: str = "template") -> Template | BodiesTemplate:
     """Return the template that a TOML text holds; `file` is named in messages."""
     name = clean(name) or "unnamed"
-    if _DEEP_KEY.search(text):
-        raise TemplateError(f"{file}: a dotted key is nested deeper than the format goes")
+    check_text(text, file)
     try:
         # as_float keeps decimals exact: 0.1 is one tenth
         data = tomllib.loads(text, parse_float=_decimal)
-    except (tomllib.TOMLDecodeError, ValueError) as error:
+    except tomllib.TOMLDecodeError as error:
         raise TemplateError(f"{file}: not valid TOML: {error}") from error
+    except ValueError as error:  # Python converts no decimals of over 4300 digits
+        raise TemplateError(f"{file}: a number has thousands of digits") from error
     except (RecursionError, MemoryError) as error:
         raise TemplateError(f"{file}: the TOML is nested too deeply") from error
-    if "bodies" in data or "result" in data:
-        return read_bodies(name, file, data)
-    return read_tables(name, file, data, {}, {})
+    check_numbers(data, file)
+    with bounded():
+        if "bodies" in data or "result" in data:
+            return read_bodies(name, file, data)
+        return read_tables(name, file, data, {}, {})
 
 
 def read_template_text(path: Path) -> str:

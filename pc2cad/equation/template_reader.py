@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final
 
+from pc2cad.equation.budget import bounded
 from pc2cad.equation.language import PARAMETER_NAMES, read_expression
 from pc2cad.equation.layers import depth
 from pc2cad.equation.point_equation import UNITS, Interval
 from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
+from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.template import Definition, Moved, Parameter, Template
 from pc2cad.equation.template_channel import attempt, read_curves, read_frame, read_guide
 from pc2cad.equation.template_tables import Tables, shown, written
@@ -25,6 +27,8 @@ TABLES: Final = (
 _EXPECTED: Final = (
     "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
 )  # fmt: skip
+#: those that are no counts
+_MEASURED: Final = ("volume", "area", "centroid")
 _CARRIERS: Final = (
     "plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bezier", "spline",
     "rational",
@@ -41,8 +45,10 @@ def read_tables(
     """Return the template that the tables of one solid hold.
 
     `bound` gives parameters their values and `moved` replaces points; `file` is named in messages.
+    Raises TemplateError for a mistake, also where the trees grow beyond all measure (see `budget`).
     """
-    return Reader(file, data, bound, moved).template(name)
+    with bounded():
+        return Reader(file, data, bound, moved).template(name)
 
 
 class Reader(Tables):
@@ -82,6 +88,7 @@ class Reader(Tables):
             guide=guide, frame=frame, carried=(*carried, *normals), layers=layers, lets=lets,
             domain=domain, solid=solid, M=M, expected=self._expected(),
             _again=partial(read_tables, name, self.file, self.data),
+            _given=(self._bound, self._moved),
         )  # fmt: skip
 
     def shared(self) -> dict[str, Any]:
@@ -230,6 +237,12 @@ class Reader(Tables):
             return tuple(rows), point(*trees)
         return self.fail("[solid]", "needs either M or all of x, y and z")  # type: ignore[no-any-return]
 
+    def _check_count(self, key: str, tree: Expr) -> None:
+        value = evaluate(tree, {})
+        exact = tree.payload.denominator == 1 if tree.op == "number" else value == round(value)
+        if not exact or (value < 0 and "euler" not in key):
+            self.fail(key, f"is a whole number, and {tree!r} was given")
+
     def _expected(self) -> dict[str, tuple[Expr, ...]]:
         table = dict(self.table("expect"))
         self.check_keys(table, _EXPECTED, "[expect] ")
@@ -248,5 +261,7 @@ class Reader(Tables):
             trees = tuple(self.scalar(key, value) for value in values)
             if any(not tree.symbols.isdisjoint(PARAMETER_NAMES) for tree in trees):
                 self.fail(key, "must not depend on u, v or w")
+            if name not in _MEASURED and not trees[0].symbols:
+                self._check_count(key, trees[0])
             result[name] = trees
         return result

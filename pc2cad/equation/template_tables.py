@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, Final
 
 from pc2cad.equation.language import RESERVED_NAMES, nearest, read_expression
 from pc2cad.equation.points import Combination, Value, kind_of
@@ -14,6 +14,9 @@ from pc2cad.equation.template import TemplateError
 from pc2cad.equation.tree import Expr, number, substitute
 from pc2cad.errors import InputError
 from pc2cad.names import is_identifier, visible
+
+#: entries of one table, points or radii of one list
+MOST_ENTRIES: Final = 2000
 
 
 class Tables:
@@ -51,6 +54,8 @@ class Tables:
         value = self.data.get(key, {})
         if not isinstance(value, dict):
             self.fail(key, f"must be a table, [{key}]")
+        if len(value) > MOST_ENTRIES:
+            self.fail(f"[{key}]", f"has {len(value)} entries, and at most {MOST_ENTRIES} are read")
         return dict(value)
 
     def scalar(self, key: str, raw: object, more: Mapping[str, Value] | None = None) -> Expr:
@@ -109,7 +114,14 @@ class Tables:
         if not plain:
             shown_row = "[x, y, z]" if width == 3 else "[x, y]"
             self.fail(key, f"is a list of points, [{shown_row}, …]")
-        return list(raw)  # type: ignore[call-overload,no-any-return]
+        return self.few(key, raw)
+
+    def few(self, key: str, raw: object) -> list[Any]:
+        """Return a list that is no longer than any is read."""
+        found = raw if isinstance(raw, list) else [raw]
+        if len(found) > MOST_ENTRIES:
+            self.fail(key, f"has {len(found)} entries, and at most {MOST_ENTRIES} are read")
+        return list(found)
 
     def bound(self, value: Value) -> Value:
         """Return a value with the parameters at their values."""

@@ -7,14 +7,15 @@ comparison of two references. Numbers are exact fractions; nothing is rounded in
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 from weakref import WeakValueDictionary
 from zlib import crc32
 
-from pc2cad.errors import InputError
+from pc2cad.equation.budget import spend
+from pc2cad.equation.exact import ValueDomainError as ValueDomainError
+from pc2cad.equation.exact import exact
 
 Number = int | float | Fraction
 
@@ -23,6 +24,9 @@ LARGEST_CONSTANT: Final = Fraction(10) ** 60
 #: Powers of numbers are folded exactly only while they stay this small.
 LARGEST_FOLDED_BITS: Final = 512
 LARGEST_EXPONENT: Final = 1000
+_SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
+#: Exact numbers are no longer than this: sums and products of sums double their length each time.
+LARGEST_BITS: Final = 4096
 
 _interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
 
@@ -43,10 +47,6 @@ class Layout(NamedTuple):
     closed: bool
 
 
-class ValueDomainError(InputError):
-    """A constant expression has no finite real value, or is out of the supported range."""
-
-
 class Expr:
     """A node: an operation, its operands, and a payload for leaves.
 
@@ -55,7 +55,7 @@ class Expr:
     (a piecewise polynomial, see `pieces`). Build nodes with the functions below, never directly.
     """
 
-    __slots__ = ("__weakref__", "args", "op", "payload", "rank", "symbols")
+    __slots__ = ("__weakref__", "args", "op", "payload", "rank", "symbols", "value")
 
     op: str
     args: tuple[Expr, ...]
@@ -64,9 +64,19 @@ class Expr:
     #: same order and rounds the same way; addresses would not
     rank: int
     symbols: frozenset[str]
+    #: of a tree without symbols, once `scalar.evaluate` has found it: its value as a float
+    value: float | None
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError("expression trees are frozen")
+
+    def __deepcopy__(self, _: object) -> Expr:
+        return self  # equal trees are one object
+
+    def __reduce__(self) -> tuple[Callable[..., Expr], tuple[Any, ...]]:
+        from pc2cad.equation.storing import stored
+
+        return stored(self)
 
     def __add__(self, other: Expr | Number) -> Expr:
         return add(self, as_expr(other)) if _is_scalar(other) else NotImplemented
@@ -114,9 +124,11 @@ def _is_scalar(value: object) -> bool:
     return isinstance(value, (Expr, int, float, Fraction)) and not isinstance(value, bool)
 
 
-def _make(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
+def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
+    """Return the one node of this content as it is, nothing folded."""
     key = (op, args, payload)
     node = _interned.get(key)
+    spend(len(args))
     if node is None:
         node = object.__new__(Expr)
         symbols: frozenset[str] = frozenset((payload,)) if op == "symbol" else frozenset()
@@ -125,7 +137,8 @@ def _make(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
                 symbols |= arg.symbols
         rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
         for name, value in (
-            ("op", op), ("args", args), ("payload", payload), ("rank", rank), ("symbols", symbols)
+            ("op", op), ("args", args), ("payload", payload), ("rank", rank),
+            ("symbols", symbols), ("value", None),
         ):  # fmt: skip
             object.__setattr__(node, name, value)
         _interned[key] = node
@@ -134,14 +147,18 @@ def _make(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
 
 def number(value: Number) -> Expr:
     """Return the exact number; a float means the decimal it prints as (0.1 is 1/10)."""
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise ValueDomainError(f"{value} is not a finite number")
-        value = Fraction(repr(float(value)))
-    value = Fraction(value)
+    if type(value) is not Fraction:
+        value = exact(value)
+    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
+    if bits < _SAFE_BITS:  # nearly all numbers are short, and comparing fractions is slow
+        return intern("number", (), value)
     if abs(value) > LARGEST_CONSTANT or 0 < abs(value) < 1 / LARGEST_CONSTANT:
         raise ValueDomainError("a constant is outside the range 1e-60 to 1e60")
-    return _make("number", (), value)
+    if bits > LARGEST_BITS:
+        raise ValueDomainError(
+            f"an exact constant has over {LARGEST_BITS * 3 // 10} digits; round it to a decimal"
+        )
+    return intern("number", (), value)
 
 
 def as_expr(value: Expr | Number) -> Expr:
@@ -151,11 +168,11 @@ def as_expr(value: Expr | Number) -> Expr:
 
 def symbol(name: str) -> Expr:
     """Return the symbol `name` (a parameter of the box or of the template)."""
-    return _make("symbol", (), name)
+    return intern("symbol", (), name)
 
 
-PI: Final = _make("constant", (), "pi")
-E: Final = _make("constant", (), "e")
+PI: Final = intern("constant", (), "pi")
+E: Final = intern("constant", (), "e")
 ZERO: Final = number(0)
 ONE: Final = number(1)
 
@@ -170,7 +187,7 @@ def add(a: Expr, b: Expr) -> Expr:
         return number(a.payload + b.payload)
     if (b.op == "neg" and b.args[0] is a) or (a.op == "neg" and a.args[0] is b):
         return ZERO
-    return _make("add", (a, b))
+    return intern("add", (a, b))
 
 
 def neg(a: Expr) -> Expr:
@@ -179,7 +196,7 @@ def neg(a: Expr) -> Expr:
         return number(-a.payload)
     if a.op == "neg":
         return a.args[0]
-    return _make("neg", (a,))
+    return intern("neg", (a,))
 
 
 def mul(a: Expr, b: Expr) -> Expr:
@@ -196,7 +213,7 @@ def mul(a: Expr, b: Expr) -> Expr:
         return neg(mul(neg(a), b))
     if _is_negative(b):
         return neg(mul(a, neg(b)))
-    return _make("mul", (a, b))
+    return intern("mul", (a, b))
 
 
 def _is_negative(a: Expr) -> bool:
@@ -218,7 +235,7 @@ def div(a: Expr, b: Expr) -> Expr:
         return neg(div(neg(a), b))
     if _is_negative(b):
         return neg(div(a, neg(b)))
-    return _make("div", (a, b))
+    return intern("div", (a, b))
 
 
 def power(a: Expr, b: Expr) -> Expr:
@@ -235,7 +252,7 @@ def power(a: Expr, b: Expr) -> Expr:
             return call("sqrt", a)
         if a.op == "number":
             return _power_of_number(a, exponent, b)
-    return _make("pow", (a, b))
+    return intern("pow", (a, b))
 
 
 def _power_of_number(a: Expr, exponent: Fraction, b: Expr) -> Expr:
@@ -249,7 +266,7 @@ def _power_of_number(a: Expr, exponent: Fraction, b: Expr) -> Expr:
     bits = max(abs(base.numerator).bit_length(), base.denominator.bit_length())
     if exponent.denominator == 1 and bits * abs(exponent.numerator) <= LARGEST_FOLDED_BITS:
         return number(base**exponent.numerator)
-    return _make("pow", (a, b))
+    return intern("pow", (a, b))
 
 
 def call(name: str, *args: Expr) -> Expr:
@@ -257,7 +274,7 @@ def call(name: str, *args: Expr) -> Expr:
     from pc2cad.equation.functions import fold
 
     folded = fold(name, args)
-    return folded if isinstance(folded, Expr) else _make(name, folded)
+    return folded if isinstance(folded, Expr) else intern(name, folded)
 
 
 def pieces(
@@ -289,7 +306,8 @@ def pieces(
             value = value * (t - breaks[index]) + coefficient
         return value
     flat = tuple(c for row in rows for c in row)
-    return _make("pieces", (arg, *flat), Layout(breaks, width, smoothness, closed))
+    spend(4 * len(flat))
+    return intern("pieces", (arg, *flat), Layout(breaks, width, smoothness, closed))
 
 
 def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
@@ -356,7 +374,8 @@ def walk(
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:
     """Return the trees with symbols replaced and everything folded anew."""
-    names = frozenset(name for name, value in values.items() if value is not symbol(name))
+    found = frozenset[str]().union(*(root.symbols for root in roots))
+    names = frozenset(name for name in found & values.keys() if values[name] is not symbol(name))
     if not names:
         return roots
     done: dict[Expr, Expr] = {}

@@ -6,12 +6,12 @@ No kernel is imported here; kernel handles are typed `Any`.
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any, Literal
 
 from pc2cad.errors import InputError
+from pc2cad.export.epoch import stated_time
 
 #: Length units of a model, each with its length in millimetres.
 UNITS_IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
@@ -144,18 +144,7 @@ class ExportOptions:
         """
         if self.timestamp is not None:
             return _checked_time(self.timestamp)
-        epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-        if not epoch:
-            return _iso(datetime.now(UTC))
-        try:
-            if not (epoch.isascii() and epoch.isdigit()):
-                raise ValueError(epoch)
-            return _iso(datetime.fromtimestamp(int(epoch), UTC))
-        except (ValueError, OverflowError, OSError):
-            raise InputError(
-                f"SOURCE_DATE_EPOCH is {epoch[:40]!r}; it must be a whole number of seconds "
-                "since 1970."
-            ) from None
+        return _iso(stated_time() or datetime.now(UTC))
 
 
 def _iso(moment: datetime) -> str:

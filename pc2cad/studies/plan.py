@@ -6,15 +6,12 @@ before the first one is built, and counted before it is laid out.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
-from pathlib import Path
 from typing import Final
 
 from pc2cad.equation.language import nearest, read_expression
@@ -26,7 +23,11 @@ from pc2cad.errors import InputError
 
 #: more variants than this are taken for a slip of the pen
 MOST_VARIANTS: Final = 1_000_000
-LARGEST_TABLE: Final = 64 * 1024 * 1024
+#: parameters that vary, and values of all variants together
+MOST_AXES: Final = 256
+MOST_VALUES: Final = 5_000_000
+#: a plain decimal number, which is read without an expression
+_DECIMAL: Final = re.compile(r"-?[0-9]{1,20}(?:\.[0-9]{0,20})?(?:[eE][+-]?[0-9]{1,2})?\Z")
 _SAMPLE: Final = re.compile(r"(lhs|sobol):([0-9]{1,9})\Z")
 
 Variant = Mapping[str, float]
@@ -72,6 +73,8 @@ def read_axis(name: str, given: str | Sequence[float]) -> Axis:
         return Axis(name, tuple(dict.fromkeys(read_number(where, repr(float(v))) for v in given)))
     parts = given.split(":")
     if len(parts) == 1:
+        if given.count(",") >= MOST_VARIANTS:
+            raise PlanError(f"{where}: there are more than {MOST_VARIANTS}")
         values = tuple(read_number(where, part) for part in given.split(","))
         return Axis(name, tuple(dict.fromkeys(values)))
     if len(parts) > 3:
@@ -90,6 +93,19 @@ def read_axis(name: str, given: str | Sequence[float]) -> Axis:
     return Axis(name, _spread(name, low, high, int(count)))
 
 
+def read_axes(vary: Mapping[str, str | Sequence[float]]) -> list[Axis]:
+    """Return the axes of several parameters (see `read_axis`); raise PlanError for too many."""
+    axes: list[Axis] = []
+    values = 0
+    for name, given in vary.items():
+        axes.append(read_axis(name, given))
+        values += len(axes[-1].values)
+        check_names(len(axes))
+        if values > MOST_VARIANTS + MOST_AXES:
+            raise PlanError(f"the axes have {values} values and more; a study has {MOST_VARIANTS}")
+    return axes
+
+
 def _spread(name: str, low: float, high: float, count: int) -> tuple[float, ...]:
     if count > MOST_VARIANTS:
         raise PlanError(f"values of {name}: {count} are more than {MOST_VARIANTS}")
@@ -100,13 +116,21 @@ def _spread(name: str, low: float, high: float, count: int) -> tuple[float, ...]
         )
     if count == 1:
         return (low,)
-    # exact steps rounded once, so that 0.1:0.9:17 holds 0.5 and not its neighbour
+    # exact steps rounded once, so that 0.1:0.9:17 holds 0.5 and not its neighbour: the values are
+    # whole numbers over one denominator, and Python rounds such a quotient right
     first, last = Fraction(repr(low)), Fraction(repr(high))
-    return tuple(float(first + (last - first) * i / (count - 1)) for i in range(count))
+    step = (last - first) / (count - 1)
+    below = math.lcm(first.denominator, step.denominator)
+    begin, by = int(first * below), int(step * below)
+    return tuple((begin + by * i) / below for i in range(count))
 
 
 def read_number(where: str, text: str) -> float:
     """Return the finite number that a constant expression stands for; raise PlanError."""
+    if _DECIMAL.match(text):
+        number = float(text) + 0.0  # no negative zero
+        if number == 0.0 or 1e-60 < abs(number) < 1e60:
+            return number
     try:
         tree = read_expression(text.strip(), {})
         value = evaluate(tree, {}) if isinstance(tree, Expr) else math.nan
@@ -127,7 +151,7 @@ def grid(axes: Sequence[Axis]) -> Plan:
                 f"{axis.name}={low:g}:{high:g}:5, or a sample with --sample"
             )
     _check_axes(axes)
-    _check_count(math.prod(len(axis.values) for axis in axes))
+    check_count(math.prod(len(axis.values) for axis in axes), len(axes))
     return Plan(tuple(axis.name for axis in axes), tuple(product(*(axis.values for axis in axes))))
 
 
@@ -145,7 +169,9 @@ def sample(axes: Sequence[Axis], method: str, seed: int = 1) -> Plan:
         raise PlanError(f"the sample '{method[:80]}': write lhs:COUNT or sobol:COUNT")
     kind, count = match[1], int(match[2])
     _check_axes(axes)
-    _check_count(count)
+    check_count(count, len(axes))
+    if seed < 0:
+        raise PlanError(f"the seed of a sample is 0 or more, and {seed} was given")
     if kind == "sobol" and count & (count - 1):
         below = 1 << (count.bit_length() - 1)
         raise PlanError(
@@ -170,73 +196,27 @@ def _check_axes(axes: Sequence[Axis]) -> None:
     if not axes:
         raise PlanError("a study varies at least one parameter, for example p=0.1:0.9:17")
     names = [axis.name for axis in axes]
+    check_names(len(names))
     for name in names:
         if names.count(name) > 1:
             raise PlanError(f"the parameter {name} is varied twice")
 
 
-def _check_count(count: int) -> None:
+def check_names(count: int) -> None:
+    """Raise PlanError where too many parameters vary."""
+    if count > MOST_AXES:
+        raise PlanError(f"{count} parameters vary; at most {MOST_AXES} may")
+
+
+def check_count(count: int, axes: int) -> None:
+    """Raise PlanError for more variants, or values of them, than a study has."""
     if not 1 <= count <= MOST_VARIANTS:
         raise PlanError(f"the study would have {count} variants; it may have 1 to {MOST_VARIANTS}")
-
-
-def read_table(path: Path) -> Plan:
-    """Read variants from a CSV or Parquet table: a column per parameter, a row per variant."""
-    if path.suffix.lower() == ".parquet":
-        return _table(str(path), *_read_parquet(path))
-    return _table(str(path), *_read_csv(path))
-
-
-def _read_csv(path: Path) -> tuple[list[str], list[list[str]]]:
-    try:
-        if path.is_file() and path.stat().st_size > LARGEST_TABLE:
-            raise PlanError(f"{path}: the table is larger than {LARGEST_TABLE} bytes")
-        text = path.read_text(encoding="utf-8-sig") if path.is_file() else None
-    except (OSError, ValueError) as error:
-        raise PlanError(f"{path}: the table cannot be read: {error}") from error
-    if text is None:
-        raise PlanError(f"{path}: there is no such file")
-    try:
-        rows = [row for row in csv.reader(io.StringIO(text), strict=True) if any(row)]
-    except csv.Error as error:
-        raise PlanError(f"{path}: not a table of comma-separated values: {error}") from error
-    if not rows:
-        raise PlanError(f"{path}: the table is empty; its first row names the parameters")
-    if len(rows[0]) == 1 and ";" in rows[0][0]:
-        raise PlanError(f"{path}: its columns are separated by semicolons; use commas")
-    return [name.strip() for name in rows[0]], rows[1:]
-
-
-def _read_parquet(path: Path) -> tuple[list[str], list[list[str]]]:
-    from pc2cad.studies.table import parquet
-
-    arrow, reader = parquet()
-    try:
-        table = reader.read_table(path)
-    except (OSError, arrow.ArrowException) as error:
-        raise PlanError(f"{path}: not a Parquet table: {error}") from error
-    return table.column_names, [
-        ["" if value is None else repr(value) for value in row.values()]
-        for row in table.to_pylist()
-    ]
-
-
-def _table(where: str, names: list[str], rows: list[list[str]]) -> Plan:
-    for name in names:
-        if not name or names.count(name) > 1:
-            raise PlanError(f"{where}: the column '{name[:80]}' has no name or is there twice")
-    _check_count(len(rows))
-    variants = []
-    for i, row in enumerate(rows, start=2):
-        if len(row) != len(names):
-            raise PlanError(f"{where}: row {i} has {len(row)} values for {len(names)} columns")
-        variants.append(
-            tuple(
-                read_number(f"{where}, row {i}, {name}", value)
-                for name, value in zip(names, row, strict=True)
-            )
+    if count * axes > MOST_VALUES:
+        raise PlanError(
+            f"the study would set {axes} parameters in {count} variants; it may set at most "
+            f"{MOST_VALUES} in all"
         )
-    return Plan(tuple(names), tuple(variants))
 
 
 def check_plan(plan: Plan, template: Template | BodiesTemplate) -> None:

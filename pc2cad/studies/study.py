@@ -16,11 +16,12 @@ from pc2cad.library import find_template
 from pc2cad.names import NameNotAllowedError, is_ending
 from pc2cad.studies.local import Limits, LocalEngine
 from pc2cad.studies.overview import contact_sheet, plot
-from pc2cad.studies.plan import Plan, check_plan, grid, read_axis, read_table, sample
+from pc2cad.studies.plan import Plan, check_plan, grid, read_axes, sample
 from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
 from pc2cad.studies.store import open_store
 from pc2cad.studies.table import COLUMNS
 from pc2cad.studies.variant import Task
+from pc2cad.studies.variants_table import read_table
 
 SHEET = "contact-sheet.png"
 
@@ -132,7 +133,7 @@ def _plan(
         if vary or sampling:
             raise InputError("a table gives the variants; nothing else varies or samples them")
         return read_table(Path(table))
-    axes = [read_axis(name, given) for name, given in vary.items()]
+    axes = read_axes(vary)
     return grid(axes) if sampling is None else sample(axes, sampling, seed)
 
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 #: what a refusal is called in the table, by its exit code
 STATUS = {2: "bad input", 3: "not a solid", 4: "tolerance not reached", 5: "failed"}
 BUILT = "built"
+#: characters of a reason: messages quote what they are about
+LONGEST_REASON = 4000
 #: endings of files that are not called by theirs
 ENDINGS = {"thumbnail": "png"}
 THUMBNAIL_SIZE = (240, 180)
@@ -116,7 +118,7 @@ def run_variant(task: Task, job: Job) -> Outcome:
     else:
         times = {**outcome.times, "total": time.perf_counter() - start}
         return replace(outcome, times=times)
-    return Outcome(job.key, status, visible(" ".join(reason.split())),
+    return Outcome(job.key, status, visible(" ".join(reason.split()))[:LONGEST_REASON],
                    times={"total": time.perf_counter() - start})  # fmt: skip
 
 

@@ -1,0 +1,127 @@
+"""Where an integrand over a box stands out of its surroundings: peaks, also in corners.
+
+Input: an integrand and its box. Output: places on top of what a cubic polynomial does not explain.
+They are *sampled*: a feature much narrower than the scatter, and without slopes, is not found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations_with_replacement
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: places that are looked at, how many features are followed, how far apart (shares of the box)
+SCATTER: Final = 2048
+MOST_FEATURES: Final = 8
+APART: Final = 0.1
+#: reach of the steps with which a feature's top is climbed
+CLIMB: Final = (0.05, 0.01, 0.002, 0.0004)
+#: what is left of the integrand, against its largest value, that rounding may explain
+ROUNDING: Final = 1e-12
+#: how much more is left on a feature than in half of all places: waves are seen from every line
+PEAKED: Final = 8.0
+#: steps of evenly spread places in three directions (Roberts' sequence)
+_SPREAD: Final = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
+
+
+def find_features(values: Callable[[Array], Array], spans: Array) -> Array:
+    """Return places (m, 3) on top of what stands out of an integrand.
+
+    `values` takes places (n, 3) to the integrand (n,); `spans` (3, 2) are the limits of the box,
+    equal ones for a direction that is fixed. Half of the scattered places crowd towards the sides.
+    """
+    none = np.empty((0, 3))
+    moving = tuple(int(d) for d in np.flatnonzero(spans[:, 1] > spans[:, 0]))
+    share = _scatter()
+    with np.errstate(all="ignore"):
+        fitted = _fit(values, spans, share, moving)
+        if fitted is None:
+            return none
+        surface, rest = fitted
+        found: list[Array] = []
+        while rest.any() and len(found) < MOST_FEATURES:
+            found.append(share[int(rest.argmax())])
+            rest[(np.abs(share - found[-1])[:, moving] <= APART).all(axis=1)] = 0.0
+        return surface.climb(np.array(found)) if found else none
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """A cubic polynomial through an integrand over a box, in shares of its sides."""
+
+    values: Callable[[Array], Array]
+    spans: Array
+    moving: tuple[int, ...]
+    coefficients: Array
+
+    def rest(self, share: Array) -> Array:
+        """Return what the polynomial leaves of the integrand, 0 where that is not finite."""
+        found = self.values(_places(self.spans, share))
+        rest = np.abs(found - _columns(share[:, self.moving]) @ self.coefficients)
+        return np.where(np.isfinite(rest), rest, 0.0)
+
+    def climb(self, share: Array) -> Array:
+        """Return the places near some in which most is left, inside the box."""
+        steps = np.linspace(-1.0, 1.0, 17)
+        every = np.arange(len(share))
+        for reach in CLIMB:
+            for d in self.moving:
+                near = np.repeat(share[:, None], len(steps), axis=1)
+                near[..., d] = np.clip(near[..., d] + reach * steps, 1e-6, 1 - 1e-6)
+                rest = self.rest(near.reshape(-1, 3)).reshape(near.shape[:2])
+                share = near[every, rest.argmax(axis=1)]
+        return _places(self.spans, share)
+
+
+def _fit(
+    values: Callable[[Array], Array], spans: Array, share: Array, moving: tuple[int, ...]
+) -> tuple[_Surface, Array] | None:
+    """Return the polynomial, and what it leaves where that is more than rounding."""
+    found = values(_places(spans, share))
+    good = np.isfinite(found)
+    if good.sum() < len(share) // 2:
+        return None
+    columns, inverse = _fitting(moving)
+    if good.all():
+        coefficients: Array = inverse @ found
+    else:
+        coefficients = np.asarray(np.linalg.lstsq(columns[good], found[good], rcond=None)[0])
+    surface = _Surface(values, spans, moving, coefficients)
+    rest = np.where(good, np.abs(found - columns @ coefficients), 0.0)
+    least = max(ROUNDING * float(np.abs(found[good]).max()), PEAKED * float(np.median(rest)))
+    return surface, np.where(rest > least, rest, 0.0)
+
+
+@lru_cache(maxsize=1)
+def _scatter() -> Array:
+    share = (0.5 + np.outer(np.arange(1, SCATTER + 1), _SPREAD)) % 1.0
+    share[::2] = (1 - np.cos(np.pi * share[::2])) / 2
+    share.flags.writeable = False
+    return share
+
+
+@lru_cache(maxsize=8)
+def _fitting(moving: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return the cubic monomials in the scattered places, and what makes coefficients of values."""
+    columns = _columns(_scatter()[:, moving])
+    return columns, np.asarray(np.linalg.pinv(columns), dtype=np.float64)
+
+
+def _places(spans: Array, share: Array) -> Array:
+    return np.asarray(spans[:, 0] + (spans[:, 1] - spans[:, 0]) * share)
+
+
+def _columns(share: Array) -> Array:
+    x = 2 * share - 1
+    rows = [np.ones(len(x))]
+    for degree in (1, 2, 3):
+        for factors in combinations_with_replacement(range(x.shape[1]), degree):
+            rows.append(np.prod(x[:, factors], axis=1))
+    return np.stack(rows, axis=1)

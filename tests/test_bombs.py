@@ -1,0 +1,159 @@
+"""Small files that stand for huge ones: every verb answers soon, before any limit of its work."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+from fuzzing.bombs import BOMBS
+
+from pc2cad.cli.main import GUARDED, main
+from pc2cad.equation.language import read_expression
+from pc2cad.equation.template_file import parse_template
+from pc2cad.errors import InputError
+from pc2cad.studies.journal import LONGEST_LINE, _read
+from pc2cad.studies.plan import PlanError, read_axes, read_axis
+from pc2cad.studies.variants_table import read_table
+
+#: seconds of processor time
+SOON = 2.0
+#: legitimate, and large: they are read, and refused by nothing
+READ = {
+    "one long text", "one long escaped text", "an endless fraction", "powers",
+    "a contour of 2,000 points", "a contour by its chords", "a spline of 2,000 points",
+    "a polyline of 2,000 points", "400 fillets", "a helix of a million turns",
+    "a wild spline of 2,000 points", "a wild polyline of 2,000 points",
+}  # fmt: skip
+QUICK = sorted(BOMBS.keys() - READ)
+#: verb -> what it needs beside the template
+NEEDS = {
+    "build": ["-o", "o.step"], "check": [], "mesh": ["-o", "o.vtu"], "render": ["-o", "o.png"],
+    "view": ["-o", "o.html"], "points": ["-o", "o.ply"], "spline": ["-o", "o.g2"], "show": [],
+    "study": ["--vary", "p=1,2", "-o", "o"],
+}  # fmt: skip
+
+
+def test_every_verb_that_takes_a_template_is_in_the_matrix() -> None:
+    assert set(NEEDS) == {*GUARDED, "show", "study"}
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_every_verb_refuses_every_bomb_soon(name, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = BOMBS[name]()
+    assert len(text) < 256 * 1024
+    Path("bomb.toml").write_text(text)
+    # the verbs read alike: each has its turn with some of the bombs, and `show` with all
+    turn = QUICK.index(name) % len(NEEDS)
+    verbs = {"show", sorted(NEEDS)[turn]}
+    assert verbs
+    for verb in sorted(verbs):
+        begun = time.process_time()
+        assert main([verb, "bomb.toml", *NEEDS[verb]]) == 2
+        assert time.process_time() - begun < SOON + (3.0 if verb != "show" else 0.0)  # imports
+        complaint = capsys.readouterr().err
+        assert complaint.startswith("pc2cad: ")
+        assert "unexpected" not in complaint
+        assert complaint.count("\n") == 1
+    assert {path.name for path in tmp_path.iterdir()} <= {"bomb.toml", "o"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", NEEDS)
+def test_the_whole_matrix(verb, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert len(QUICK) > 40
+    for name in QUICK:
+        Path("bomb.toml").write_text(BOMBS[name]())
+        begun = time.process_time()
+        assert main([verb, "bomb.toml", *NEEDS[verb]]) == 2, name
+        assert time.process_time() - begun < SOON + 3.0, name
+        assert "unexpected" not in capsys.readouterr().err, name
+
+
+@pytest.mark.parametrize("form", ["sin(a{j})", "sin(a{j}) + cos(a{j})", "a{j} + a{j}", "a{j} + v"])
+def test_a_chain_of_definitions_is_read_in_linear_time(form) -> None:
+    def spent(count: int) -> float:
+        lets = "".join(f'a{i} = "{form.format(j=i - 1)}"\n' for i in range(1, count))
+        text = f'title = "t"\n[let]\na0 = "u"\n{lets}[solid]\nx = "u"\ny = "v"\nz = "w"\n'
+        begun = time.process_time()
+        parse_template(text, "t")
+        return time.process_time() - begun
+
+    spent(10)
+    assert spent(1000) < 1.0
+
+
+def test_more_definitions_than_are_read_are_refused() -> None:
+    with pytest.raises(InputError, match=r"\[let\]: has 9001 entries, and at most 2000"):
+        parse_template(BOMBS["more definitions than are read"](), "t")
+
+
+def test_an_expression_by_itself_has_no_budget() -> None:
+    assert read_expression("1/3", {}) is not None
+
+
+def test_lists_of_values_are_bounded_before_they_are_laid_out() -> None:
+    assert len(read_axis("p", "0:1:1000000").values) == 1_000_000
+    assert read_axis("p", "0.1:0.9:17").values[8] == 0.5
+    with pytest.raises(PlanError, match="more than 1000000"):
+        read_axis("p", "1," * 1_000_001 + "1")
+    with pytest.raises(PlanError, match="the axes have"):
+        read_axes({"p": "0:1:1000000", "q": "0:1:1000000"})
+    with pytest.raises(PlanError, match="at most 256 may"):
+        read_axes({f"p{i}": "1" for i in range(300)})
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        (",".join(f"p{i}" for i in range(100_000)) + "\n", "at most 256 may"),
+        ("p\n" + "1\n" * 1_000_001, "more than 1000000 variants"),
+        (",".join(f"p{i}" for i in range(200)) + "\n" + ("1," * 199 + "1\n") * 30_000, "set 200"),
+        ('p\n"' + "1" * 200_000 + '"\n', "comma-separated"),
+        ("p\n" + "9**" * 5000 + "9\n", "4000"),
+    ],
+)
+def test_a_csv_table_is_counted_while_it_is_read(text, match, tmp_path) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    begun = time.process_time()
+    with pytest.raises(PlanError, match=match):
+        read_table(tmp_path / "t.csv")
+    assert time.process_time() - begun < 2 * SOON
+
+
+def test_a_parquet_table_is_judged_by_what_it_says_of_itself(tmp_path) -> None:
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    rows = arrow.chunked_array([arrow.repeat(0.5, 500_000)] * 16)
+    bombs = {
+        "rows": arrow.table({"p": rows}),
+        "columns": arrow.table({f"p{i}": [1.0] for i in range(2000)}),
+        "texts": arrow.table({"p": ["x" * 1_000_000] * 3}),
+        "lists": arrow.table({"p": [[1.0] * 10]}),
+    }
+    messages = {"rows": "1 to 1000000", "columns": "at most 256", "texts": "no numbers",
+                "lists": "no numbers"}  # fmt: skip
+    assert len(bombs) == 4
+    for name, table in bombs.items():
+        parquet.write_table(table, tmp_path / "t.parquet", compression="zstd")
+        begun = time.process_time()
+        with pytest.raises(PlanError, match=messages[name]):
+            read_table(tmp_path / "t.parquet")
+        assert time.process_time() - begun < SOON
+    parquet.write_table(arrow.table({"p": [0.25, 1.0], "n": [1, 2]}), tmp_path / "t.parquet")
+    assert read_table(tmp_path / "t.parquet").variants == ((0.25, 1.0), (1.0, 2.0))
+
+
+def test_a_journal_is_read_line_by_line_and_no_line_is_endless(tmp_path) -> None:
+    path = tmp_path / "journal.jsonl"
+    whole = json.dumps({"study": "s"}).encode() + b"\n"
+    torn = [b"x" * (LONGEST_LINE + 10) + b"\n", b"[" * 200_000 + b"\n", b"[]\n", b"{", b""]
+    assert len(torn) == 5
+    for rest in torn:
+        path.write_bytes(whole + rest)
+        with path.open("rb") as file:
+            assert list(_read(file)) == [({"study": "s"}, len(whole))]
+            assert file.tell() <= len(whole) + LONGEST_LINE
