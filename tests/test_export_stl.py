@@ -119,7 +119,7 @@ def test_header_is_no_text_variant_and_names_the_unit():
     item = dataclasses.replace(exportable("box"), name="solid Ölwanne\n" + "x" * 200, units="in")
     data = stl.encode(item, DEFAULT)
     assert data[:7] == b"pc2cad "
-    assert b"unit in: solid ?lwanne x" in data[:80]
+    assert b"unit in: solid %C3%96lwanne x" in data[:80]
     assert data[:80].isascii()
 
 

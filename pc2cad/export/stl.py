@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pc2cad import __version__
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import single_precision, surface
-from pc2cad.names import percent
+from pc2cad.names import clean, percent
 
 HEADER_SIZE = 80
 #: words that readers look for wherever they stand: of the text variant, and of colours
@@ -66,4 +66,4 @@ def _header(exportable: Exportable) -> bytes:
 
 def stl_name(exportable: Exportable, limit: int = 200) -> str:
     """Return the part's name in ASCII, other characters and the format's words as ``%XX``."""
-    return percent(exportable.name, "", limit=limit, words=WORDS)
+    return percent(clean(exportable.name), "", limit=limit, words=WORDS)
