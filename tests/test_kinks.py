@@ -54,6 +54,8 @@ KINKS = {
     "there and back": (pc.acos(pc.cos(7 * u + 2)), [(k * pi - 2) / 7 for k in (1, 2)]),
     "there and back by sines": (pc.asin(-pc.sin(9 * u - 1)), [
         (pi / 2 + 1 + k * pi) / 9 for k in range(3)]),
+    "there and back within there and back": (pc.acos(pc.cos(5 * pc.acos(pc.cos(5 * u)))), [
+        k * pi / 25 for k in range(1, 8)]),
     "sine of a cosine": (pc.asin(pc.cos(8 * u)), [pi / 8, pi / 4]),
 }  # fmt: skip
 

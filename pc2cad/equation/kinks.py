@@ -35,6 +35,8 @@ from pc2cad.equation.tree import (
 _KINKED = frozenset(("abs", "sqrt", "acos", "asin"))
 #: intervals that the search for zeros begins with, that it takes at once, and how narrow they get
 _FIRST, _MOST, _NARROW = 16, 2048, 2.0**-44
+#: where a wave is looked at between two kinks
+_SHARES = (0.21, 0.5, 0.68)
 #: places per parameter at which an argument of two, or three, parameters is looked at
 _PLACES = {2: 33, 3: 13}
 
@@ -125,8 +127,8 @@ def _arc(node: Expr) -> Expr:
         wave, turned = wave.args[0], True
     if wave.op not in ("sin", "cos") or len(wave.symbols) != 1:
         return node
-    (angle,) = wave.args
-    found = _changes(call("cos" if wave.op == "sin" else "sin", angle))
+    (angle,), cosine = wave.args, wave.op == "cos"
+    found = _changes(call("sin" if cosine else "cos", angle))
     if found is None:
         return node
     (name,) = wave.symbols
@@ -134,16 +136,19 @@ def _arc(node: Expr) -> Expr:
     breaks = (Fraction(0), *(change.place for change in changes), Fraction(1))
     rows = []
     for low, high in pairwise(breaks):
-        half_turns = evaluate(angle, {name: float(low + high) / 2}) / pi
+        at = (float(low + (high - low) * share) for share in _SHARES)
+        found_there = [evaluate(angle, {name: x}) / pi for x in at]
+        # the angle may touch the end of its half turn inside, and turn back
+        half_turns = max(found_there, key=lambda x: abs(x - round(x)) * (1 if cosine else -1))
         # the arc is the distance from whole turns (cos), or what is left of the nearest half (sin)
-        whole = floor(half_turns) if wave.op == "cos" else round(half_turns)
+        whole = floor(half_turns) if cosine else round(half_turns)
         even = whole % 2 == 0
-        end = whole + 1 if wave.op == "cos" and not even else whole
+        end = whole + 1 if cosine and not even else whole
         rows.append(angle - end * PI if even else end * PI - angle)
     arc = rows[0]
     if len(rows) > 1:
         arc = pieces(symbol(name), breaks, tuple((row,) for row in rows), 0, closed=False)
-    if (wave.op == "cos") != (node.op == "acos"):
+    if cosine != (node.op == "acos"):
         arc = PI / 2 - arc
     # acos(-x) = pi - acos(x), asin(-x) = -asin(x)
     return (PI - arc if node.op == "acos" else -arc) if turned else arc
