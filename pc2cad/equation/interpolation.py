@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pc2cad.arrays import Array
+
 #: ascending coefficients per piece
 Rows = list[list[float]]
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pc2cad.export.mesh_files import Ints, cell_blocks, reordered, whole_sides
+from pc2cad.arrays import Integers
+from pc2cad.export.mesh_files import cell_blocks, reordered, whole_sides
 from pc2cad.mesh.volume_mesh import VolumeMesh
 
 #: element numbers of gmsh by type and order
@@ -61,5 +62,5 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         stream.write(b"\n$EndElements\n")
 
 
-def _ordered(kind: str, nodes: Ints, order: int) -> Ints:
+def _ordered(kind: str, nodes: Integers, order: int) -> Integers:
     return reordered(kind, nodes, order, _EDGES[kind]) if kind in _EDGES else nodes

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.checked import CheckedMap
 from pc2cad.errors import NotASolidError
 from pc2cad.mapping import open_grid
@@ -22,9 +22,6 @@ from pc2cad.mesh.gluing import cell_nodes, merged_nodes
 from pc2cad.mesh.grid import Grid
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell, normal_direction
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.integer]
 
 #: points evaluated, and cells numbered, at once: the arrays stay in the cache
 _CHUNK = 1 << 16
@@ -48,7 +45,7 @@ def hexahedra(checked: CheckedMap, grid: Grid, order: int = 1) -> VolumeMesh:
 class _Split:
     """Cells with one pattern of equal corners, ascending, and what each became."""
 
-    cells: Ints
+    cells: Integers
     #: type, number of the first element of it within the type, face of the cell -> own face
     parts: list[tuple[str, int, dict[int, int]]] = field(default_factory=list)
 
@@ -89,12 +86,12 @@ class _Assembly:
 
     # -- elements ------------------------------------------------------------------------------
 
-    def _elements(self, moved: Ints, stands: Ints) -> tuple[dict[str, Ints], Ints]:
+    def _elements(self, moved: Integers, stands: Integers) -> tuple[dict[str, Integers], Integers]:
         """Return the elements in indices of the fine grid, and the cells that are none as such."""
         firsts = self._first_corners()
         irregular, rows = self._irregular(firsts, moved, stands)
         kept = self._corners(np.delete(firsts, irregular) if len(irregular) else firsts)
-        blocks: dict[str, list[Ints]] = {HEXAHEDRON.name: [self._with_middles(kept)]}
+        blocks: dict[str, list[Integers]] = {HEXAHEDRON.name: [self._with_middles(kept)]}
         counts = dict.fromkeys(TYPES, 0)
         patterns = (rows[:, :, None] == rows[:, None, :]).argmax(axis=2)
         kinds, which = np.unique(patterns, axis=0, return_inverse=True)
@@ -128,16 +125,16 @@ class _Assembly:
         _, nv, nw = self._counts
         return self._order * nv * nw, self._order * nw, self._order
 
-    def _first_corners(self) -> Ints:
+    def _first_corners(self) -> Integers:
         """Return the corner of every cell where u, v and w are least, as an index."""
-        starts: list[Ints] = [
+        starts: list[Integers] = [
             np.arange(n, dtype=self._integer) * stride
             for n, stride in zip(self._grid.cells, self._strides(), strict=True)
         ]
         u, v, w = np.ix_(*starts)
         return np.asarray((u + v + w).ravel())
 
-    def _corners(self, firsts: Ints) -> Ints:
+    def _corners(self, firsts: Integers) -> Integers:
         """Return the corners of cells as indices of the fine grid, (cells, 8)."""
         strides = self._strides()
         offsets = [
@@ -146,7 +143,9 @@ class _Assembly:
         ]
         return firsts[:, None] + np.array(offsets, dtype=self._integer)
 
-    def _irregular(self, firsts: Ints, moved: Ints, stands: Ints) -> tuple[Ints, Ints]:
+    def _irregular(
+        self, firsts: Integers, moved: Integers, stands: Integers
+    ) -> tuple[Integers, Integers]:
         """Return the cells with equal corners, and those corners after merging."""
         none = np.empty(0, dtype=np.int64), np.empty((0, 8), dtype=np.int64)
         if not len(moved):
@@ -166,7 +165,7 @@ class _Assembly:
             rows.append(corners[equal])
         return np.concatenate(found), np.concatenate(rows)
 
-    def _with_middles(self, cells: Ints) -> Ints:
+    def _with_middles(self, cells: Integers) -> Integers:
         if self._order == 1:
             return cells
         full = np.empty((len(cells), HEXAHEDRON.size(2)), dtype=self._integer)
@@ -178,7 +177,9 @@ class _Assembly:
 
     # -- nodes ---------------------------------------------------------------------------------
 
-    def _number(self, blocks: dict[str, Ints], moved: Ints, stands: Ints) -> tuple[Ints, int]:
+    def _number(
+        self, blocks: dict[str, Integers], moved: Integers, stands: Integers
+    ) -> tuple[Integers, int]:
         """Give the nodes that are used numbers, which replace the indices in the elements.
 
         Returns the number of every index of the fine grid that is its own representative.
@@ -186,7 +187,7 @@ class _Assembly:
         total = int(np.prod(self._counts))
         if self._order == 1 and not len(moved):
             return np.arange(total, dtype=self._integer), total
-        table: Ints = np.empty(total, dtype=self._integer)
+        table: Integers = np.empty(total, dtype=self._integer)
         if self._order == 1:
             # every node is a corner of some element
             used = np.ones(total, dtype=bool)
@@ -206,7 +207,7 @@ class _Assembly:
         table[moved] = -1
         return table, count
 
-    def _points(self, numbers: Ints, moved: Ints, count: int) -> Array:
+    def _points(self, numbers: Integers, moved: Integers, count: int) -> Array:
         """Evaluate the equation at every numbered node, slab by slab on open grids."""
         points = np.empty((count, 3))
         if self._order == 1 and not len(moved):
@@ -242,7 +243,7 @@ class _Assembly:
 
     # -- sets ----------------------------------------------------------------------------------
 
-    def _facets(self, patch: Cell, irregular: Ints) -> tuple[Facets, ...]:
+    def _facets(self, patch: Cell, irregular: Integers) -> tuple[Facets, ...]:
         """Return the faces of elements on a patch of the box."""
         d = normal_direction(patch)
         upper = patch[d] > 0
@@ -275,7 +276,7 @@ class _Assembly:
             sides[whole] = sides.get(whole, ()) + facets
         return {**sides, **patches}
 
-    def _layers(self, irregular: Ints) -> dict[str, dict[str, Ints]]:
+    def _layers(self, irregular: Integers) -> dict[str, dict[str, Integers]]:
         """Return the elements of each layer; layers are the crease pieces of w."""
         names = self._analysis.equation.layers
         if not names:
@@ -289,8 +290,8 @@ class _Assembly:
                 numbers.setdefault(kind, []).append(of_cell[split.cells])
         return by_layer(names, {kind: np.concatenate(rows) for kind, rows in numbers.items()})
 
-    def _node_sets(self, numbers: Ints, count: int) -> dict[str, Ints]:
-        sets: dict[str, list[Ints]] = {}
+    def _node_sets(self, numbers: Integers, count: int) -> dict[str, Integers]:
+        sets: dict[str, list[Integers]] = {}
         boundary = self._analysis.boundary
         for side in boundary.sides:
             name = boundary.name(side.patch)
@@ -298,7 +299,7 @@ class _Assembly:
             for key in by_whole_side(name):
                 sets.setdefault(key, []).append(nodes[nodes >= 0])
         member = np.zeros(count, dtype=bool)
-        found: dict[str, Ints] = {}
+        found: dict[str, Integers] = {}
         for name, parts in sets.items():
             nodes = _joined(parts)
             member[nodes] = True
@@ -307,17 +308,17 @@ class _Assembly:
         return found
 
 
-def _replace(indices: Ints, moved: Ints, stands: Ints) -> Ints:
+def _replace(indices: Integers, moved: Integers, stands: Integers) -> Integers:
     place = np.minimum(np.searchsorted(moved, indices), len(moved) - 1)
     return np.where(moved[place] == indices, stands[place], indices)
 
 
-def _joined(parts: list[Ints]) -> Ints:
+def _joined(parts: list[Integers]) -> Integers:
     """Return arrays as one; a single one is not copied."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _chunks(blocks: dict[str, Ints]) -> Iterator[Ints]:
+def _chunks(blocks: dict[str, Integers]) -> Iterator[Integers]:
     for block in blocks.values():
         for start in range(0, len(block), _CHUNK):
             yield block[start : start + _CHUNK]

@@ -27,6 +27,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.errors import InputError, KernelError
 
 #: Deflection that is tried first, as a share of the bounding box' diagonal.
@@ -40,20 +41,17 @@ FINEST_ANGLE = 0.01
 VOLUME_AGREEMENT = 0.01
 REFINEMENTS = 6
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class Triangles:
     """A closed triangulated surface, oriented outwards."""
 
     #: corner points, (n, 3), in the model's unit; no two are equal
-    vertices: FloatArray
+    vertices: Array
     #: corners of each triangle as rows of `vertices`, (m, 3), counter-clockwise from outside
-    triangles: IntArray
+    triangles: Integers
     #: number of the solid's face (in the kernel's order, from 0) under each triangle, (m,)
-    faces: IntArray
+    faces: Integers
     #: enclosed volume
     volume: float
     #: deflection with which the kernel made the mesh, in the model's unit
@@ -123,7 +121,7 @@ def tessellate(
     )
 
 
-def edge_defects(triangles: IntArray, vertex_count: int) -> EdgeDefects:
+def edge_defects(triangles: Integers, vertex_count: int) -> EdgeDefects:
     """Count the directed edges of `triangles`, (m, 3), that keep the surface from being closed."""
     start = triangles.ravel()
     end = np.roll(triangles, -1, axis=1).ravel()
@@ -134,8 +132,8 @@ def edge_defects(triangles: IntArray, vertex_count: int) -> EdgeDefects:
 
 
 def weld(
-    points: NDArray[np.floating[Any]], triangles: IntArray
-) -> tuple[NDArray[np.floating[Any]], IntArray, NDArray[np.bool_]]:
+    points: NDArray[np.floating[Any]], triangles: Integers
+) -> tuple[NDArray[np.floating[Any]], Integers, Booleans]:
     """Merge equal points and drop the triangles that lose a corner by that.
 
     Args:
@@ -154,7 +152,7 @@ def weld(
     return distinct, renumbered[remaining].astype(np.int64), remaining
 
 
-def enclosed_volume(vertices: NDArray[np.floating[Any]], triangles: IntArray) -> float:
+def enclosed_volume(vertices: NDArray[np.floating[Any]], triangles: Integers) -> float:
     """Return the volume enclosed by closed `triangles`; negative if they face inwards."""
     if triangles.size == 0:
         return 0.0
@@ -188,7 +186,7 @@ def _mesh(solid: Any, deflection: float, angular_deflection: float) -> Triangles
 
 def _kernel_mesh(
     solid: Any, deflection: float, angular_deflection: float
-) -> tuple[FloatArray, IntArray, IntArray]:
+) -> tuple[Array, Integers, Integers]:
     """Return points (n, 3), triangles (m, 3) and face numbers (m,); shared points are equal."""
     try:
         # neither geometry nor triangulation is copied: only the topology that carries the mesh
@@ -196,8 +194,8 @@ def _kernel_mesh(
         BRepMesh_IncrementalMesh(copy, deflection, False, angular_deflection, False)
     except Standard_Failure as failure:
         raise KernelError(f"The kernel could not mesh the solid: {failure}.") from None
-    points: list[FloatArray] = []
-    triangles: list[IntArray] = []
+    points: list[Array] = []
+    triangles: list[Integers] = []
     borders = _Borders(copy)
     offset = 0
     explorer = TopExp_Explorer(copy, TopAbs_ShapeEnum.TopAbs_FACE)
@@ -222,7 +220,7 @@ def _kernel_mesh(
     return all_points[borders.representatives(offset)], np.concatenate(triangles), numbers
 
 
-def _face_mesh(face: Any, mesh: Any, location: Any) -> tuple[FloatArray, IntArray]:
+def _face_mesh(face: Any, mesh: Any, location: Any) -> tuple[Array, Integers]:
     """Return the nodes, (n, 3), and triangles, (m, 3), of one meshed face, seen from outside."""
     nodes = np.array([mesh.Node(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)])
@@ -249,9 +247,9 @@ class _Borders:
         self._vertices = TopTools_IndexedMapOfShape()
         TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, self._edges)
         TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_VERTEX, self._vertices)
-        self._first: dict[int, IntArray] = {}
+        self._first: dict[int, Integers] = {}
         self._corner: dict[int, int] = {}
-        self._pairs: list[IntArray] = []
+        self._pairs: list[Integers] = []
 
     def add(self, face: Any, mesh: Any, location: Any, offset: int) -> None:
         """Take in the edges of a face whose nodes are numbered from `offset`."""
@@ -267,7 +265,7 @@ class _Borders:
             nodes = np.array([polygon.Node(i) for i in range(1, count + 1)], dtype=np.int64)
             self._join(edge, nodes + (offset - 1))
 
-    def _join(self, edge: Any, nodes: IntArray) -> None:
+    def _join(self, edge: Any, nodes: Integers) -> None:
         first = self._first.setdefault(self._edges.FindIndex(edge), nodes)
         if len(first) != len(nodes):
             raise KernelError("The kernel meshed an edge differently in its two faces.")
@@ -283,7 +281,7 @@ class _Borders:
                 corner = self._corner.setdefault(self._vertices.FindIndex(vertex), node)
                 self._pairs.append(np.array([[corner, node]]))
 
-    def representatives(self, count: int) -> IntArray:
+    def representatives(self, count: int) -> Integers:
         """Return for each of `count` nodes the one that stands for its point, (count,)."""
         if not self._pairs:
             return np.arange(count, dtype=np.int64)
@@ -293,7 +291,7 @@ class _Borders:
         )
         _, group = connected_components(links, directed=False)
         _, first = np.unique(group, return_index=True)
-        chosen: IntArray = first[group].astype(np.int64)
+        chosen: Integers = first[group].astype(np.int64)
         return chosen
 
 
