@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation.breaks import Break, find_breaks
 from pc2cad.equation.identity import Verdict
 from pc2cad.equation.normal_form import is_identically_zero
@@ -28,8 +28,6 @@ from pc2cad.scale import Scale
 from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
 from pc2cad.topology.complex import BoundaryComplex
 from pc2cad.topology.quotient import derive_boundary, derive_layers
-
-Array = NDArray[np.float64]
 
 
 class MapNotFiniteError(NotASolidError):

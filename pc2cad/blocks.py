@@ -11,14 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.sheets import Sheet
 from pc2cad.topology.cells import normal_direction
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 #: unit axes (…, k, 3) and how far a tangent is from them at most (…, k)
 Cones = tuple[Array, Array]
 
@@ -213,7 +210,7 @@ def children(level: Level, coarser: Level, pairs: Integers) -> Integers:
     return np.concatenate(found)
 
 
-def _parts(level: Level, coarser: Level, rows: Integers) -> list[tuple[Integers, Flags]]:
+def _parts(level: Level, coarser: Level, rows: Integers) -> list[tuple[Integers, Booleans]]:
     face, place = coarser.face[rows], coarser.place[rows]
     factor, shape = coarser.factor[face], level.shape[face]
     result = []
@@ -225,7 +222,7 @@ def _parts(level: Level, coarser: Level, rows: Integers) -> list[tuple[Integers,
     return result
 
 
-def meet(level: Level, pairs: Integers) -> Flags:
+def meet(level: Level, pairs: Integers) -> Booleans:
     """Say of which pairs the boxes meet."""
     a, b = pairs[:, 0], pairs[:, 1]
     return np.asarray(
@@ -233,7 +230,7 @@ def meet(level: Level, pairs: Integers) -> Flags:
     )
 
 
-def cannot_return(level: Level, pairs: Integers, opposite: Integers) -> Flags:
+def cannot_return(level: Level, pairs: Integers, opposite: Integers) -> Booleans:
     """Say which pairs the tangents part: adjoining on one face, or on two sides of a wall."""
     a, b = pairs[:, 0], pairs[:, 1]
     near = (np.abs(level.place[a] - level.place[b]) <= 1).all(axis=1)
@@ -248,7 +245,7 @@ def cannot_return(level: Level, pairs: Integers, opposite: Integers) -> Flags:
     return result
 
 
-def independent(first: Cones, second: Cones, crossing: bool) -> Flags:
+def independent(first: Cones, second: Cones, crossing: bool) -> Booleans:
     """Say where tangents within the joint cones of two blocks are never linearly dependent.
 
     The way between two images is a sum of the tangents along a straight path of parameters; it is
@@ -268,7 +265,7 @@ def independent(first: Cones, second: Cones, crossing: bool) -> Flags:
     return np.asarray(size > (1 + reach[:, :2]).prod(axis=1) - 1)
 
 
-def adjoining(sheets: Sequence[Sheet], leaf: Level, pairs: Integers) -> Flags:
+def adjoining(sheets: Sequence[Sheet], leaf: Level, pairs: Integers) -> Booleans:
     """Say which pairs of cells share a corner."""
     numbers = np.empty((len(leaf.face), 4), dtype=np.int64)
     for sheet, start in zip(sheets, leaf.start, strict=True):

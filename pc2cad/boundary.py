@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap, resolve_tolerance
 from pc2cad.courses import Courses, Strand
 from pc2cad.directions import SAFE_DEGREE, CellFunction
@@ -39,8 +39,6 @@ from pc2cad.planar import coplanar_groups, join_straight_edges, plane_face
 from pc2cad.proof import Side, prove_edge, prove_face
 from pc2cad.tightening import Attempt, tighten
 from pc2cad.topology.complex import EdgeUse, Shell
-
-Array = NDArray[np.float64]
 
 #: share of the tolerance that one direction's fit aims at: half of what a face may deviate by
 DIRECTION_SHARE = 0.24

@@ -20,12 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.blocks import (
     BETWEEN,
-    Array,
     Cones,
-    Flags,
-    Integers,
     Level,
     adjoining,
     bow,
@@ -270,7 +268,7 @@ class _Descent:
         pairs = pairs[left]
         return pairs[~self._walled(parts, (axes, radii), pairs)]
 
-    def _walled(self, parts: _Parts, cones: Cones, pairs: Integers) -> Flags:
+    def _walled(self, parts: _Parts, cones: Cones, pairs: Integers) -> Booleans:
         """Say which pairs lie on two sides of a wall that M's tangents cannot cross back."""
         result = np.zeros(len(pairs), dtype=bool)
         a, b = pairs[:, 0], pairs[:, 1]

@@ -11,14 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Integers
 from pc2cad.errors import NotASolidError
 from pc2cad.sheets import Sheet
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
 
 #: a step is looked into where it exceeds both steps beside it by this factor; so many per direction
 STEEP, MOST = 4.0, 4

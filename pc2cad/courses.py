@@ -16,8 +16,8 @@ from fractions import Fraction
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.directions import (
     SECTIONS,
     CellFunction,
@@ -33,8 +33,6 @@ from pc2cad.geometry.rational import Course, rational_course
 from pc2cad.geometry.refinement import DirectionRules, Sampler, adapt, beside
 from pc2cad.geometry.separation import LARGEST_ORDER
 from pc2cad.geometry.spline_space import SplineSpace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array
 from pc2cad.equation.breaks import Break, resolve_pieces
 from pc2cad.equation.cancellation import cancel
 from pc2cad.equation.point_equation import PARAMETERS
@@ -26,8 +26,6 @@ from pc2cad.geometry.separation import Separation, separate
 from pc2cad.geometry.spline_space import SplineSpace, bezier_space
 from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import Cell, directions_of
-
-Array = NDArray[np.float64]
 
 #: unit of rounding of double precision
 UNIT = 2.0**-53

@@ -13,9 +13,8 @@ from itertools import combinations_with_replacement
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pc2cad.arrays import Array
 
 #: places that are looked at, how many features are followed, how far apart (shares of the box)
 SCATTER: Final = 2048

@@ -13,15 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.certificate import proved_sign
 from pc2cad.equation.identity import Verdict
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.errors import NotASolidError
 from pc2cad.mapping import Mapping3, open_grid
-
-Array = NDArray[np.float64]
 
 #: a quotient below this is rounding
 ROUNDING = 1e-11

@@ -16,9 +16,9 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis, analyse
+from pc2cad.arrays import Array
 from pc2cad.contact import Contact, find_contact
 from pc2cad.continuity import check_continuous
 from pc2cad.equation.normal_form import split_turns
@@ -29,8 +29,6 @@ from pc2cad.errors import NotASolidError
 from pc2cad.mapping import open_grid
 from pc2cad.sheets import Sheet, cut
 from pc2cad.winding import ray_frame, winding_numbers
-
-Array = NDArray[np.float64]
 
 #: subdivisions of a contradicting cell before the contradiction is believed, and points at a time
 REFINEMENTS = ((4, 60), (16, 12), (64, 2))

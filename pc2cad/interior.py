@@ -10,17 +10,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.checked import CheckedMap
 from pc2cad.errors import InputError
 from pc2cad.inversion import Inverse, seed_points
 from pc2cad.mapping import open_grid
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: cells per smooth piece of a direction in which samples are drawn with one bound each
 _STRATA = 12
@@ -49,7 +47,7 @@ class Location:
     """Where points lie with respect to a solid."""
 
     #: True where M takes the point's value in the box
-    inside: Bools
+    inside: Booleans
     #: u, v, w of the nearest point found, (n, 3)
     parameters: Array
     #: that nearest point, (n, 3)
@@ -79,7 +77,7 @@ def sample_blue(checked: CheckedMap, count: int, seed: int = 0) -> PointSet:
     points = analysis.map.points(*local.T)
     tree = cKDTree(points)
     low, high = 0.0, 2.0 * float(np.cbrt(checked.mass.volume / count))
-    kept: NDArray[np.int_] = np.arange(count)
+    kept: Integers = np.arange(count)
     for _ in range(12):
         middle = (low + high) / 2
         found = _apart(tree, len(points), middle)
@@ -220,7 +218,7 @@ def _try(
     return np.concatenate(rows)
 
 
-def _apart(tree: cKDTree, count: int, distance: float) -> NDArray[np.int_]:
+def _apart(tree: cKDTree, count: int, distance: float) -> Integers:
     """Return indices, ascending, of points that are no nearer to each other than a distance.
 
     Lower indices go first: a point is kept when none of its lower neighbours is.

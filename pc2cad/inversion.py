@@ -8,16 +8,13 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Booleans
 from pc2cad.mapping import open_grid
 from pc2cad.nearest import Boundary
 from pc2cad.topology.cells import directions_of, normal_direction
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: points of the box from which the inversion starts, per direction
 _SEEDS = 32
@@ -117,7 +114,7 @@ class Inverse:
             )
         return best, gaps
 
-    def _may_be_inside(self, targets: Array) -> Bools:
+    def _may_be_inside(self, targets: Array) -> Booleans:
         """Say which targets are not far from the box of the images, by a twentieth of its size."""
         low, high = self._tree.mins, self._tree.maxes
         margin = float(np.linalg.norm(high - low)) / 20

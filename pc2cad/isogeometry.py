@@ -12,8 +12,8 @@ from functools import partial
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap, resolve_tolerance
 from pc2cad.courses import exact_course
 from pc2cad.directions import CellFunction, DirectionClasses, Piece
@@ -30,8 +30,6 @@ from pc2cad.proof import bound_volume
 from pc2cad.tightening import Attempt, tighten
 from pc2cad.topology.cells import Cell, cell_name
 from pc2cad.topology.complex import BoundaryComplex
-
-Array = NDArray[np.float64]
 
 #: cross sections on which a direction is resolved: ends and Gauss nodes
 _SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(7)[0] + 1) / 2, [1.0]))

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.arcs import Arcs
 from pc2cad.geometry.carriers import (
     CurveCarrier,
@@ -23,8 +23,6 @@ from pc2cad.geometry.parameter_path import path
 from pc2cad.geometry.recognition import Along, Laid
 from pc2cad.model import ModelEdge
 from pc2cad.topology.complex import EdgeUse
-
-Array = NDArray[np.float64]
 
 #: the axis along which each side of a face runs, and the other axis' value there
 _SIDES = ((0, 0.0), (1, 1.0), (0, 1.0), (1, 0.0))

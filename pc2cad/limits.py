@@ -14,8 +14,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation.breaks import find_breaks
 from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.cancellation import simplified
@@ -25,7 +25,6 @@ from pc2cad.equation.sums import cancel_terms
 from pc2cad.equation.tree import Expr, substitute, symbol
 from pc2cad.errors import NotASolidError
 
-Array = NDArray[np.float64]
 #: a scalar over broadcastable places u, v, w
 Field = Callable[[Array, Array, Array], Array]
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pc2cad.arrays import Array
 
 #: multiplications of a product that OpenBLAS gives to one thread, whatever their number
 #: (``SMP_THRESHOLD_MIN * GEMM_MULTITHREAD_THRESHOLD`` of its ``interface/gemm.c``)

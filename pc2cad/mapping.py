@@ -14,8 +14,9 @@ from functools import cached_property
 from math import ceil, comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pc2cad.arrays import Array
 from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.cancellation import simplified
 from pc2cad.equation.evaluation import Program
@@ -24,8 +25,6 @@ from pc2cad.equation.point_equation import PARAMETERS, PointEquation
 from pc2cad.equation.radicals import take_out_ends
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import Expr, number, substitute, symbol
-
-Array = NDArray[np.float64]
 
 #: distances from a limit at which speeds are compared
 _NEAR, _NEARER = 1e-6, 1e-9

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, PCurve, SurfaceCarrier
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

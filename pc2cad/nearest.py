@@ -13,16 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Integers
 from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import normal_direction
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.int_]
 
 #: cells of the whole boundary, about, and at most along one direction of a face
 _CELLS, _LONGEST = 40_000, 4000
@@ -180,11 +176,11 @@ class Boundary:
             owner, cell, least, shares = owner[far], cell[far], least[far], shares[far]
         return local, squares, np.maximum(np.sqrt(squares) - floor, 0.0)
 
-    def _start(self, cell: Indices, shares: Array) -> Array:
+    def _start(self, cell: Integers, shares: Array) -> Array:
         off = np.einsum("ni,nij->nj", shares, self._cells.steps[cell])
         return np.asarray(np.clip(self._cells.places[cell] + off, 0.0, 1.0))
 
-    def _least(self, targets: Array, cell: Indices) -> tuple[Array, Array]:
+    def _least(self, targets: Array, cell: Integers) -> tuple[Array, Array]:
         """Return the nearest shares (n, 2) of parallelograms, and the least distance of cells."""
         away = targets - self._cells.middles[cell]
         a, b = self._cells.sides[cell, 0], self._cells.sides[cell, 1]

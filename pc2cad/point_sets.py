@@ -7,16 +7,14 @@ carrier's own. Else the carrier is found from points, and proved from the equati
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.directions import CellFunction
 from pc2cad.geometry.bernstein import linear_span
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.fitting import Fitted, fit, fit_curve, irrational
 from pc2cad.geometry.implicit import holds
 from pc2cad.geometry.recognition import Laid, arc, is_straight, lay, plane
-
-Array = NDArray[np.float64]
 
 
 def plane_of(function: CellFunction, sign: int, slack: float) -> tuple[Plane, Evidence] | None:

@@ -8,8 +8,8 @@ from fractions import Fraction
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.directions import CellFunction
 from pc2cad.enclosure.between import between
 from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
@@ -24,8 +24,6 @@ from pc2cad.geometry.trivariate import SplineVolume
 from pc2cad.linear import vectors
 from pc2cad.model import ModelEdge, ModelFace
 from pc2cad.topology.cells import Cell
-
-Array = NDArray[np.float64]
 
 #: share of the distance that may be added between slices of a volume
 _BETWEEN = 0.05

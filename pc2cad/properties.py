@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array
 from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import walk
 from pc2cad.errors import NotASolidError
@@ -26,8 +26,6 @@ from pc2cad.linear import product
 from pc2cad.mapping import open_grid
 from pc2cad.quadrature import Panels, Samples, resolve, single
 from pc2cad.topology.cells import Cell, directions_of
-
-Array = NDArray[np.float64]
 
 #: points of one integral
 MOST_POINTS = 3e6

@@ -13,9 +13,8 @@ from functools import lru_cache
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pc2cad.arrays import Array, Integers
 
 #: orders of the rule in one panel, each twice the one before; after the last it is halved
 ORDERS = (2, 4, 8, 16, 32)
@@ -62,7 +61,7 @@ class Panels:
     """A composite rule: `limits` (n + 1) of its panels and the order (n) in each."""
 
     limits: Array
-    orders: NDArray[np.int_]
+    orders: Integers
     #: what is left unresolved, relative to the integral on the worst line
     unresolved: float = 0.0
 
@@ -92,7 +91,7 @@ def gauss(count: int) -> tuple[Array, Array]:
     return x, weight
 
 
-def _nodes(low: Array, high: Array, orders: NDArray[np.int_]) -> tuple[Array, Array]:
+def _nodes(low: Array, high: Array, orders: Integers) -> tuple[Array, Array]:
     rules = [gauss(int(n)) for n in orders]
     x = np.concatenate([rule[0] for rule in rules])
     weight = np.concatenate([rule[1] for rule in rules])
@@ -254,7 +253,7 @@ class _Work:
         first = max(float(np.nanmax(total[..., 0])), 1e-300)
         return scale, 64 * EPSILON * float(np.nansum(self._terms)) / first
 
-    def _integrate(self, low: Array, high: Array, orders: NDArray[np.int_]) -> list[_Part]:
+    def _integrate(self, low: Array, high: Array, orders: Integers) -> list[_Part]:
         """Return per panel: integrals, those of absolute values, of the terms, and what is missed.
 
         The last is the gap between a point's way through the panel and the integral of its tangent,

@@ -12,17 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Integers
 from pc2cad.directions import CellFunction, DirectionClasses, Piece
 from pc2cad.equation.tree import walk
 from pc2cad.geometry.carriers import fit_plane
 from pc2cad.topology.cells import outward_sign
 from pc2cad.winding import ray_frame
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 #: largest distance of a face from the chords of its cells, as a share of the part's size
 CHORD = 2e-3

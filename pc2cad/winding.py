@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from pc2cad.arrays import Array, Integers
 
 #: point-triangle pairs tested at once
 _PAIRS = 2_000_000

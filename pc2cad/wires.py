@@ -15,7 +15,6 @@ from math import comb, cos, sin
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepTools import BRepTools_WireExplorer
@@ -29,13 +28,12 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from pc2cad.arrays import Array
 from pc2cad.equation import along, curves
 from pc2cad.equation.guides import JOINED, Guide, GuideError, Part, U, Vector, composite
 from pc2cad.equation.points import Combination, point, vector
 from pc2cad.equation.polylines import Stretch, arc, in_turn, line
 from pc2cad.equation.tree import Expr, call, number, pieces, substitute
-
-Array = NDArray[np.float64]
 
 #: curves that become B-splines without loss
 _CONVERTED: Final = (

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BOPAlgo import BOPAlgo_Operation
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
@@ -21,6 +20,7 @@ from OCP.TopTools import (
     TopTools_ListOfShape,
 )
 
+from pc2cad.arrays import Array
 from pc2cad.brep.shapes import curve_function, path_function, surface_function
 from pc2cad.errors import KernelError
 from pc2cad.geometry.functions import EdgeFunction, SurfaceFunction, Trace
@@ -116,7 +116,7 @@ class NamedEdge:
     #: what a report calls its curve
     curve: str
     #: along it, (PLACES, 3)
-    points: NDArray[np.float64]
+    points: Array
 
     @property
     def length(self) -> float:
@@ -175,7 +175,7 @@ def loosen(edge: TopoDS_Edge, tolerance: float) -> None:
             builder.UpdateVertex(vertex, tolerance)
 
 
-def _points(edge: TopoDS_Edge) -> NDArray[np.float64]:
+def _points(edge: TopoDS_Edge) -> Array:
     first, last = BRep_Tool.Range_s(edge)
     curve = BRep_Tool.Curve_s(edge, first, last)
     return np.array([curve.Value(t).Coord() for t in np.linspace(first, last, PLACES).tolist()])

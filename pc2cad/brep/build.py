@@ -26,9 +26,10 @@ from OCP.TopoDS import (
     TopoDS_Wire,
 )
 
+from pc2cad.arrays import Array
 from pc2cad.brep import geometry
 from pc2cad.errors import KernelError
-from pc2cad.geometry.carriers import Array, PCurve, Plane, SplineSurface
+from pc2cad.geometry.carriers import PCurve, Plane, SplineSurface
 from pc2cad.model import BoundaryModel, ModelFace
 
 #: the kernel's own confusion distance; what it is given is exact to far less

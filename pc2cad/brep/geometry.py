@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Geom import (
     Geom_BSplineCurve,
     Geom_BSplineSurface,
@@ -27,10 +26,10 @@ from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
 
+from pc2cad.arrays import Array
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import (
     Arc,
-    Array,
     Cone,
     CurveCarrier,
     Cylinder,
@@ -100,7 +99,7 @@ def _spline_curve(carrier: SplineCurve) -> Geom_BSplineCurve:
     return Geom_BSplineCurve(poles, weights, knots, multiplicities, carrier.degree, False)
 
 
-def _knots(flat: NDArray[np.float64]) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
+def _knots(flat: Array) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
     check_finite(flat, "a knot vector")
     values, counts = np.unique(flat, return_counts=True)
     if len(values) > 1 and np.diff(values).min() < 1e-10 * (values[-1] - values[0]):

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepTools import BRepTools_WireExplorer
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane
@@ -19,12 +18,11 @@ from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from pc2cad.arrays import Array
 from pc2cad.brep.patches import spline_flux
 from pc2cad.brep.trimmed import curve_jet, is_whole, trimmed_flux
 from pc2cad.errors import KernelError
 from pc2cad.linear import product
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

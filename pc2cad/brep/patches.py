@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.linear import product
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.integer]
 
 
 def flux(points: Array, normals: Array, weights: Array) -> Array:
@@ -262,13 +259,13 @@ class Patch:
         return point, self.sign * cross(ds, dt)
 
 
-def _support(t: Array, knots: Array, degree: int) -> tuple[IntArray, Array]:
+def _support(t: Array, knots: Array, degree: int) -> tuple[Integers, Array]:
     """Return which basis functions are not zero at t and their values, (n, degree + 1) each."""
     table = csr_array(BSpline.design_matrix(t, knots, degree))
     return table.indices.reshape(len(t), -1), table.data.reshape(len(t), -1)
 
 
-def _sum(a: tuple[IntArray, Array], poles: Array, b: tuple[IntArray, Array]) -> Array:
+def _sum(a: tuple[Integers, Array], poles: Array, b: tuple[Integers, Array]) -> Array:
     """Return the values (n, k) of Σ a_i b_j P_ij at n places."""
     local = poles[a[0][:, :, None], b[0][:, None, :]]
     return np.asarray(np.einsum("nj,njk->nk", b[1], np.einsum("ni,nijk->njk", a[1], local)))

@@ -40,14 +40,8 @@ from OCP.Geom2d import (
 )
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
-from pc2cad.brep.patches import (
-    Array,
-    differences,
-    flat_knots,
-    read_curve,
-    read_patch,
-    spline_jet,
-)
+from pc2cad.arrays import Array
+from pc2cad.brep.patches import differences, flat_knots, read_curve, read_patch, spline_jet
 from pc2cad.errors import KernelError
 from pc2cad.geometry.functions import CurveFunction, Jet, Sizes, SurfaceFunction
 

@@ -17,7 +17,8 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from pc2cad.brep.patches import Array, cross, flux, gauss_on, legendre
+from pc2cad.arrays import Array
+from pc2cad.brep.patches import cross, flux, gauss_on, legendre
 from pc2cad.brep.shapes import curve_function, path_function, surface_function
 from pc2cad.geometry.functions import (
     CurveFunction,

@@ -18,8 +18,8 @@ from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.certificate.determinant import determinant
 from pc2cad.equation.breaks import find_breaks, resolve_pieces
 from pc2cad.equation.calculus import derivatives
@@ -31,7 +31,6 @@ from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.equation.tree import ONE, ZERO, Expr, ValueDomainError, number, substitute, symbol, walk
 from pc2cad.mapping import Mapping3, open_grid
 
-Array = NDArray[np.float64]
 #: a direction and the end of it (0 or 1): one side of the box
 _Side = tuple[int, int]
 _Sides = tuple[_Side, ...]
@@ -165,7 +164,7 @@ class _Columns:
         self._sides = sorted({side for row in orders for side in row})
         self.spent = 0.0
 
-    def test(self, low: Array, high: Array) -> tuple[NDArray[np.bool_], Array, NDArray[np.int_]]:
+    def test(self, low: Array, high: Array) -> tuple[Booleans, Array, Integers]:
         """Return where J is proved regular (n), what stops it per direction (n, 3), its sign (n).
 
         J lies in centre + Σ slope_d·reach_d; with B near the inverse of the centre, B·J is near 1.
@@ -258,7 +257,7 @@ class _Columns:
 
     def _grouped(
         self, low: Array, high: Array
-    ) -> Iterator[tuple[NDArray[np.intp], tuple[int, ...], _Sides]]:
+    ) -> Iterator[tuple[Integers, tuple[int, ...], _Sides]]:
         """Yield boxes and columns together with the sides whose factors derivatives take out."""
         patterns, group = np.unique(self._near(low, high), axis=0, return_inverse=True)
         for index, pattern in enumerate(patterns):
@@ -268,7 +267,7 @@ class _Columns:
             for sides in sorted(set(taken)):
                 yield rows, tuple(j for j in range(self._width) if taken[j] == sides), sides
 
-    def _near(self, low: Array, high: Array) -> NDArray[np.bool_]:
+    def _near(self, low: Array, high: Array) -> Booleans:
         """Say which boxes are so near to which sides that a quotient says less than a slope."""
         near = np.zeros((len(low), len(self._sides)), dtype=bool)
         for k, (d, end) in enumerate(self._sides):
@@ -372,7 +371,7 @@ def _largest(program: Program, axes: Iterable[Array]) -> float:
     return max(float(np.max(np.abs(value))) for value in values)
 
 
-def _inverse(matrix: Array) -> tuple[Array, NDArray[np.int_]]:
+def _inverse(matrix: Array) -> tuple[Array, Integers]:
     """Return the inverses of matrices (n, m, m) and the sign of their determinants, 0 if unsure."""
     if matrix.shape[-1] == 1:
         return 1 / matrix, np.sign(matrix[:, 0, 0]).astype(int)

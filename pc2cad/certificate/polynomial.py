@@ -16,8 +16,8 @@ from math import comb, lcm
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Integers
 from pc2cad.certificate.wholes import Wholes, along, sign_inside
 from pc2cad.equation.normal_form import normal_form
 from pc2cad.equation.point_equation import PARAMETERS
@@ -137,7 +137,7 @@ def _difference(p: Wholes, q: Wholes) -> Wholes:
     return np.asarray(_raised(p, shape) - _raised(q, shape))
 
 
-def _raised(coefficients: Wholes, shape: NDArray[np.int_]) -> Wholes:
+def _raised(coefficients: Wholes, shape: Integers) -> Wholes:
     """Return the coefficients in higher degrees: those of the product with (t + 1-t)^m."""
     for axis, (have, want) in enumerate(zip(coefficients.shape, shape.tolist(), strict=True)):
         row = [comb(want - have, k) for k in range(want - have + 1)]

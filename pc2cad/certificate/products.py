@@ -13,8 +13,8 @@ from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.certificate.determinant import determinant
 from pc2cad.enclosure.evaluate import enclose
 from pc2cad.enclosure.models import UNIT, Place
@@ -26,8 +26,6 @@ from pc2cad.equation.products import vector_products
 from pc2cad.equation.tree import ONE, ZERO, Expr, symbol, walk
 from pc2cad.linear import product
 from pc2cad.mapping import Mapping3
-
-Array = NDArray[np.float64]
 
 #: more products than this are left to others
 MOST_PRODUCTS = 6

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.enclosure.cells import Cells, enlargement
 from pc2cad.enclosure.deviation import direction_along
 from pc2cad.enclosure.evaluate import Known, enclose
@@ -22,8 +22,6 @@ from pc2cad.enclosure.models import UNIT, Model, Place
 from pc2cad.enclosure.remainder import ORDER, length
 from pc2cad.equation.sums import cancel_terms
 from pc2cad.equation.tree import Expr, symbol, walk
-
-Array = NDArray[np.float64]
 
 #: places per degree and cell: what is seen at them is enlarged by 1.16
 _PER_DEGREE = 3

@@ -13,11 +13,9 @@ from math import comb, cos, log, pi
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Booleans
 from pc2cad.geometry.bernstein import chebyshev_nodes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,7 @@ class Cells:
         """A bound of how much interpolation can enlarge errors of the values."""
         return 1.0 if self.degree == 0 else 1 + 2 / pi * log(self.degree + 1)
 
-    def split(self, which: NDArray[np.bool_]) -> Cells:
+    def split(self, which: Booleans) -> Cells:
         """Return the partition with some cells halved."""
         middles = (self.points[:-1] + self.points[1:]) / 2
         return Cells(np.sort(np.concatenate((self.points, middles[which]))), self.degree)

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Booleans
 from pc2cad.enclosure.cells import Cells, conversion_loss, halving, to_bernstein, windows
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.enclosure.function import Products, Slabs, Whole, function_of
@@ -28,8 +28,6 @@ from pc2cad.geometry.bernstein import degree_in
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.spline_space import basis_matrix, local_basis
 from pc2cad.linear import product
-
-Array = NDArray[np.float64]
 
 #: a bound within this factor of the largest sample is sharp enough
 SHARP = 1.45
@@ -321,7 +319,7 @@ class _Survey:
         largest = float(((sizes + loss + along + data) * (1 + 1e-9)).max())
         return Bound(max(largest, sampled), sampled, sum(gap.size for gap in gaps))
 
-    def _ranges(self, bad: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
+    def _ranges(self, bad: Booleans) -> tuple[tuple[float, float], ...]:
         ranges = []
         for axis, direction in enumerate(self._directions):
             which = np.flatnonzero(bad.any(axis=1 - axis))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.enclosure.cells import Cells
 from pc2cad.enclosure.functions import (
     FUNCTIONS,
@@ -30,9 +30,6 @@ from pc2cad.enclosure.models import (
     shift,
 )
 from pc2cad.equation.tree import Expr, walk
-
-Array = NDArray[np.float64]
-
 
 _BINARY = {"mul": mul, "div": divide, "atan2": angle}
 
@@ -152,7 +149,7 @@ def _pieces(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], ord
     return value
 
 
-def _chosen(column: tuple[Model, ...], index: NDArray[np.int_]) -> Model:
+def _chosen(column: tuple[Model, ...], index: Integers) -> Model:
     """Return, box by box, one of several models."""
     i, j = (max(model.terms.shape[axis] for model in column) for axis in range(2))
     terms: Array | None = None

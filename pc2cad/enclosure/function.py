@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.enclosure.evaluate import Known
 from pc2cad.enclosure.models import UNIT
 from pc2cad.enclosure.remainder import (
@@ -27,8 +27,6 @@ from pc2cad.equation.evaluation import Program
 from pc2cad.equation.products import vector_products
 from pc2cad.equation.tree import Expr
 from pc2cad.linear import product
-
-Array = NDArray[np.float64]
 
 #: more products than this are no help
 MOST_PRODUCTS = 12

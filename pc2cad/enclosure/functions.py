@@ -11,11 +11,9 @@ from collections.abc import Callable
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.enclosure.models import LIBRARY, UNIT, Model, compose, mul, neg, shift
-
-Array = NDArray[np.float64]
 
 
 def divide(x: Model, y: Model, order: int) -> Model:

@@ -21,13 +21,11 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Booleans
 from pc2cad.enclosure.cells import Cells, conversion_loss, enlargement, to_bernstein, windows
 from pc2cad.enclosure.models import UNIT
 from pc2cad.geometry.functions import EdgeFunction, Trace, crossings, cuts_between
-
-Array = NDArray[np.float64]
 
 #: angles turn by this much either way within a cell; sines and cosines are off their Taylor
 #: polynomials by TURN^(ORDER + 1)/(ORDER + 1)! = 7e-19 then
@@ -148,7 +146,7 @@ class _Survey:
         return found
 
     @cached_property
-    def coarse(self) -> NDArray[np.bool_]:
+    def coarse(self) -> Booleans:
         """Cells in which an angle turns far, or a path leaves the piece that its middle is on."""
         traces = self._edge.traces
         angles = [self._curve.breaks, *(trace.path.breaks for trace in traces)]

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pc2cad import linear
-
-Array = NDArray[np.float64]
+from pc2cad.arrays import Array
 
 #: unit of rounding of double precision
 UNIT = 2.0**-53

@@ -12,17 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.enclosure.cells import Cells
 from pc2cad.enclosure.evaluate import Known, enclose
 from pc2cad.enclosure.models import UNIT, Model, Place
 from pc2cad.equation.tree import Expr
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 #: (first, last) of cells that are taken together, one row per group
-_Groups = NDArray[np.int_]
+_Groups = Integers
 
 #: order of the Taylor models, where the degrees of the cells allow it
 ORDER = 6
@@ -62,11 +60,11 @@ class Direction:
         """Return the direction with other cells."""
         return replace(self, cells=cells)
 
-    def halved(self, which: Mask) -> Direction:
+    def halved(self, which: Booleans) -> Direction:
         """Return the direction with some cells halved."""
         return self.on(self.cells.split(which))
 
-    def groups(self, wanted: Mask, size: int) -> _Groups:
+    def groups(self, wanted: Booleans, size: int) -> _Groups:
         """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
         starts = np.diff(wanted.astype(int), prepend=0) == 1
         starts |= wanted & np.isin(self.cells.points[:-1], self.breaks)
@@ -102,7 +100,7 @@ class Remainders:
         s, t, rounding = (np.full(shape, np.inf) for _ in range(3))
         return cls((s, t), rounding, np.full((vectors, *shape), np.inf))
 
-    def to_split(self, axis: int, allowed: float, blame: bool) -> list[Mask]:
+    def to_split(self, axis: int, allowed: float, blame: bool) -> list[Booleans]:
         """Return the cells of each direction that have to become smaller for one direction's sake.
 
         With `blame`, a line across, most of which is bad, is taken to be hard in the other
@@ -115,7 +113,7 @@ class Remainders:
         masks = [np.asarray((bad & ~lines).any(axis=1 - axis)), lines.ravel()]
         return masks if axis == 0 else masks[::-1]
 
-    def after(self, axis: int, split: Mask) -> Remainders:
+    def after(self, axis: int, split: Booleans) -> Remainders:
         """Return what is still known when some cells of one direction have been halved."""
         wanted = split[:, None] if axis == 0 else split
         along = [np.where(wanted, np.inf, x) if d == axis else x for d, x in enumerate(self.along)]
@@ -222,7 +220,7 @@ def _cells_per_box(direction: Direction, most: float, parameters: int) -> int:
 
 
 def _boxes(
-    wanted: Mask, directions: Sequence[Direction], size: Sequence[int]
+    wanted: Booleans, directions: Sequence[Direction], size: Sequence[int]
 ) -> tuple[_Groups, _Groups]:
     """Return groups of the wanted rows and columns."""
     rows = directions[0].groups(np.asarray(wanted.any(axis=1)), size[0])

@@ -12,14 +12,13 @@ from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation.breaks import find_breaks
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.tree import ANALYTIC, Expr, number, pieces, substitute, symbol
 from pc2cad.errors import InputError
 
-Array = NDArray[np.float64]
 #: a scalar function on an array
 Function = Callable[[Array], Array]
 

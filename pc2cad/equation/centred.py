@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Booleans, Integers
 from pc2cad.equation.functions import FUNCTIONS
 from pc2cad.equation.intervals import Interval, enclose, interval
 from pc2cad.equation.tree import (
@@ -29,8 +29,7 @@ from pc2cad.equation.tree import (
     walk,
 )
 
-Array = NDArray[np.float64]
-_Index = NDArray[np.intp]
+_Index = Integers
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -156,7 +155,7 @@ def _centred(node: Expr, args: tuple[Centred, ...], rows: _Rows) -> Centred:
     return Centred(_meet(value, near), centre, slopes)
 
 
-def _torn(node: Expr, value: Interval) -> NDArray[np.bool_]:
+def _torn(node: Expr, value: Interval) -> Booleans:
     """Say where an operation may have a pole or a jump in the box: no slope bounds its change."""
     if node.op == "atan2":
         # what does not meet the cut is seen under less than half a turn
@@ -164,7 +163,7 @@ def _torn(node: Expr, value: Interval) -> NDArray[np.bool_]:
     return np.asarray(~(np.isfinite(value.lower) & np.isfinite(value.upper)))
 
 
-def _unknown_where(torn: NDArray[np.bool_], slope: Interval) -> Interval:
+def _unknown_where(torn: Booleans, slope: Interval) -> Interval:
     return Interval(np.where(torn, -np.inf, slope.lower), np.where(torn, np.inf, slope.upper))
 
 

@@ -12,13 +12,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.equation.functions import FUNCTIONS
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import Expr, operands, walk
 
-Array = NDArray[np.float64]
 Value = Any  # a float or an array of any broadcastable shape
 
 _BINARY: dict[str, Callable[[Value, Value], Value]] = {

@@ -7,8 +7,8 @@ from fractions import Fraction
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation import along
 from pc2cad.equation.guides import Guide
 from pc2cad.equation.minimising import minimising
@@ -30,8 +30,6 @@ from pc2cad.equation.points import (
     kind_of,
 )
 from pc2cad.equation.tree import ONE, ZERO, Expr, Number, as_expr, number, pieces, symbol
-
-Array = NDArray[np.float64]
 
 #: from here on neighbouring normals are two: ten times what tangents may differ by
 JUMP: Final = 1e-7

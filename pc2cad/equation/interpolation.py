@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.linear import solve
 
-Array = NDArray[np.float64]
 #: ascending coefficients per piece
 Rows = list[list[float]]
 

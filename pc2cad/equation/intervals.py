@@ -19,13 +19,11 @@ from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pc2cad.arrays import Array, Booleans
 from pc2cad.equation.functions import FUNCTIONS
 from pc2cad.equation.tree import Expr, operands, program
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: one unit in the last place, relative
 ULP: Final = float(np.finfo(float).eps)
@@ -213,7 +211,7 @@ def _rounded(lower: Array, upper: Array, ulps: int) -> Interval:
     return Interval(np.asarray(lower), np.asarray(upper))
 
 
-def _whole_line_where(unknown: Mask, value: Interval) -> Interval:
+def _whole_line_where(unknown: Booleans, value: Interval) -> Interval:
     unknown = unknown | np.isnan(value.lower) | np.isnan(value.upper)
     if not unknown.any():
         return value

@@ -12,8 +12,8 @@ from math import atan2, cos, pi, sin
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation import along
 from pc2cad.equation.guides import Guide, Part
 from pc2cad.equation.normals import (
@@ -35,8 +35,6 @@ from pc2cad.equation.points import (
     length,
     vector,
 )
-
-Array = NDArray[np.float64]
 
 #: what rounding leaves of a sine
 FLAT: Final = 1e-13

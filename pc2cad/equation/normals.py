@@ -10,15 +10,14 @@ from math import hypot
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation import along
 from pc2cad.equation.guides import Guide, Part
 from pc2cad.equation.points import Combination, cross, dot, unit
 from pc2cad.equation.tree import ZERO, Expr, call, number
 from pc2cad.errors import InputError, NotASolidError
 
-Array = NDArray[np.float64]
 #: normal and binormal
 Pair = tuple[Combination, Combination]
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad import __version__
+from pc2cad.arrays import Array, Integers
 from pc2cad.export.model import UNITS_IN_MM, Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, single_precision, smooth_normals, surface
 from pc2cad.names import clean
@@ -62,8 +63,8 @@ class _Scene:
         self,
         name: str,
         colour: tuple[float, float, float],
-        vertices: NDArray[np.float64],
-        triangles: NDArray[np.int64],
+        vertices: Array,
+        triangles: Integers,
     ) -> None:
         positions = vertices.astype(np.float32)
         normals = smooth_normals(vertices, triangles).astype(np.float32)

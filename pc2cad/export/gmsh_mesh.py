@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pc2cad.export.mesh_files import Ints, cell_blocks, reordered, whole_sides
+from pc2cad.arrays import Integers
+from pc2cad.export.mesh_files import cell_blocks, reordered, whole_sides
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.names import percent
 
@@ -67,5 +68,5 @@ def _quotable(name: str) -> str:
     return percent(name, '"\\', limit=120, plain=False)
 
 
-def _ordered(kind: str, nodes: Ints, order: int) -> Ints:
+def _ordered(kind: str, nodes: Integers, order: int) -> Integers:
     return reordered(kind, nodes, order, _EDGES[kind]) if kind in _EDGES else nodes

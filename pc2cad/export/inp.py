@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Integers
 from pc2cad.export.mesh_files import plain_names
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID
 from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -72,7 +72,7 @@ def _shown(x: float) -> str:
     return text if len(text) <= 20 else f"{x:.13e}"
 
 
-def _elements(stream: TextIO, mesh: VolumeMesh, kind: str, block: NDArray[np.integer]) -> None:
+def _elements(stream: TextIO, mesh: VolumeMesh, kind: str, block: Integers) -> None:
     first = mesh.first_element(kind) + 1
     columns = COLLAPSED_PYRAMID[mesh.order] if kind == "pyramid" else range(block.shape[1])
     # a line of input holds at most 16 numbers
@@ -86,13 +86,13 @@ def _elements(stream: TextIO, mesh: VolumeMesh, kind: str, block: NDArray[np.int
         _rows(stream, text + "\n", np.column_stack((numbers, rows)))
 
 
-def _rows(stream: TextIO, text: str, rows: NDArray[np.integer]) -> None:
+def _rows(stream: TextIO, text: str, rows: Integers) -> None:
     for start in range(0, len(rows), _CHUNK):
         part = rows[start : start + _CHUNK]
         stream.write(text * len(part) % tuple(part.ravel().tolist()))
 
 
-def _numbers(stream: TextIO, numbers: Iterable[int] | NDArray[np.integer]) -> None:
+def _numbers(stream: TextIO, numbers: Iterable[int] | Integers) -> None:
     values = np.asarray(numbers)
     full = len(values) // 12 * 12
     _rows(stream, ", ".join(["%d"] * 12) + "\n", values[:full].reshape(-1, 12))

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.export.mesh_files import Ints, cell_blocks, whole_sides
+from pc2cad.arrays import Integers
+from pc2cad.export.mesh_files import cell_blocks, whole_sides
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.names import percent
@@ -64,9 +65,9 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         _families(families.create_group("ELEME"), cells_by)
 
 
-def _sections(mesh: VolumeMesh, sides: int) -> list[tuple[str, Ints, Ints]]:
+def _sections(mesh: VolumeMesh, sides: int) -> list[tuple[str, Integers, Integers]]:
     """Return code, nodes and numbers of groups, layers after sides: one for each type of cell."""
-    merged: dict[str, list[tuple[Ints, int]]] = {}
+    merged: dict[str, list[tuple[Integers, int]]] = {}
     for block in cell_blocks(mesh):
         group = block.side or (sides + block.layer if block.layer else 0)
         nodes = _turned(block.kind, block.nodes, mesh.order)
@@ -81,7 +82,7 @@ def _sections(mesh: VolumeMesh, sides: int) -> list[tuple[str, Ints, Ints]]:
     ]
 
 
-def _turned(kind: str, nodes: Ints, order: int) -> Ints:
+def _turned(kind: str, nodes: Integers, order: int) -> Integers:
     if kind not in _CORNERS:
         return nodes
     columns = list(_CORNERS[kind])
@@ -92,7 +93,7 @@ def _turned(kind: str, nodes: Ints, order: int) -> Ints:
     return nodes[:, columns]
 
 
-def _node_families(mesh: VolumeMesh) -> tuple[Ints, dict[int, list[str]]]:
+def _node_families(mesh: VolumeMesh) -> tuple[Integers, dict[int, list[str]]]:
     """Return the family of each node and the groups of each family: a node may be in many sets."""
     names = whole_sides(mesh.node_sets)
     member = np.zeros(len(mesh.points), dtype=np.int64)

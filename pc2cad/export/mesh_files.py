@@ -8,16 +8,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pc2cad.arrays import Integers
 from pc2cad.errors import require
 from pc2cad.export.files import by_ending, check_target, replacing
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.names import words
 
-Ints = NDArray[np.integer]
 #: writes a mesh to an empty file
 Writer = Callable[[VolumeMesh, Path], None]
 
@@ -116,7 +113,7 @@ class CellBlock:
 
     kind: str
     #: (cells, nodes of each)
-    nodes: Ints
+    nodes: Integers
     #: number of the whole side, from 1 on; 0 for volumes
     side: int = 0
     #: number of the layer, from 1 on; 0 for facets and where the solid is one
@@ -138,7 +135,9 @@ def cell_blocks(mesh: VolumeMesh) -> list[CellBlock]:
     return blocks
 
 
-def reordered(kind: str, nodes: Ints, order: int, edges: tuple[tuple[int, int], ...]) -> Ints:
+def reordered(
+    kind: str, nodes: Integers, order: int, edges: tuple[tuple[int, int], ...]
+) -> Integers:
     """Return the nodes of volume elements with the middles in another order of the edges."""
     if order == 1:
         return nodes

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad import __version__
+from pc2cad.arrays import Array
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import single_precision, surface
 from pc2cad.names import clean, percent
@@ -41,19 +41,17 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     return _header(exportable) + count + facets.tobytes()
 
 
-def facet_corners(exportable: Exportable, options: ExportOptions) -> NDArray[np.float64]:
+def facet_corners(exportable: Exportable, options: ExportOptions) -> Array:
     """Return the corners of the facets, (m, 3, 3), as single precision holds them."""
     mesh = single_precision(surface(exportable, options), "STL")
     return mesh.vertices[mesh.triangles]
 
 
-def facet_normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def facet_normals(corners: Array) -> Array:
     """Return unit normals, (m, 3), of triangles, (m, 3, 3); 0 where three corners are in line."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths: Any = np.linalg.norm(normals, axis=1, keepdims=True)
-    unit: NDArray[np.float64] = np.divide(
-        normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0
-    )
+    unit: Array = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
     return unit
 
 

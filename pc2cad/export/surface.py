@@ -6,10 +6,10 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopTools import TopTools_ShapeMapHasher
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.errors import KernelError
 from pc2cad.export.kernel import subshapes
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
@@ -84,9 +84,7 @@ def faces_in_order(exportable: Exportable) -> tuple[NamedFace, ...]:
     return tuple(result)
 
 
-def smooth_normals(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def smooth_normals(vertices: Array, triangles: Integers) -> Array:
     """Return unit normals, (n, 3), at the vertices of one smooth face, weighted by area."""
     corners = vertices[triangles]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pc2cad.export.mesh_files import CellBlock, Ints
+from pc2cad.arrays import Integers
+from pc2cad.export.mesh_files import CellBlock
 
 #: type numbers of VTK by element and order
 VTK_TYPES = {
@@ -16,7 +17,7 @@ VTK_TYPES = {
 _COLUMNS = {("wedge", 1): (0, 2, 1, 3, 5, 4)}
 
 
-def nodes_for_vtk(block: CellBlock, order: int) -> Ints:
+def nodes_for_vtk(block: CellBlock, order: int) -> Integers:
     """Return the nodes of cells in the order of VTK, (n, k)."""
     columns = _COLUMNS.get((block.kind, order))
     return block.nodes if columns is None else block.nodes[:, list(columns)]

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.errors import KernelError
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, surface
@@ -50,7 +50,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     return encoded
 
 
-def polydata(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Any:
+def polydata(vertices: Array, triangles: Integers) -> Any:
     """Return a vtkPolyData of points, (n, 3), and triangles, (m, 3)."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonCore import vtkPoints
@@ -77,7 +77,7 @@ def _texts(name: str, values: list[str]) -> Any:
     return array
 
 
-def _check(text: bytes, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
+def _check(text: bytes, vertices: Array, triangles: Integers) -> None:
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.multiples import common_unit, ratio
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import Expr, walk
 from pc2cad.geometry.separation import LARGEST_ORDER
-
-Array = NDArray[np.float64]
 
 #: arcs are no longer than this: a quarter turn, and half of it where weights would spread too far
 LONGEST_ARC = np.pi / 2

@@ -8,14 +8,12 @@ from functools import lru_cache
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation.normal_form import NormalForm, normal_form
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import ANALYTIC, Expr, walk
 from pc2cad.geometry.profile import LARGEST_DEGREE
-
-Array = NDArray[np.float64]
 
 
 def degree_in(roots: Sequence[Expr], name: str) -> int | None:

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pc2cad.arrays import Array
 
 #: exact: same point set, coefficients rounded once; bounded: a proved upper bound of the deviation;
 #: sampled: deviation measured, not proved

@@ -9,12 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.bernstein import bezier_knots
 from pc2cad.geometry.carriers import Arc, Frame, SplineCurve
-
-Array = NDArray[np.float64]
 
 #: singular values below this share of the largest are zero; those of the others are larger by GAP
 NULL = 1e-12

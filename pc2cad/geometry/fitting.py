@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Arc,
@@ -36,7 +36,6 @@ from pc2cad.geometry.location import TURN, along_curve, distance_from_axis, peri
 from pc2cad.geometry.parameter_path import ROUNDING, path
 from pc2cad.geometry.sweeps import free_motions, sweep_through, tidy
 
-Array = NDArray[np.float64]
 #: points (len(s), len(t), 3) of a face over local parameters
 Sampler = Callable[[Array, Array], Array]
 #: points (n, 3) along a curve over [0, 1]

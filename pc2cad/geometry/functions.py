@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pc2cad.arrays import Array
+
 Jet = tuple[Array, Array, Array]
 
 

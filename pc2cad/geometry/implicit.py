@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation.tree import ZERO, Expr, call, number, symbol
 from pc2cad.equation.vanishing import vanishes
 from pc2cad.geometry.carriers import (
@@ -30,7 +30,6 @@ from pc2cad.geometry.carriers import (
 )
 from pc2cad.geometry.location import conic_shares
 
-Array = NDArray[np.float64]
 Point = Sequence[Expr]
 #: a polynomial that is zero on the carrier, and one of the same size that is not
 Equation = tuple[Expr, Expr]

@@ -8,9 +8,9 @@ from __future__ import annotations
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Arc,
@@ -25,8 +25,6 @@ from pc2cad.geometry.carriers import (
     SplineCurve,
     Torus,
 )
-
-Array = NDArray[np.float64]
 
 TURN = 2 * np.pi
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import PCurve, Segment, SplinePath
 from pc2cad.geometry.rational import PiecewiseSpace
-
-Array = NDArray[np.float64]
 
 #: what a path may be off, relative to its own size: a few roundings
 ROUNDING = 1e-13

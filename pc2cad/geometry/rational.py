@@ -12,8 +12,8 @@ from functools import cached_property
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.arcs import Arcs
 from pc2cad.geometry.refinement import Sampler, check_places
 from pc2cad.geometry.spline_space import SplineSpace
@@ -25,8 +25,6 @@ from pc2cad.geometry.tensor import (
     surface_deviation,
 )
 from pc2cad.linear import solve
-
-Array = NDArray[np.float64]
 
 
 class PiecewiseSpace(SplineSpace):

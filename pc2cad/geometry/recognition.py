@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Arc,
@@ -30,7 +30,6 @@ from pc2cad.geometry.carriers import (
 )
 from pc2cad.geometry.separation import CONSTANT, ROUNDING, Axis, Separation, Term
 
-Array = NDArray[np.float64]
 TURN = 2 * np.pi
 #: relations between vectors hold to this share of the largest
 SAME = 10 * ROUNDING

@@ -16,14 +16,13 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.equation.breaks import Break
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.spline_space import SplineSpace, smallest_error
 from pc2cad.linear import product
 
-Array = NDArray[np.float64]
 #: values at parameters t of shape (m,): shape (m, columns, 3)
 Sampler = Callable[[Array], Array]
 
@@ -116,7 +115,7 @@ def check_places(space: SplineSpace) -> Array:
     return _checks(space)[0]
 
 
-def _checks(space: SplineSpace) -> tuple[Array, NDArray[np.int_]]:
+def _checks(space: SplineSpace) -> tuple[Array, Integers]:
     """Return the check places, and where each interval's begin."""
     own = 2 * space.own
     starts = np.cumsum(own) - own

@@ -14,15 +14,13 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.equation.evaluation import Program
 from pc2cad.equation.multiples import common_unit, ratio
 from pc2cad.equation.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.tree import ONE, ZERO, Expr, call, number, power, rewrite, walk
-
-Array = NDArray[np.float64]
 
 #: coefficients below this share of the largest one are rounding
 ROUNDING = 1e-13

@@ -17,15 +17,12 @@ from functools import cached_property, lru_cache
 from math import comb, factorial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 from scipy.sparse import csr_array
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.linear import inverse, product, solve
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int_]
 
 #: up to this degree normal equations and one step of refinement hold all digits
 _NORMAL_EQUATIONS = 9
@@ -79,7 +76,7 @@ class SplineSpace:
         return self._rule[0]
 
     @cached_property
-    def own(self) -> Indices:
+    def own(self) -> Integers:
         """As many places in each interval as it has poles of its own, and one more."""
         end = self.degree + 1 if self.seam is None else self.seam
         counts = np.concatenate(([end], self.multiplicities, [end]))
@@ -114,12 +111,12 @@ class SplineSpace:
         inner = np.repeat(self.points[1:-1], self.multiplicities)
         return np.concatenate((np.zeros(self.seam or 0), inner))
 
-    def _cyclic_knots(self, index: Indices) -> Array:
+    def _cyclic_knots(self, index: Integers) -> Array:
         n = len(self._cycle)
         return self._cycle[index % n] + index // n
 
     @cached_property
-    def _unclamped(self) -> tuple[Array, Indices]:
+    def _unclamped(self) -> tuple[Array, Integers]:
         """Knots of the periodic basis over [0, 1], and the coefficient each function belongs to."""
         n, p, seam = len(self._cycle), self.degree, self.seam or 0
         functions = np.arange(seam - p - 1, n)
@@ -134,7 +131,7 @@ class SplineSpace:
     @cached_property
     def _projector(self) -> Callable[[Array], Array]:
         sites, weights = self._rule
-        owner: Indices
+        owner: Integers
         if self.seam is None:
             first, values = local_basis(self.knots, self.degree, sites)
             owner, size = np.arange(self.size), self.size
@@ -201,7 +198,7 @@ def _rule_on_interval(count: int, degree: int) -> tuple[Array, Array]:
     return np.array([low, 1 - low]), np.array([0.5, 0.5])
 
 
-def local_basis(knots: Array, degree: int, t: Array) -> tuple[Indices, Array]:
+def local_basis(knots: Array, degree: int, t: Array) -> tuple[Integers, Array]:
     """Return the first of the p+1 functions that live at each t, and their values (len(t), p+1).
 
     Values are sums of products of positive numbers.
@@ -228,14 +225,14 @@ def basis_matrix(knots: Array, degree: int, t: Array) -> csr_array:
     return _rows(first[:, None] + np.arange(degree + 1), values, len(knots) - degree - 1)
 
 
-def _rows(index: Indices, values: Array, size: int) -> csr_array:
+def _rows(index: Integers, values: Array, size: int) -> csr_array:
     count, width = index.shape
     starts = np.arange(0, count * width + 1, width)
     return csr_array((values.ravel(), index.ravel(), starts), shape=(count, size))
 
 
 def _projector(
-    index: Indices, values: Array, weights: Array, size: int, degree: int, cyclic: bool
+    index: Integers, values: Array, weights: Array, size: int, degree: int, cyclic: bool
 ) -> Callable[[Array], Array]:
     """Return the map from values at sites to coefficients.
 
@@ -271,7 +268,7 @@ _Solve = Callable[[Array], Array]
 
 
 def _by_matrix(
-    index: Indices, values: Array, weights: Array, size: int
+    index: Integers, values: Array, weights: Array, size: int
 ) -> Callable[[Array], Array]:
     """Return the map of `_projector` as one full matrix, from the equations with multipliers."""
     count = len(index)
@@ -298,7 +295,7 @@ def _by_matrix(
     return project
 
 
-def _order(size: int, cyclic: bool) -> Indices:
+def _order(size: int, cyclic: bool) -> Integers:
     """Return the rows that unknowns get: those of a cycle are taken alternately from both ends."""
     order = np.arange(size)
     if cyclic:
@@ -307,7 +304,7 @@ def _order(size: int, cyclic: bool) -> Indices:
 
 
 def _by_cholesky(
-    design: csr_array, index: Indices, values: Array, weights: Array, size: int, cyclic: bool
+    design: csr_array, index: Integers, values: Array, weights: Array, size: int, cyclic: bool
 ) -> tuple[_Solve, _Solve]:
     """Return r ↦ (BᵀWB)⁻¹BᵀWr and b ↦ (BᵀWB)⁻¹b by a banded factorisation.
 
@@ -334,7 +331,7 @@ def _by_cholesky(
 
 
 def _by_triangle(
-    index: Indices, values: Array, weights: Array, size: int, cyclic: bool
+    index: Integers, values: Array, weights: Array, size: int, cyclic: bool
 ) -> tuple[_Solve, _Solve]:
     """Return the same maps by an orthogonal factorisation, for high degrees.
 
@@ -368,7 +365,7 @@ def _by_triangle(
     return solve, multiply
 
 
-def _reflect(table: Array, first: Indices, last: Indices) -> list[tuple[int, int, Array]]:
+def _reflect(table: Array, first: Integers, last: Integers) -> list[tuple[int, int, Array]]:
     """Make a matrix triangular, in place; return the rows and the unit normal of each mirror.
 
     Row i has entries from column first[i], ascending, and no row up to it any from last[i] on.

@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Cone,
@@ -26,8 +26,6 @@ from pc2cad.geometry.carriers import (
     frame_on,
 )
 from pc2cad.geometry.conics import Conic, Oval, Straight, conic_through
-
-Array = NDArray[np.float64]
 
 #: motions hold to this share of their size
 NULL = 1e-11

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.refinement import check_places
 from pc2cad.geometry.spline_space import SplineSpace
 
-Array = NDArray[np.float64]
 #: values on the product of two parameter arrays: shape (len(s), len(t), 3)
 GridSampler = Callable[[Array, Array], Array]
 

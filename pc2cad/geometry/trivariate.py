@@ -8,14 +8,13 @@ from itertools import pairwise
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from pc2cad.arrays import Array
 from pc2cad.geometry.rational import Course
 from pc2cad.geometry.spline_space import SplineSpace
 from pc2cad.linear import along
 
-Array = NDArray[np.float64]
 #: values on the product of three parameter arrays: shape (len, len, len, 3)
 GridSampler = Callable[[Array, Array, Array], Array]
 #: Gauss nodes beyond the polynomial's need where there are weights

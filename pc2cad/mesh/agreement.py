@@ -13,19 +13,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_Plane
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.brep.shapes import curve_function, path_function, surface_function
 from pc2cad.errors import KernelError
 from pc2cad.mesh.grids import parameter_areas, shapes_of
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: share of the area in the parameters that rounding of nodes may take from a face
 _COVERED = 1e-6
@@ -57,7 +54,7 @@ class Slack:
 
 
 def face_slack(
-    number: int, face: Any, mesh: Any, nodes: Array, corners: IntArray, deflection: float
+    number: int, face: Any, mesh: Any, nodes: Array, corners: Integers, deflection: float
 ) -> Slack:
     """Return what one face's triangles may be off by.
 
@@ -91,7 +88,7 @@ def face_slack(
     )
 
 
-def _flat(nodes: Array, corners: IntArray) -> tuple[Array, Array]:
+def _flat(nodes: Array, corners: Integers) -> tuple[Array, Array]:
     """Return the unit normals (m, 3) and the areas (m,) of triangles."""
     a, b, c = (nodes[corners[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -99,7 +96,7 @@ def _flat(nodes: Array, corners: IntArray) -> tuple[Array, Array]:
     return normals / np.maximum(lengths, 1e-300)[:, None], lengths / 2
 
 
-def _bows(nodes: Array, corners: IntArray, normals: Array) -> tuple[Array, Array]:
+def _bows(nodes: Array, corners: Integers, normals: Array) -> tuple[Array, Array]:
     """Return how far the surface is from each triangle, and the share by which it is larger.
 
     Both from the surface's normals (n, 3) at the nodes; one without any, at a pole, says nothing.

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.mesh.elements import ElementType
 from pc2cad.mesh.polytopes import Polytope
 
-Array = NDArray[np.float64]
 #: a corner of a polytope, an edge, a face or a polytope: the numbers of the corners that span it
 Key = frozenset[int]
 #: the half of an edge at its first corner

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.errors import NotASolidError
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID, TYPES, gradients, rule, shapes
 from pc2cad.mesh.volume_mesh import VolumeMesh
-
-Array = NDArray[np.float64]
 
 #: units in the last place that one term of a sum of an integral can be off
 _ULPS = 256

@@ -12,10 +12,8 @@ from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.integer]
+from pc2cad.arrays import Array
 
 
 @dataclass(frozen=True)

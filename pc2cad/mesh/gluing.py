@@ -7,18 +7,16 @@ the analysis, and a grid whose lines are shared accordingly turns that into pair
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from pc2cad.arrays import Integers
 from pc2cad.mesh.grid import Grid
 from pc2cad.topology.cells import Cell, normal_direction
 from pc2cad.topology.complex import BoundaryComplex, SideFate
 
-Ints = NDArray[np.int64]
 
-
-def cell_nodes(grid: Grid, cell: Cell) -> Ints:
+def cell_nodes(grid: Grid, cell: Cell) -> Integers:
     """Return the flat indices of the nodes of a cell of the box, one axis per direction of it."""
     counts = [len(lines) for lines in grid.lines]
     spans = [np.arange(s.start, s.stop) for s in (grid.span(d, cell[d]) for d in range(3))]
@@ -27,14 +25,14 @@ def cell_nodes(grid: Grid, cell: Cell) -> Ints:
     return np.asarray(index[tuple(slice(None) if p % 2 else 0 for p in cell)], dtype=np.int64)
 
 
-def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Ints, Ints]:
+def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Integers, Integers]:
     """Return the indices that stand for another one, ascending, and what each stands for.
 
     The representative of a set of equal nodes is the smallest index of it.
     """
-    pairs: list[tuple[Ints, Ints]] = []
+    pairs: list[tuple[Integers, Integers]] = []
 
-    def join(first: Ints, second: Ints) -> None:
+    def join(first: Integers, second: Integers) -> None:
         a, b = np.broadcast_arrays(first, second)
         differ = a != b
         if differ.any():
@@ -65,13 +63,13 @@ def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Ints, Ints]:
     return joined(pairs)
 
 
-def partner_nodes(grid: Grid, side: SideFate) -> Ints:
+def partner_nodes(grid: Grid, side: SideFate) -> Integers:
     """Return the nodes of the side that a side is glued to, in the order of its own."""
     assert side.partner is not None
     return _turned(cell_nodes(grid, side.partner), side)
 
 
-def _turned(image: Ints, side: SideFate) -> Ints:
+def _turned(image: Integers, side: SideFate) -> Integers:
     """Return what lies on the partner of a side in the order of the side."""
     assert side.symmetry is not None
     if side.symmetry.reverse_s:
@@ -81,7 +79,7 @@ def _turned(image: Ints, side: SideFate) -> Ints:
     return image.T if side.symmetry.swap else image
 
 
-def side_cells(grid: Grid, patch: Cell) -> Ints:
+def side_cells(grid: Grid, patch: Cell) -> Integers:
     """Return the numbers of the cells on a patch of the box, one axis per direction of it."""
     d = normal_direction(patch)
     spans = []
@@ -107,7 +105,7 @@ def glued_cells(grid: Grid, boundary: BoundaryComplex) -> dict[int, list[int]]:
     return found
 
 
-def joined(pairs: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+def joined(pairs: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
     """Return, of numbers that are one in pairs, those that stand for another, and for which."""
     if not pairs:
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)

@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap
 from pc2cad.errors import InputError
 from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import Cell, directions_of
 
-Array = NDArray[np.float64]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.Poly import Poly_PolygonOnTriangulation, Poly_Triangle, Poly_Triangulation
@@ -26,12 +25,10 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.brep.shapes import path_function, surface_function
 from pc2cad.errors import KernelError
 from pc2cad.geometry.functions import CurveFunction, SurfaceFunction
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: cells of a direction at first and at most, and the share of the deflection that its chords take
 _FIRST, _MOST, _SHARE = 8, 4096, 0.6
@@ -238,7 +235,7 @@ def _wanted(patch: _Patch, cells: list[int], deflection: float, angle: float) ->
 # -- the grid --------------------------------------------------------------------------------------
 
 
-def _triangles(points: Array) -> IntArray:
+def _triangles(points: Array) -> Integers:
     """Return two triangles per cell, cut along the shorter diagonal, as rows of the flat grid."""
     n, m = points.shape[:2]
     rows = np.arange(n * m, dtype=np.int64).reshape(n, m)
@@ -250,14 +247,14 @@ def _triangles(points: Array) -> IntArray:
     return np.concatenate((first.reshape(-1, 3), second.reshape(-1, 3)))
 
 
-def parameter_areas(grid: Array, triangles: IntArray) -> Array:
+def parameter_areas(grid: Array, triangles: Integers) -> Array:
     """Return the signed areas of triangles in the parameter plane; grid (n, 2)."""
     a, b, c = (grid[triangles[:, k]] for k in range(3))
     x, y = b - a, c - a
     return np.asarray((x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]) / 2)
 
 
-def _oriented(grid: Array, triangles: IntArray) -> IntArray | None:
+def _oriented(grid: Array, triangles: Integers) -> Integers | None:
     """Return the triangles anti-clockwise in the parameters; None where senses differ."""
     areas = parameter_areas(grid, triangles)
     if (areas > 0).all():
@@ -265,7 +262,7 @@ def _oriented(grid: Array, triangles: IntArray) -> IntArray | None:
     return triangles[:, ::-1] if (areas < 0).all() else None
 
 
-def _put(patch: _Patch, grid: Array, points: Array, triangles: IntArray) -> None:
+def _put(patch: _Patch, grid: Array, points: Array, triangles: Integers) -> None:
     n, m = grid.shape[:2]
     mesh = Poly_Triangulation(n * m, len(triangles), True)
     for i, (place, pair) in enumerate(
@@ -293,7 +290,7 @@ def _put(patch: _Patch, grid: Array, points: Array, triangles: IntArray) -> None
             builder.UpdateEdge(side.edge, *own.values(), mesh)
 
 
-def _polygon(nodes: IntArray, parameters: Array) -> Any:
+def _polygon(nodes: Integers, parameters: Array) -> Any:
     indices = TColStd_Array1OfInteger(1, len(nodes))
     places = TColStd_Array1OfReal(1, len(nodes))
     for i, (node, parameter) in enumerate(

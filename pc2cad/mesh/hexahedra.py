@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.checked import CheckedMap
 from pc2cad.errors import NotASolidError
 from pc2cad.mapping import open_grid
@@ -23,9 +23,6 @@ from pc2cad.mesh.gluing import cell_nodes, glued_cells, joined, merged_nodes, si
 from pc2cad.mesh.grid import Grid
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell, normal_direction
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.integer]
 
 #: points evaluated, and cells numbered, at once: the arrays stay in the cache
 _CHUNK = 1 << 16
@@ -49,7 +46,7 @@ def hexahedra(checked: CheckedMap, grid: Grid, order: int = 1) -> VolumeMesh:
 class _Split:
     """Cells that became the same elements, ascending, and these."""
 
-    cells: Ints
+    cells: Integers
     #: type, number of the first element of it within the type, own faces on each of the cell's
     parts: list[tuple[str, int, tuple[tuple[int, ...], ...]]] = field(default_factory=list)
 
@@ -92,7 +89,7 @@ class _Assembly:
 
     # -- elements ------------------------------------------------------------------------------
 
-    def _elements(self) -> tuple[dict[str, Ints], Ints]:
+    def _elements(self) -> tuple[dict[str, Integers], Integers]:
         """Return the elements in indices of the fine grid, and the cells that are none as such."""
         firsts = self._first_corners()
         irregular, patterns = self._irregular(firsts)
@@ -100,7 +97,7 @@ class _Assembly:
         made = self._made(firsts, irregular, patterns)
         irregular = np.sort(np.concatenate([cells for _, cells in made])) if made else irregular
         kept = self._corners(np.delete(firsts, irregular) if len(irregular) else firsts)
-        blocks: dict[str, list[Ints]] = {HEXAHEDRON.name: [self._with_middles(kept)]}
+        blocks: dict[str, list[Integers]] = {HEXAHEDRON.name: [self._with_middles(kept)]}
         counts = dict.fromkeys(TYPES, 0)
         counts[HEXAHEDRON.name] = len(kept)
         for pieces, cells in made:
@@ -121,11 +118,11 @@ class _Assembly:
         return {name: block for name, block in of_type.items() if len(block)}, irregular
 
     def _made(
-        self, firsts: Ints, irregular: Ints, patterns: Ints
-    ) -> list[tuple[tuple[Piece, ...], Ints]]:
+        self, firsts: Integers, irregular: Integers, patterns: Integers
+    ) -> list[tuple[tuple[Piece, ...], Integers]]:
         """Return what cells become, and which; none where their faces cover one another."""
-        made: list[tuple[tuple[Piece, ...], Ints]] = []
-        left: list[Ints] = []
+        made: list[tuple[tuple[Piece, ...], Integers]] = []
+        left: list[Integers] = []
         kinds, which = np.unique(patterns, axis=0, return_inverse=True)
         for k, row in enumerate(kinds):
             cells = irregular[which.ravel() == k]
@@ -149,12 +146,12 @@ class _Assembly:
         made += [(pieces, np.array(row)) for pieces, row in alike.items()]
         return [(pieces, row) for pieces, row in made if len(row)]
 
-    def _cut(self, firsts: Ints, cells: Ints) -> dict[int, tuple[Piece, ...]]:
+    def _cut(self, firsts: Integers, cells: Integers) -> dict[int, tuple[Piece, ...]]:
         """Return the elements of cells that have to be cut, and of those that the cuts reach."""
         glued = glued_cells(self._grid, self._analysis.boundary)
         counts = self._grid.cells
 
-        def nodes(numbers: Ints) -> dict[int, list[int]]:
+        def nodes(numbers: Integers) -> dict[int, list[int]]:
             corners = _replace(self._corners(firsts[numbers]), *self._merged)
             return dict(zip(numbers.tolist(), corners.tolist(), strict=True))
 
@@ -167,7 +164,7 @@ class _Assembly:
 
         return Cuts().solve(nodes(cells), beside)
 
-    def _join_middles(self, firsts: Ints, patterns: Ints) -> None:
+    def _join_middles(self, firsts: Integers, patterns: Integers) -> None:
         """Make the middles of edges one that a flat cell lies between."""
         if self._order == 1:
             return
@@ -177,7 +174,7 @@ class _Assembly:
             if not is_flat(tuple(int(p) for p in row)):
                 continue
             corners = self._corners(firsts[which.ravel() == k])
-            first: dict[frozenset[int], NDArray[np.int64]] = {}
+            first: dict[frozenset[int], Integers] = {}
             for a, b in HEXAHEDRON.edges:
                 middle = ((corners[:, a] + corners[:, b]) // 2).astype(np.int64)
                 ends = frozenset((int(row[a]), int(row[b])))
@@ -186,7 +183,7 @@ class _Assembly:
         if len(pairs) > 1:
             self._merged = joined(pairs)
 
-    def _check_flat(self, pattern: Pattern, cells: Ints) -> None:
+    def _check_flat(self, pattern: Pattern, cells: Integers) -> None:
         """Raise CellCollapsesError where nothing is left of a cell on a face of the solid."""
         for face in self._analysis.boundary.faces:
             d = normal_direction(face.patch)
@@ -208,16 +205,16 @@ class _Assembly:
         _, nv, nw = self._counts
         return self._order * nv * nw, self._order * nw, self._order
 
-    def _first_corners(self) -> Ints:
+    def _first_corners(self) -> Integers:
         """Return the corner of every cell where u, v and w are least, as an index."""
-        starts: list[Ints] = [
+        starts: list[Integers] = [
             np.arange(n, dtype=self._integer) * stride
             for n, stride in zip(self._grid.cells, self._strides(), strict=True)
         ]
         u, v, w = np.ix_(*starts)
         return np.asarray((u + v + w).ravel())
 
-    def _corners(self, firsts: Ints) -> Ints:
+    def _corners(self, firsts: Integers) -> Integers:
         """Return the corners of cells as indices of the fine grid, (cells, 8)."""
         strides = self._strides()
         offsets = [
@@ -226,7 +223,7 @@ class _Assembly:
         ]
         return firsts[:, None] + np.array(offsets, dtype=self._integer)
 
-    def _irregular(self, firsts: Ints) -> tuple[Ints, Ints]:
+    def _irregular(self, firsts: Integers) -> tuple[Integers, Integers]:
         """Return the cells with equal corners, ascending, and which corners those are."""
         none = np.empty(0, dtype=np.int64), np.empty((0, 8), dtype=np.int64)
         if not len(self._merged[0]):
@@ -247,7 +244,7 @@ class _Assembly:
             rows.append((own[:, :, None] == own[:, None, :]).argmax(axis=2))
         return np.concatenate(found), np.concatenate(rows)
 
-    def _with_middles(self, cells: Ints) -> Ints:
+    def _with_middles(self, cells: Integers) -> Integers:
         if self._order == 1:
             return cells
         full = np.empty((len(cells), HEXAHEDRON.size(2)), dtype=self._integer)
@@ -259,7 +256,9 @@ class _Assembly:
 
     # -- nodes ---------------------------------------------------------------------------------
 
-    def _number(self, blocks: dict[str, Ints], moved: Ints, stands: Ints) -> tuple[Ints, int]:
+    def _number(
+        self, blocks: dict[str, Integers], moved: Integers, stands: Integers
+    ) -> tuple[Integers, int]:
         """Give the nodes that are used numbers, which replace the indices in the elements.
 
         Returns the number of every index of the fine grid that is its own representative.
@@ -267,7 +266,7 @@ class _Assembly:
         total = int(np.prod(self._counts))
         if self._order == 1 and not len(moved):
             return np.arange(total, dtype=self._integer), total
-        table: Ints = np.empty(total, dtype=self._integer)
+        table: Integers = np.empty(total, dtype=self._integer)
         if self._order == 1:
             # every node is a corner of some element
             used = np.ones(total, dtype=bool)
@@ -287,7 +286,7 @@ class _Assembly:
         table[moved] = -1
         return table, count
 
-    def _points(self, numbers: Ints, moved: Ints, count: int) -> Array:
+    def _points(self, numbers: Integers, moved: Integers, count: int) -> Array:
         """Evaluate the equation at every numbered node, slab by slab on open grids."""
         points = np.empty((count, 3))
         if self._order == 1 and not len(moved):
@@ -328,7 +327,7 @@ class _Assembly:
         d = normal_direction(patch)
         return FACE_AT[self._axes.index(d)][int(patch[d] > 0)]
 
-    def _facets(self, patch: Cell, irregular: Ints) -> tuple[Facets, ...]:
+    def _facets(self, patch: Cell, irregular: Integers) -> tuple[Facets, ...]:
         """Return the faces of elements on a patch of the box."""
         face = self._face(patch)
         cells = np.sort(side_cells(self._grid, patch).ravel())
@@ -352,7 +351,7 @@ class _Assembly:
             sides[whole] = sides.get(whole, ()) + facets
         return {**sides, **patches}
 
-    def _layers(self, irregular: Ints) -> dict[str, dict[str, Ints]]:
+    def _layers(self, irregular: Integers) -> dict[str, dict[str, Integers]]:
         """Return the elements of each layer; layers are the crease pieces of w."""
         names = self._analysis.equation.layers
         if not names:
@@ -366,8 +365,8 @@ class _Assembly:
                 numbers.setdefault(kind, []).append(of_cell[split.cells])
         return by_layer(names, {kind: np.concatenate(rows) for kind, rows in numbers.items()})
 
-    def _node_sets(self, numbers: Ints, count: int) -> dict[str, Ints]:
-        sets: dict[str, list[Ints]] = {}
+    def _node_sets(self, numbers: Integers, count: int) -> dict[str, Integers]:
+        sets: dict[str, list[Integers]] = {}
         boundary = self._analysis.boundary
         for side in boundary.sides:
             name = boundary.name(side.patch)
@@ -375,7 +374,7 @@ class _Assembly:
             for key in by_whole_side(name):
                 sets.setdefault(key, []).append(nodes[nodes >= 0])
         member = np.zeros(count, dtype=bool)
-        found: dict[str, Ints] = {}
+        found: dict[str, Integers] = {}
         for name, parts in sets.items():
             nodes = _whole(parts)
             member[nodes] = True
@@ -384,17 +383,17 @@ class _Assembly:
         return found
 
 
-def _replace(indices: Ints, moved: Ints, stands: Ints) -> Ints:
+def _replace(indices: Integers, moved: Integers, stands: Integers) -> Integers:
     place = np.minimum(np.searchsorted(moved, indices), len(moved) - 1)
     return np.where(moved[place] == indices, stands[place], indices)
 
 
-def _whole(parts: list[Ints]) -> Ints:
+def _whole(parts: list[Integers]) -> Integers:
     """Return arrays as one; a single one is not copied."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _chunks(blocks: dict[str, Ints]) -> Iterator[Ints]:
+def _chunks(blocks: dict[str, Integers]) -> Iterator[Integers]:
     for block in blocks.values():
         for start in range(0, len(block), _CHUNK):
             yield block[start : start + _CHUNK]

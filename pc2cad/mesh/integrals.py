@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pc2cad.arrays import Array, Integers
 
 
 @dataclass(frozen=True)
@@ -17,9 +18,7 @@ class TriangleIntegrals:
     centroid: tuple[float, float, float]
 
 
-def triangle_integrals(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> TriangleIntegrals:
+def triangle_integrals(vertices: Array, triangles: Integers) -> TriangleIntegrals:
     """Return the integrals of closed triangles, oriented outwards: (n, 3) points, (m, 3) rows.
 
     Exact for the triangles but for rounding: the divergence theorem on each, about their middle.

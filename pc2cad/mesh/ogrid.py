@@ -12,9 +12,9 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Integers
 from pc2cad.checked import CheckedMap
 from pc2cad.linear import along
 from pc2cad.mesh.blocks import Block, blocks
@@ -25,9 +25,6 @@ from pc2cad.mesh.hexahedra import FACE_AT, hexahedra
 from pc2cad.mesh.polytopes import large_cells, polytopes
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def o_grid(checked: CheckedMap, grid: Grid, order: Literal[1, 2] = 1) -> VolumeMesh:
@@ -50,9 +47,9 @@ class _Lattice:
     """A block with the numbers of its nodes."""
 
     block: Block
-    nodes: Ints
+    nodes: Integers
 
-    def at_end(self, axis: int, end: int) -> tuple[Ints, list[int]]:
+    def at_end(self, axis: int, end: int) -> tuple[Integers, list[int]]:
         """Return the nodes and the four corners (positions in the block) of a face."""
         corners = np.moveaxis(np.arange(8).reshape(2, 2, 2), axis, 0)[-end]
         return np.moveaxis(self.nodes, axis, 0)[-end], corners.ravel().tolist()
@@ -73,7 +70,7 @@ def _merged(lattices: list[_Lattice]) -> tuple[list[_Lattice], int]:
     numbers = {key: k for k, key in enumerate(
         dict.fromkeys(key for lattice in lattices for key in lattice.block.keys)
     )}  # fmt: skip
-    shared: dict[tuple[int, ...], list[Ints]] = {}
+    shared: dict[tuple[int, ...], list[Integers]] = {}
     for lattice in numbered:
         for axis, end in product(range(3), (0, 1)):
             nodes, corners = lattice.at_end(axis, end)
@@ -97,7 +94,7 @@ def _merged(lattices: list[_Lattice]) -> tuple[list[_Lattice], int]:
     )
 
 
-def _turned(nodes: Ints, ends: Ints) -> Ints:
+def _turned(nodes: Integers, ends: Integers) -> Integers:
     """Return the nodes of a face from its smallest corner on, towards the smaller neighbour."""
     row, column = np.argwhere(ends == ends.min())[0]
     if row:
@@ -124,10 +121,10 @@ class _Layout:
 
     def mesh(self) -> VolumeMesh:
         places = np.empty((self._count, 3))
-        sets: dict[str, list[Ints]] = {}
+        sets: dict[str, list[Integers]] = {}
         sides: dict[str, list[Facets]] = {}
-        rows: list[Ints] = []
-        layers: list[Ints] = []
+        rows: list[Integers] = []
+        layers: list[Integers] = []
         first = 0
         names = {side.patch: side.fate for side in self._analysis.boundary.sides}
         for lattice in self._lattices:
@@ -210,7 +207,7 @@ class _Layout:
             yield Facets(HEXAHEDRON.name, here, face)
 
 
-def _elements(nodes: Ints, order: int) -> Ints:
+def _elements(nodes: Integers, order: int) -> Integers:
     """Return the elements of a lattice, (n, 8) or (n, 20), in numbers of its nodes."""
     corners = np.array(HEXAHEDRON.corners, dtype=int) * order
     middles = [(corners[a] + corners[b]) // 2 for a, b in HEXAHEDRON.edges] if order == 2 else []

@@ -16,9 +16,9 @@ from itertools import combinations, product
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pc2cad.analysis import Analysis
+from pc2cad.arrays import Array, Integers
 from pc2cad.checked import CheckedMap
 from pc2cad.mapping import open_grid
 from pc2cad.mesh.collapse import Pattern, Piece, is_flat, pattern_of
@@ -29,7 +29,6 @@ from pc2cad.mesh.grid import FEWEST_ROUND, Grid, UnsuitableGridError, closed_dir
 from pc2cad.topology.cells import directions_of, normal_direction
 from pc2cad.topology.complex import SideFate
 
-Array = NDArray[np.float64]
 #: directions from a collapsed side are chords of this share of the way across
 _NEAR = 0.02
 #: angle at an axis that one block takes best
@@ -257,7 +256,7 @@ def polytopes(checked: CheckedMap, large: Grid) -> list[Polytope]:
     return found
 
 
-def _box_corners(axes: tuple[int, int, int]) -> NDArray[np.int64]:
+def _box_corners(axes: tuple[int, int, int]) -> Integers:
     """Return the corners of a hexahedron as steps along u, v and w, (8, 3)."""
     bits = np.array(HEXAHEDRON.corners)
     return bits[:, [axes.index(d) for d in range(3)]]

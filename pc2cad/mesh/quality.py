@@ -6,14 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.errors import NotASolidError
 from pc2cad.linear import product
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID, TYPES, gradients, rule
 from pc2cad.mesh.volume_mesh import VolumeMesh
-
-Array = NDArray[np.float64]
 
 _CHUNK = 1 << 12
 

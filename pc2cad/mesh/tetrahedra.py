@@ -20,11 +20,10 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from pc2cad.arrays import Integers
 from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer
-
-Ints = NDArray[np.int64]
 
 #: gmsh numbers the last two middles of a tetrahedron the other way round
 _FROM_GMSH = {1: [0, 1, 2, 3], 2: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
@@ -143,18 +142,18 @@ def _check_order(
             )
 
 
-def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[list[Ints], list[Ints]]:
+def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[list[Integers], list[Integers]]:
     """Return the tetrahedra per volume and the corners of triangles per surface.
 
     They are in gmsh's numbers of nodes.
     """
     size = TETRAHEDRON.size(order)
-    volumes: list[Ints] = []
+    volumes: list[Integers] = []
     for _, tag in gmsh.model.getEntities(3):
         _, _, nodes = gmsh.model.mesh.getElements(3, tag)
         rows = [np.asarray(n, dtype=np.int64).reshape(-1, size) for n in nodes]
         volumes += [row[:, _FROM_GMSH[order]] for row in rows]
-    triangles: list[Ints] = []
+    triangles: list[Integers] = []
     for tag in surfaces:
         _, _, nodes = gmsh.model.mesh.getElements(2, tag)
         rows = [np.asarray(n, dtype=np.int64).reshape(-1, 3 * order)[:, :3] for n in nodes]
@@ -165,8 +164,8 @@ def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[list[Ints], l
 def _mesh(
     tags: Any,
     coordinates: Any,
-    block: Ints,
-    triangles: dict[str, Ints],
+    block: Integers,
+    triangles: dict[str, Integers],
     order: int,
     name: str,
     units: str,
@@ -190,7 +189,7 @@ def _mesh(
     return VolumeMesh(name, units, order, points, {kind: block}, sides, sets)
 
 
-def _facets(block: Ints, triangles: Ints) -> tuple[Ints, NDArray[np.int8]]:
+def _facets(block: Integers, triangles: Integers) -> tuple[Integers, NDArray[np.int8]]:
     """Return the tetrahedra and the faces of theirs that some triangles are."""
     rings = [np.sort(block[:, list(ring)], axis=1) for ring in TETRAHEDRON.faces]
     rows = np.concatenate([np.sort(triangles, axis=1), *rings])

@@ -28,6 +28,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.errors import InputError, KernelError
 from pc2cad.mesh.agreement import Reference, Slack, face_slack
 from pc2cad.mesh.grids import attach, shapes_of
@@ -44,8 +45,6 @@ FINEST_ANGLE = 0.01
 VOLUME_AGREEMENT = 0.01
 REFINEMENTS = 6
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: all faces of a solid
 _ALL = range(10**9)
@@ -58,11 +57,11 @@ class Triangles:
     """A closed triangulated surface, oriented outwards."""
 
     #: corner points, (n, 3), in the model's unit; no two are equal
-    vertices: FloatArray
+    vertices: Array
     #: corners of each triangle as rows of `vertices`, (m, 3), counter-clockwise from outside
-    triangles: IntArray
+    triangles: Integers
     #: number of the solid's face (in the kernel's order, from 0) under each triangle, (m,)
-    faces: IntArray
+    faces: Integers
     #: enclosed volume
     volume: float
     #: deflection with which the kernel made the mesh, in the model's unit
@@ -196,7 +195,7 @@ def _complaint(mesh: Triangles, slack: Slack, reference: Reference | None) -> st
     return lost if slack.lost else None
 
 
-def edge_defects(triangles: IntArray, vertex_count: int) -> EdgeDefects:
+def edge_defects(triangles: Integers, vertex_count: int) -> EdgeDefects:
     """Count the directed edges of `triangles`, (m, 3), that keep the surface from being closed."""
     start = triangles.ravel()
     end = np.roll(triangles, -1, axis=1).ravel()
@@ -207,8 +206,8 @@ def edge_defects(triangles: IntArray, vertex_count: int) -> EdgeDefects:
 
 
 def weld(
-    points: NDArray[np.floating[Any]], triangles: IntArray
-) -> tuple[NDArray[np.floating[Any]], IntArray, NDArray[np.bool_]]:
+    points: NDArray[np.floating[Any]], triangles: Integers
+) -> tuple[NDArray[np.floating[Any]], Integers, Booleans]:
     """Merge equal points and drop the triangles that lose a corner by that.
 
     Args:
@@ -227,7 +226,7 @@ def weld(
     return distinct, renumbered[remaining].astype(np.int64), remaining
 
 
-def enclosed_volume(vertices: NDArray[np.floating[Any]], triangles: IntArray) -> float:
+def enclosed_volume(vertices: NDArray[np.floating[Any]], triangles: Integers) -> float:
     """Return the volume enclosed by closed `triangles`; negative if they face inwards."""
     if triangles.size == 0:
         return 0.0
@@ -264,7 +263,7 @@ def _mesh(
 
 def _kernel_mesh(
     solid: Any, deflection: float, angular_deflection: float, gridded: Collection[int]
-) -> tuple[FloatArray, IntArray, IntArray, Slack]:
+) -> tuple[Array, Integers, Integers, Slack]:
     """Return points (n, 3), triangles (m, 3), face numbers (m,), and what they may be off by."""
     try:
         # neither geometry nor triangulation is copied: only the topology that carries the mesh
@@ -274,8 +273,8 @@ def _kernel_mesh(
         BRepMesh_IncrementalMesh(copy, deflection, False, angular_deflection, False)
     except Standard_Failure as failure:
         raise KernelError(f"The kernel could not mesh the solid: {failure}.") from None
-    points: list[FloatArray] = []
-    triangles: list[IntArray] = []
+    points: list[Array] = []
+    triangles: list[Integers] = []
     borders, slack = _Borders(copy), Slack()
     offset = 0
     for number, shape in enumerate(shapes_of(copy, TopAbs_ShapeEnum.TopAbs_FACE)):
@@ -299,16 +298,14 @@ def _kernel_mesh(
     return all_points[borders.representatives(offset)], np.concatenate(triangles), numbers, slack
 
 
-def _own_mesh(mesh: Any) -> tuple[FloatArray, IntArray]:
+def _own_mesh(mesh: Any) -> tuple[Array, Integers]:
     """Return the nodes, (n, 3), and triangles, (m, 3), of a triangulation as it stands."""
     nodes = np.array([mesh.Node(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)])
     return nodes, corners.reshape(-1, 3).astype(np.int64) - 1
 
 
-def _placed(
-    face: Any, location: Any, nodes: FloatArray, corners: IntArray
-) -> tuple[FloatArray, IntArray]:
+def _placed(face: Any, location: Any, nodes: Array, corners: Integers) -> tuple[Array, Integers]:
     """Return nodes and triangles of one face where it is, seen from outside."""
     inwards = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     if not location.IsIdentity():
@@ -332,9 +329,9 @@ class _Borders:
         self._vertices = TopTools_IndexedMapOfShape()
         TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, self._edges)
         TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_VERTEX, self._vertices)
-        self._first: dict[int, IntArray] = {}
+        self._first: dict[int, Integers] = {}
         self._corner: dict[int, int] = {}
-        self._pairs: list[IntArray] = []
+        self._pairs: list[Integers] = []
 
     def add(self, face: Any, mesh: Any, location: Any, offset: int) -> None:
         """Take in the edges of a face whose nodes are numbered from `offset`."""
@@ -350,7 +347,7 @@ class _Borders:
             nodes = np.array([polygon.Node(i) for i in range(1, count + 1)], dtype=np.int64)
             self._join(edge, nodes + (offset - 1))
 
-    def _join(self, edge: Any, nodes: IntArray) -> None:
+    def _join(self, edge: Any, nodes: Integers) -> None:
         first = self._first.setdefault(self._edges.FindIndex(edge), nodes)
         if len(first) != len(nodes):
             raise KernelError("The kernel meshed an edge differently in its two faces.")
@@ -366,7 +363,7 @@ class _Borders:
                 corner = self._corner.setdefault(self._vertices.FindIndex(vertex), node)
                 self._pairs.append(np.array([[corner, node]]))
 
-    def representatives(self, count: int) -> IntArray:
+    def representatives(self, count: int) -> Integers:
         """Return for each of `count` nodes the one that stands for its point, (count,)."""
         if not self._pairs:
             return np.arange(count, dtype=np.int64)
@@ -376,7 +373,7 @@ class _Borders:
         )
         _, group = connected_components(links, directed=False)
         _, first = np.unique(group, return_index=True)
-        chosen: IntArray = first[group].astype(np.int64)
+        chosen: Integers = first[group].astype(np.int64)
         return chosen
 
 

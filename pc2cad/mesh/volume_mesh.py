@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.linear import product
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.integer]
 
 #: facets integrated at once
 _CHUNK = 100_000
@@ -24,8 +21,8 @@ class Facets:
     """Faces of elements of one type: element numbers within the type, and faces (0 is S1)."""
 
     kind: str
-    elements: Ints
-    faces: Ints
+    elements: Integers
+    faces: Integers
 
 
 def by_whole_side(name: str) -> list[str]:
@@ -33,7 +30,9 @@ def by_whole_side(name: str) -> list[str]:
     return list(dict.fromkeys((name.partition(" (")[0], name)))
 
 
-def by_layer(names: Sequence[str], numbers: Mapping[str, Ints]) -> dict[str, dict[str, Ints]]:
+def by_layer(
+    names: Sequence[str], numbers: Mapping[str, Integers]
+) -> dict[str, dict[str, Integers]]:
     """Return the elements of each layer, for the layer's number of every element by type."""
     return {
         name: {kind: here for kind, row in numbers.items() if len(here := np.flatnonzero(row == k))}
@@ -54,13 +53,13 @@ class VolumeMesh:
     #: (nodes, 3)
     points: Array
     #: type name -> nodes of each element, (n, k), numbered as in VTK
-    blocks: Mapping[str, Ints]
+    blocks: Mapping[str, Integers]
     #: side (or patch of a side) that bounds the solid -> its faces of elements
     sides: Mapping[str, tuple[Facets, ...]]
     #: side -> its nodes, ascending; collapsed and glued sides too
-    node_sets: Mapping[str, Ints]
+    node_sets: Mapping[str, Integers]
     #: layer -> its elements: numbers within each type; empty where the solid is one
-    layers: Mapping[str, Mapping[str, Ints]] = field(default_factory=dict)
+    layers: Mapping[str, Mapping[str, Integers]] = field(default_factory=dict)
 
     @property
     def elements(self) -> int:
@@ -72,12 +71,12 @@ class VolumeMesh:
         names = list(TYPES)
         return sum(len(self.blocks.get(n, ())) for n in names[: names.index(kind)])
 
-    def facet_nodes(self, side: str) -> dict[str, Ints]:
+    def facet_nodes(self, side: str) -> dict[str, Integers]:
         """Return the nodes of a side's facets by shape, ``quad`` or ``triangle``: (n, k) each.
 
         Corners run anti-clockwise from outside, middles follow in the same order.
         """
-        found: dict[str, list[Ints]] = {}
+        found: dict[str, list[Integers]] = {}
         for facets in self.sides[side]:
             kind = TYPES[facets.kind]
             for face in np.unique(facets.faces):

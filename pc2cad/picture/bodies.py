@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pc2cad.arrays import Array
 from pc2cad.bodies import BodiesPart
 from pc2cad.errors import InputError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.surface import faces_in_order, smooth_normals, surface
-from pc2cad.picture.scene import Array, Colour, Label, Lines, Scene, Surface
+from pc2cad.picture.scene import Colour, Label, Lines, Scene, Surface
 from pc2cad.picture.style import STEEL, Style
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.errors import InputError
-from pc2cad.picture.scene import Array
 
 #: direction from the part to the eye
 VIEWS: dict[str, tuple[float, float, float]] = {
@@ -72,7 +71,7 @@ def aim(
     width, height = size
     room = np.array([width * (1 - 2 * MARGIN - right_margin), height * (1 - 2 * MARGIN)])
     scale = float(max((high - low)[:2] / room)) or 1.0
-    middle: NDArray[np.float64] = (low + high) / 2
+    middle: Array = (low + high) / 2
     middle[0] += right_margin * width / 2 * scale
     reach = float(high[2] - low[2]) / 2
     return Camera(axes, middle @ axes, scale, size, (-reach, reach))

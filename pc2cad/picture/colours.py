@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pc2cad.picture.scene import Array
+from pc2cad.arrays import Array
 
 #: viridis (van der Walt, Smith; CC0), which colour-blind eyes read and grey prints keep in order
 _VIRIDIS = np.array([

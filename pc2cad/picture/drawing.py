@@ -4,22 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pc2cad.arrays import Array
 from pc2cad.bodies import BodiesPart
 from pc2cad.part import Part, side_colour
 from pc2cad.picture.bodies import bodies_drawing
 from pc2cad.picture.colours import shares, viridis
 from pc2cad.picture.maps import deviations, thicknesses, wall_direction
-from pc2cad.picture.scene import (
-    GREY,
-    Array,
-    Bar,
-    Cloud,
-    Colour,
-    Label,
-    Lines,
-    Scene,
-    Surface,
-)
+from pc2cad.picture.scene import GREY, Bar, Cloud, Colour, Label, Lines, Scene, Surface
 from pc2cad.picture.sides import TURN, Patch, Sides
 from pc2cad.picture.style import STEEL, Style
 

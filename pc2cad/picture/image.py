@@ -11,6 +11,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.errors import InputError
 from pc2cad.export.files import by_ending, write_atomically
 from pc2cad.picture import raster
@@ -25,7 +26,7 @@ from pc2cad.picture.overlay import (
     overlay,
     visible,
 )
-from pc2cad.picture.scene import Array, Colour, Lines, Scene
+from pc2cad.picture.scene import Colour, Lines, Scene
 
 SIZE = (960, 640)
 #: sides of a picture in pixels

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pc2cad.arrays import Array
 from pc2cad.picture.camera import Camera
-from pc2cad.picture.scene import GREY, INK, Array, Bar, Colour, Label
+from pc2cad.picture.scene import GREY, INK, Bar, Colour, Label
 
 TEXT_HEIGHT = 17
 #: average width of a letter as a share of its height

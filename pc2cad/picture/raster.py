@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.errors import KernelError
 from pc2cad.picture.camera import Camera
-from pc2cad.picture.scene import Array, Cloud, IntArray, Lines, Scene, Surface
+from pc2cad.picture.scene import Cloud, Lines, Scene, Surface
 
 #: pixels by which lines are nearer to the eye than the faces that they lie on
 LIFT = 1.5
@@ -47,7 +48,7 @@ def depths(scene: Scene, camera: Camera) -> Array:
     return near + share * (far - near)
 
 
-def polydata(points: Array, triangles: IntArray | None = None) -> Any:
+def polydata(points: Array, triangles: Integers | None = None) -> Any:
     """Return a vtkPolyData of points, (n, 3), and triangles, (m, 3)."""
     from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonCore import vtkPoints

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from pc2cad.arrays import Array, Integers
+
 #: red, green, blue in 0…1
 Colour = tuple[float, float, float]
 
@@ -22,7 +21,7 @@ class Surface:
 
     name: str
     points: Array
-    triangles: IntArray
+    triangles: Integers
     normals: Array
     #: one colour, or one for each point, (n, 3)
     colour: Colour | Array

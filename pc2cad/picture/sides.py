@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from pc2cad.arrays import Array, Integers
 from pc2cad.equation.breaks import find_breaks
 from pc2cad.mapping import Mapping3, local_map, open_grid
 from pc2cad.part import Part
-from pc2cad.picture.scene import Array, IntArray
 from pc2cad.topology.cells import Cell, directions_of, normal_direction, outward_sign
 from pc2cad.topology.complex import SideFate
 
@@ -50,7 +50,7 @@ class Patch:
         return 1 if self.cell[self.direction] else 0
 
     @property
-    def triangles(self) -> IntArray:
+    def triangles(self) -> Integers:
         """Triangles (k, 3) on the flattened points, anti-clockwise from outside."""
         n, m = self.points.shape[:2]
         corner = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()

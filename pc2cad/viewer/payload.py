@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pc2cad.arrays import Array
 from pc2cad.bodies import BodiesPart
 from pc2cad.errors import InputError
 from pc2cad.part import Part, side_colour
 from pc2cad.picture.bodies import shown_faces
 from pc2cad.picture.colours import viridis
-from pc2cad.picture.scene import Array, Surface
+from pc2cad.picture.scene import Surface
 from pc2cad.picture.sides import Sides
 from pc2cad.report import BodiesReport, FaceReport, Report
 
