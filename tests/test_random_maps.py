@@ -234,9 +234,9 @@ def test_small_perturbations_are_built_exactly(brick):
 
 
 @pytest.mark.slow
-@few(500)
+@few(250)
 @given(bricks())
-def test_five_hundred_small_perturbations_are_built_exactly(brick):
+def test_many_small_perturbations_are_built_exactly(brick):
     check_brick(brick)
 
 
@@ -270,9 +270,9 @@ def test_larger_perturbations_are_right_or_refused(brick):
 
 
 @pytest.mark.slow
-@few(500)
+@few(250)
 @given(bricks(most=24))
-def test_five_hundred_larger_perturbations_are_right_or_refused(brick):
+def test_many_larger_perturbations_are_right_or_refused(brick):
     check_proved_or_refused(brick)
 
 
@@ -426,9 +426,9 @@ def test_folds_are_refused(brick):
 
 
 @pytest.mark.slow
-@few(300)
+@few(150)
 @given(folded_bricks())
-def test_three_hundred_folds_are_refused(brick):
+def test_many_folds_are_refused(brick):
     check_folded(brick)
 
 

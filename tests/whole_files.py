@@ -10,9 +10,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import cadquery as cq
-import meshio
 import trimesh
 from vtkmodules.vtkIOImage import vtkPNGReader
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 from pc2cad.equation.template_file import parse_template
 
@@ -29,9 +29,21 @@ def _picture(path: Path) -> bool:
     return low < high == 255
 
 
-def _elements(path: Path) -> bool:
-    mesh = meshio.read(path)
-    return any(block.type.startswith(("hexahedron", "wedge", "tetra")) for block in mesh.cells)
+def _grid(path: Path) -> bool:
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    return reader.GetOutput().GetNumberOfCells() > 0
+
+
+def _gmsh(path: Path) -> bool:
+    data = path.read_bytes()
+    return b"$Nodes" in data and data.rstrip().endswith(b"$EndElements")
+
+
+def _deck(path: Path) -> bool:
+    words = [line.split(",")[0].upper() for line in path.read_text().splitlines()]
+    return {"*NODE", "*ELEMENT", "*SURFACE"} <= set(words)
 
 
 def _study(path: Path) -> bool:
@@ -48,15 +60,15 @@ _READERS: dict[str, Callable[[Path], bool]] = {
     ".3mf": lambda path: b"<triangle " in zipfile.ZipFile(path).read("3D/3dmodel.model"),
     ".g2": lambda path: path.read_text().split()[0] == "700",  # a trivariate spline
     ".html": lambda path: path.read_text().rstrip().endswith("</html>"),
-    ".inp": _elements,
+    ".inp": _deck,
     ".json": lambda path: json.loads(path.read_text())["solid"]["volume"] > 0,
-    ".msh": _elements,
+    ".msh": _gmsh,
     ".ply": lambda path: len(trimesh.load(path).vertices) > 0,
     ".png": _picture,
     ".step": _solid,
     ".stl": lambda path: trimesh.load(path).is_volume,
     ".toml": lambda path: bool(parse_template(path.read_text(), path.stem).title),
-    ".vtu": _elements,
+    ".vtu": _grid,
     ".xml": lambda path: ElementTree.parse(path).find("MultiPatch") is not None,
 }
 
