@@ -9,19 +9,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shipped import equation_of
 
 import pc2cad.mesh.triangles as meshing
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import parse_template
+from pc2cad.equation.template_file import parse_template, read_template
 from pc2cad.errors import KernelError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.surface import surface
+from pc2cad.library import find_template
 from pc2cad.mesh.integrals import triangle_integrals
 from pc2cad.part import Part
 
 #: a ring between two tori (Hopf coordinates, projected) whose section turns on the way round
 HOPF = """
+title = "Hopf"
 [let]
 a = "2*pi*u"
 f = "2*pi*v + {turns}*2*pi*u"
@@ -91,13 +92,13 @@ def test_every_format_holds_these_triangles(tmp_path: Path) -> None:
 
 def test_without_a_grid_the_loss_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(meshing, "attach", lambda *_: frozenset())
-    with pytest.raises(KernelError, match="do not cover|than the .* that their chords can be off"):
+    with pytest.raises(KernelError, match=r"do not cover|than the .* that their chords can be off"):
         agrees(hopf(), 0.005)
 
 
 @pytest.mark.parametrize("deflection", [0.005, 0.05, 1.0])
 def test_the_bounds_are_those_of_a_ball(deflection: float) -> None:
-    part = compile_equation(equation_of("ball"))
+    part = compile_equation(read_template(find_template("ball")).bind({}))
     mesh, slack = meshing._mesh(part.shape, deflection, 0.3)
     found = triangle_integrals(mesh.vertices, mesh.triangles)
     volume, area = 32 * math.pi / 3, 16 * math.pi
