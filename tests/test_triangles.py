@@ -9,19 +9,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shipped import equation_of
 
 import pc2cad.mesh.triangles as meshing
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import parse_template
+from pc2cad.equation.template_file import parse_template, read_template
 from pc2cad.errors import KernelError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.surface import surface
+from pc2cad.library import find_template
 from pc2cad.mesh.integrals import triangle_integrals
 from pc2cad.part import Part
 
 #: a ring between two tori (Hopf coordinates, projected) whose section turns on the way round
 HOPF = """
+title = "Hopf"
 [let]
 a = "2*pi*u"
 f = "2*pi*v + {turns}*2*pi*u"
@@ -97,7 +98,7 @@ def test_without_a_grid_the_loss_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.parametrize("deflection", [0.005, 0.05, 1.0])
 def test_the_bounds_are_those_of_a_ball(deflection: float) -> None:
-    part = compile_equation(equation_of("ball"))
+    part = compile_equation(read_template(find_template("ball")).bind({}))
     mesh, slack = meshing._mesh(part.shape, deflection, 0.3)
     found = triangle_integrals(mesh.vertices, mesh.triangles)
     volume, area = 32 * math.pi / 3, 16 * math.pi

@@ -38,6 +38,8 @@ from pc2cad.mesh.integrals import triangle_integrals
 FIRST_DEFLECTION = 1e-3
 #: Finest deflection that is accepted; below it the kernel's mesher may not come to an end.
 FINEST_DEFLECTION = 1e-5
+#: Share of the diagonal that is tried where a coarser deflection comes to nothing.
+TELLING_DEFLECTION = 0.05
 #: Finest angle that refinement goes to, in radians.
 FINEST_ANGLE = 0.01
 #: Share of the volume that a mesh of unspecified deflection may differ by, and how often the
@@ -146,8 +148,8 @@ def _agreeing(
     grids of all faces that can have one; and if all that is too coarse to be told, finer.
     """
     failure: KernelError | None = None
-    coarsest = min(deflection, _diagonal(solid) / 2)
-    for length in (deflection, coarsest / 8, coarsest / 64):
+    telling = TELLING_DEFLECTION * _diagonal(solid)
+    for length in (deflection, telling) if deflection > telling else (deflection,):
         gridded: Collection[int] = ()
         for _ in range(3):
             try:
