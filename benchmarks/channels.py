@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pc2cad.domain.map import local_map
 from pc2cad.equation.point_equation import PointEquation
-from pc2cad.equation.template_file import parse_template
-from pc2cad.mapping import local_map
+from pc2cad.templates.file import parse_template
 
 #: values of (u, v) at a limit of w: three floats for floats, (n, 3) for arrays (n,)
 Vector = tuple[float, float, float]

@@ -16,12 +16,12 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from benchmarks import peers
 from benchmarks.channels import Channel
 from benchmarks.measure import deviation, examine, faces_of, poles_of, read_back
-from pc2cad.boundary import represent
 from pc2cad.brep.build import build
 from pc2cad.checked import check_map
 from pc2cad.compiler import compile_equation
 from pc2cad.geometry.carriers import SplineSurface
 from pc2cad.options import CompileOptions
+from pc2cad.representation.boundary import represent
 
 Row = tuple[str, ...]
 TARGETS = (1e-4, 1e-6)

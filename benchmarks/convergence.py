@@ -25,15 +25,15 @@ import solvers  # noqa: E402
 
 from pc2cad.checked import check_map  # noqa: E402
 from pc2cad.compiler import mesh_equation  # noqa: E402
-from pc2cad.directions import CellFunction  # noqa: E402
+from pc2cad.domain.restrictions import CellFunction  # noqa: E402
 from pc2cad.equation.point_equation import PointEquation  # noqa: E402
-from pc2cad.equation.template_file import read_template  # noqa: E402
-from pc2cad.geometry.rational import Course  # noqa: E402
-from pc2cad.geometry.spline_space import SplineSpace  # noqa: E402
-from pc2cad.geometry.trivariate import fit_volume  # noqa: E402
-from pc2cad.isogeometry import Patch, VolumeModel, turned  # noqa: E402
+from pc2cad.geometry.splines.rational import Course  # noqa: E402
+from pc2cad.geometry.splines.spline_space import SplineSpace  # noqa: E402
+from pc2cad.geometry.splines.trivariate import fit_volume  # noqa: E402
 from pc2cad.mesh.meshing import MeshOptions  # noqa: E402
 from pc2cad.mesh.volume_mesh import VolumeMesh  # noqa: E402
+from pc2cad.representation.volume import Patch, VolumeModel, turned  # noqa: E402
+from pc2cad.templates.file import read_template  # noqa: E402
 
 
 def unknowns(mesh: VolumeMesh) -> int:

@@ -8,16 +8,16 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from pc2cad.analysis import analyse
-from pc2cad.boundary import represent
 from pc2cad.brep.build import build
 from pc2cad.brep.integrals import solid_integrals
 from pc2cad.checked import check_map
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import read_template
+from pc2cad.domain.analysis import analyse
 from pc2cad.errors import PointCadError
-from pc2cad.library import find_template
 from pc2cad.options import CompileOptions
+from pc2cad.representation.boundary import represent
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import find_template
 
 Row = tuple[str, ...]
 

@@ -36,7 +36,7 @@ def grid_of(name: str, nodes: float) -> tuple[int, int, int]:
 
 
 def equation_of(name: str):
-    from pc2cad.equation.template_file import read_template
+    from pc2cad.templates.file import read_template
 
     return read_template(ROOT / "templates" / f"{name}.toml").bind({})
 
@@ -67,8 +67,8 @@ def mesh_and_write(name: str, nodes: float, path: str) -> dict[str, float]:
 
 def points_only(name: str, nodes: float, path: str) -> dict[str, float]:
     """Only M on the grid, in slabs that stay in the cache."""
-    from pc2cad.equation.point_equation import PARAMETERS  # noqa: F401
-    from pc2cad.mapping import local_map, open_grid
+    from pc2cad.domain.map import local_map, open_grid
+    from pc2cad.expression.parameters import PARAMETERS  # noqa: F401
 
     mapping = local_map(equation_of(name))
     u, v, w = (np.linspace(0, 1, n + 1) for n in grid_of(name, nodes))

@@ -22,14 +22,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.template import Template
-from pc2cad.equation.template_file import read_template
 from pc2cad.errors import PointCadError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.step import encode
-from pc2cad.library import template_paths
+from pc2cad.expression.scalar import evaluate
 from pc2cad.studies.variant import figures_of
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
+from pc2cad.templates.template import Template
 
 
 class _Allocated(ctypes.Structure):

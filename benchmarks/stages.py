@@ -17,8 +17,8 @@ from pathlib import Path
 
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.point_equation import PointEquation
-from pc2cad.equation.template_file import read_template
-from pc2cad.library import template_paths
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
 
 CHECKS = ("sample", "orient", "analyse", "integrate", "solidity", "validate")
 MAKES = ("represent", "build", "write")

@@ -11,10 +11,10 @@ from typing import Any
 
 import pc2cad
 from pc2cad import cadquery, part, report
-from pc2cad.bodies import BodiesPart
+from pc2cad.csg.bodies import BodiesPart
 from pc2cad.equation.point_equation import PointEquation
-from pc2cad.equation.template import Template
-from pc2cad.equation.template_bodies import BodiesTemplate
+from pc2cad.templates.bodies import BodiesTemplate
+from pc2cad.templates.template import Template
 
 FILE = Path(__file__).parent / "api.md"
 CLASSES = (

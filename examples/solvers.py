@@ -17,10 +17,10 @@ import numpy as np
 import pc2cad as pc
 from pc2cad.compiler import mesh_equation, spline_equation
 from pc2cad.equation.point_equation import PointEquation
-from pc2cad.isogeometry import VolumeModel
 from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.options import CompileOptions
+from pc2cad.representation.volume import VolumeModel
 
 E, NU = 1000.0, 0.3
 

@@ -11,7 +11,7 @@ Names are imported when they are first used, so that ``import pc2cad`` loads no 
 """
 
 # nothing is imported here that Python has not loaded yet: it might come from the current folder
-from pc2cad import isolation
+from pc2cad.trust import isolation
 
 if isolation.is_command():
     isolation.forget_current_folder()
@@ -22,30 +22,30 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+    from pc2cad.api import *  # noqa: F403
     from pc2cad.compiler import compile_equation as compile_equation
     from pc2cad.compiler import compile_part as compile_part
     from pc2cad.compiler import mesh_part as mesh_part
     from pc2cad.compiler import spline_part as spline_part
-    from pc2cad.equation.sympy_bridge import from_sympy as from_sympy
-    from pc2cad.equation.sympy_bridge import to_sympy as to_sympy
-    from pc2cad.equation.template_file import read_template as read_template
     from pc2cad.export.mesh_files import write_mesh as write_mesh
     from pc2cad.export.point_files import write_points as write_points
     from pc2cad.export.spline_files import write_splines as write_splines
+    from pc2cad.expression.sympy_bridge import from_sympy as from_sympy
+    from pc2cad.expression.sympy_bridge import to_sympy as to_sympy
     from pc2cad.part import Part as Part
-    from pc2cad.python import *  # noqa: F403
     from pc2cad.studies.study import study as study
+    from pc2cad.templates.file import read_template as read_template
 
 _HOMES = {
     "Part": "pc2cad.part",
     "compile_equation": "pc2cad.compiler",
     "compile_part": "pc2cad.compiler",
-    "from_sympy": "pc2cad.equation.sympy_bridge",
+    "from_sympy": "pc2cad.expression.sympy_bridge",
     "mesh_part": "pc2cad.compiler",
-    "read_template": "pc2cad.equation.template_file",
+    "read_template": "pc2cad.templates.file",
     "spline_part": "pc2cad.compiler",
     "study": "pc2cad.studies.study",
-    "to_sympy": "pc2cad.equation.sympy_bridge",
+    "to_sympy": "pc2cad.expression.sympy_bridge",
     "write_mesh": "pc2cad.export.mesh_files",
     "write_points": "pc2cad.export.point_files",
     "write_splines": "pc2cad.export.spline_files",
@@ -58,7 +58,7 @@ def __getattr__(name: str) -> "Any":
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     if not name.startswith("_"):
-        language = import_module("pc2cad.python")
+        language = import_module("pc2cad.api")
         if name in language.__all__:
             return getattr(language, name)
     raise AttributeError(f"module 'pc2cad' has no attribute '{name}'")
@@ -67,4 +67,4 @@ def __getattr__(name: str) -> "Any":
 def __dir__() -> list[str]:
     from importlib import import_module
 
-    return sorted(["__version__", *_HOMES, *import_module("pc2cad.python").__all__])
+    return sorted(["__version__", *_HOMES, *import_module("pc2cad.api").__all__])

@@ -18,16 +18,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from pc2cad.analysis import Analysis, derive, sample_sides
+from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
+from pc2cad.domain.analysis import Analysis, derive, sample_sides
+from pc2cad.domain.map import Mapping3
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
-from pc2cad.folding import Orientation, find_orientation
-from pc2cad.limits import Limit, check_limits, describe, find_limits
-from pc2cad.mapping import Mapping3
+from pc2cad.geometry.scale import Scale
+from pc2cad.integrals.mass_properties import Properties, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
-from pc2cad.properties import Properties, integrate
-from pc2cad.scale import Scale
-from pc2cad.solidity import Solidity, check_solidity
+from pc2cad.solidity.orientation import Orientation, find_orientation
+from pc2cad.solidity.solidity import Solidity, check_solidity
 
 #: told the name of each stage as it begins
 Progress = Callable[[str], None]

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Literal, overload
 
 from pc2cad.checked import CheckedMap, Progress, Stages, check_map
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
-from pc2cad.equation.template_bodies import Bodies
 from pc2cad.errors import require
 from pc2cad.options import DEFAULTS, CompileOptions
+from pc2cad.templates.bodies import Bodies
 
 if TYPE_CHECKING:
-    from pc2cad.bodies import BodiesPart
-    from pc2cad.isogeometry import VolumeModel
+    from pc2cad.csg.bodies import BodiesPart
     from pc2cad.mesh.meshing import MeshOptions
     from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part import Part
+    from pc2cad.representation.volume import VolumeModel
 
 
 @overload
@@ -50,7 +50,7 @@ def compile_solid(
     Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing doubtful is
     returned.
     """
-    from pc2cad.bodies import compile_bodies
+    from pc2cad.csg.bodies import compile_bodies
 
     if isinstance(equation, Bodies):
         return compile_bodies(
@@ -66,9 +66,9 @@ def compile_checked(
     checked: CheckedMap, options: CompileOptions = DEFAULTS, stages: Stages | None = None
 ) -> Part:
     """Return the part of a checked map: represented, built and validated."""
-    from pc2cad.boundary import represent
     from pc2cad.brep.build import build
     from pc2cad.part import Part
+    from pc2cad.representation.boundary import represent
     from pc2cad.validation import validate
 
     run = stages or Stages()
@@ -152,7 +152,7 @@ def spline_equation(
     The options bound the distance from the equation where no exact form is known. Raises
     NotASolidError, ToleranceNotReachedError.
     """
-    from pc2cad.isogeometry import represent_volume
+    from pc2cad.representation.volume import represent_volume
 
     stages = Stages(progress)
     checked = check_map(equation, options, stages)

@@ -17,18 +17,18 @@ from pc2cad.export.model import (
     NamedSolid,
 )
 from pc2cad.export.registry import write
-from pc2cad.model import BoundaryModel, ModelFace
 from pc2cad.options import CompileOptions
 from pc2cad.report import BodiesReport, Integrals, Report
+from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
 from pc2cad.topology.cells import Cell, normal_direction
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
-    from pc2cad.interior import Location, PointSet
-    from pc2cad.isogeometry import VolumeModel
     from pc2cad.mesh.volume_mesh import VolumeMesh
+    from pc2cad.representation.volume import VolumeModel
+    from pc2cad.sampling.interior import Location, PointSet
 
 #: lower and upper side of u, v and w: distinguishable also for colour-blind eyes (Okabe, Ito)
 SIDE_COLOURS = (
@@ -88,8 +88,8 @@ class Solid:
         They are meshed for this alone. `deflection` is the largest distance of a chord from its
         surface, in model units; None chooses it as the STL writer does.
         """
-        from pc2cad.mesh.integrals import triangle_integrals
-        from pc2cad.mesh.triangles import tessellate
+        from pc2cad.brep.triangle_integrals import triangle_integrals
+        from pc2cad.brep.triangles import tessellate
 
         own = self.report.integrals
         mesh = tessellate(self.shape, deflection=deflection, volume=own.volume, area=own.area)
@@ -176,7 +176,7 @@ class Part(Solid):
 
         `tolerance` bounds the distance elsewhere; it and the rest are those of `compile_equation`.
         """
-        from pc2cad.isogeometry import represent_volume
+        from pc2cad.representation.volume import represent_volume
 
         options = CompileOptions(tolerance, degree, max_degree, profile)
         return represent_volume(self.checked, options)
@@ -189,14 +189,14 @@ class Part(Solid):
         seed: int = 0,
     ) -> PointSet:
         """Return random points of the interior, uniform in space or kept apart (blue noise)."""
-        from pc2cad.interior import sample_blue, sample_uniform
+        from pc2cad.sampling.interior import sample_blue, sample_uniform
 
         draw = sample_blue if method == "blue" else sample_uniform
         return draw(self.checked, count, seed)
 
     def locate(self, points: ArrayLike) -> Location:
         """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""
-        from pc2cad.interior import locate
+        from pc2cad.sampling.interior import locate
 
         return locate(self.checked, points)
 

@@ -17,8 +17,9 @@ from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.checked import CheckedMap
-from pc2cad.equation.point_equation import PARAMETERS, Expectations
+from pc2cad.equation.point_equation import Expectations
 from pc2cad.errors import KernelError, NotASolidError
+from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.geometry.carriers import (
     SplineCurve,
     SplineSurface,
@@ -26,8 +27,8 @@ from pc2cad.geometry.carriers import (
     figures,
     surface_kind,
 )
-from pc2cad.model import BoundaryModel, ModelFace
-from pc2cad.properties import Properties
+from pc2cad.geometry.scale import Scale
+from pc2cad.integrals.mass_properties import Properties
 from pc2cad.report import (
     BodiesReport,
     EdgeReport,
@@ -38,7 +39,7 @@ from pc2cad.report import (
     Report,
     SideReport,
 )
-from pc2cad.scale import Scale
+from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of
 from pc2cad.topology.complex import BoundaryComplex, SideFate
 

@@ -8,8 +8,8 @@ import pytest
 
 import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
-from pc2cad.library import bodies_paths, template_paths
 from pc2cad.part import Solid
+from pc2cad.templates.shipped import bodies_paths, template_paths
 
 #: with many faces or many poles, a second or more each: tests of every template leave them to the
 #: slow ones

@@ -11,8 +11,8 @@ import pytest
 import solvers
 
 from pc2cad.compiler import mesh_equation
-from pc2cad.equation.template_file import read_template
 from pc2cad.mesh.meshing import MeshOptions
+from pc2cad.templates.file import read_template
 
 ROOT = Path(__file__).parent.parent
 TEMPLATES = sorted(ROOT.glob("templates/*.toml"))

@@ -10,14 +10,14 @@ import pytest
 
 import pc2cad as pc
 import pc2cad.cadquery as pcq
-from pc2cad.bodies import BodiesPart, EmptyResultError, SeveralPiecesError, VolumesDisagreeError
 from pc2cad.brep import booleans
 from pc2cad.cli.main import main
-from pc2cad.equation.template import TemplateError
-from pc2cad.equation.template_file import parse_template
+from pc2cad.csg.bodies import BodiesPart, EmptyResultError, SeveralPiecesError, VolumesDisagreeError
 from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
-from pc2cad.library import bodies_paths
 from pc2cad.studies.variant import BUILT, Job, Task, run_variant
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import bodies_paths
+from pc2cad.templates.template import TemplateError
 from pc2cad.validation import ExpectationNotMetError
 
 #: a cube of edge 2 and one of edge 1, moved by d along x; t is the place of its lower face
@@ -170,7 +170,7 @@ def test_a_kernel_that_loses_volume_is_found_out(monkeypatch):
     def wrong(kind, first, second):
         return right("cut" if kind == "union" else kind, first, second)
 
-    monkeypatch.setattr("pc2cad.bodies.combine", wrong)
+    monkeypatch.setattr("pc2cad.csg.bodies.combine", wrong)
     with pytest.raises(VolumesDisagreeError, match="does not add up"):
         cubes("union(big, small)", 1.5)
 
@@ -186,7 +186,7 @@ bodies = [
     bound = parse_template(text, "pipes").bind()
     # the kernel's own curve is 1.7e-8 off, which is within what it takes for one place
     assert 1e-9 < pc.compile_equation(bound, 1e-9).report.deviation < 1e-7
-    monkeypatch.setattr("pc2cad.bodies.KERNEL_TOLERANCE", 1e-12)
+    monkeypatch.setattr("pc2cad.csg.bodies.KERNEL_TOLERANCE", 1e-12)
     with pytest.raises(ToleranceNotReachedError, match=r"run:w=1 / bore:w=1 is .* off its"):
         pc.compile_equation(bound, 1e-9)
 

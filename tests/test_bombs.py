@@ -11,11 +11,11 @@ from fuzzing.bombs import BOMBS
 
 from pc2cad.cli.main import GUARDED, main
 from pc2cad.equation.language import read_expression
-from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError
 from pc2cad.studies.journal import LONGEST_LINE, _read
 from pc2cad.studies.plan import PlanError, read_axes, read_axis
 from pc2cad.studies.variants_table import read_table
+from pc2cad.templates.file import parse_template
 
 #: seconds of processor time
 SOON = 2.0

@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from shipped import checked_of
 
-from pc2cad.boundary import represent
+from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.checked import CheckedMap
 from pc2cad.compiler import compile_part
-from pc2cad.directions import CellFunction
-from pc2cad.enclosure.deviation import Bound, bound_curve, bound_surface
-from pc2cad.equation.evaluation import Program
-from pc2cad.equation.tree import PI, Expr, call, number, pieces, symbol
-from pc2cad.geometry.arcs import Arcs
-from pc2cad.geometry.bernstein import bezier_knots
+from pc2cad.domain.restrictions import CellFunction
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.tree import PI, Expr, call, number, pieces, symbol
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
-from pc2cad.geometry.spline_space import SplineSpace
-from pc2cad.geometry.tensor import fit_surface
+from pc2cad.geometry.splines.arcs import Arcs
+from pc2cad.geometry.splines.bernstein import bezier_knots
+from pc2cad.geometry.splines.spline_space import SplineSpace
+from pc2cad.geometry.splines.tensor import fit_surface
 from pc2cad.options import CompileOptions
+from pc2cad.representation.boundary import represent
 
 Array = NDArray[np.float64]
 U, V = symbol("u"), symbol("v")

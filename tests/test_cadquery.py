@@ -14,7 +14,7 @@ import pytest
 import pc2cad as pc
 import pc2cad.cadquery as pcq
 from pc2cad.errors import InputError
-from pc2cad.library import find_template
+from pc2cad.templates.shipped import find_template
 
 VOLUME = 31.5  # of the pyramid
 SIDES = {"u=0", "u=1", "v=1", "w=0"}

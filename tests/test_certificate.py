@@ -14,17 +14,17 @@ from shipped import every_template
 from test_intervals import TREES, X, Y, inside, truth
 
 import pc2cad as pc
-from pc2cad.certificate import proved_sign
-from pc2cad.certificate.enclosure import sign_from_enclosures
-from pc2cad.certificate.factors import sign_from_factors
-from pc2cad.certificate.polynomial import sign_from_coefficients
-from pc2cad.certificate.products import sign_from_products
-from pc2cad.equation.centred import CentredProgram
-from pc2cad.equation.intervals import interval
+from pc2cad.domain.map import local_map
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.template_file import read_template
-from pc2cad.library import template_paths
-from pc2cad.mapping import local_map
+from pc2cad.expression.centred import CentredProgram
+from pc2cad.expression.intervals import interval
+from pc2cad.solidity.jacobian_proof import proved_sign
+from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
+from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
+from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
+from pc2cad.solidity.jacobian_proof.separable import sign_from_products
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
 
 U, V, W = pc.parameters()
 PI = pc.pi

@@ -7,10 +7,10 @@ from math import pi, sqrt
 import pytest
 
 import pc2cad as pc
+from pc2cad.channels.limits import ChannelLimitError, Limit, find_limits
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.point_equation import PointEquation, point_equation
-from pc2cad.limits import ChannelLimitError, Limit, find_limits
 
 u, v, w = pc.parameters()
 A, B, C, D = pc.points(A=(10, 0, 0), B=(0, 10, 0), C=(0, 0, 10), D=(0, 0, 0))

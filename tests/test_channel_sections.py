@@ -9,13 +9,13 @@ import pytest
 from scipy.special import ellipe
 
 import pc2cad as pc
-from pc2cad.analysis import analyse
+from pc2cad.channels.channel import ChannelError
+from pc2cad.channels.curves import SectionError
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.channel import ChannelError
-from pc2cad.equation.curves import SectionError
-from pc2cad.equation.template_file import parse_template
+from pc2cad.domain.analysis import analyse
 from pc2cad.errors import InputError
-from pc2cad.properties import integrate
+from pc2cad.integrals.mass_properties import integrate
+from pc2cad.templates.file import parse_template
 
 u, v, w = pc.parameters()
 LINE = pc.polyline([(0, 0, 0), (0, 0, 1)])

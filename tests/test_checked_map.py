@@ -15,9 +15,9 @@ from pc2cad.checked import Stages, check_map
 from pc2cad.cli.main import main
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
-from pc2cad.folding import FlatMapError, FoldedMapError
 from pc2cad.options import CompileOptions
 from pc2cad.part import Part
+from pc2cad.solidity.orientation import FlatMapError, FoldedMapError
 
 u, v, w = pc.parameters()
 #: its upper side is no exact form
@@ -43,7 +43,7 @@ def test_nothing_is_analysed_twice(wavy: Part, monkeypatch: pytest.MonkeyPatch) 
     def refuse(*_: Any) -> None:
         raise AssertionError("analysed again")
 
-    monkeypatch.setattr("pc2cad.analysis.local_map", refuse)
+    monkeypatch.setattr("pc2cad.domain.analysis.local_map", refuse)
     monkeypatch.setattr("pc2cad.checked.integrate", refuse)
     assert wavy.mesh(cells=(4, 1, 1)).volume() == pytest.approx(wavy.report.equation.volume, 0.05)
     assert wavy.splines(COARSE).volume() == pytest.approx(wavy.report.equation.volume, 1e-3)

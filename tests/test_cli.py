@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from pc2cad import library
 from pc2cad.cli.main import VERBS, main
+from pc2cad.templates import shipped
 
 COMMAND = [sys.executable, "-m", "pc2cad.cli.main"]
 HEAVY = ("OCP", "cadquery", "sympy", "numpy", "scipy")
@@ -286,7 +286,7 @@ def test_an_unexpected_error_is_one_sentence_too(capsys, monkeypatch):
     def fail(*_: object) -> None:
         raise ZeroDivisionError("float division\nby zero")
 
-    monkeypatch.setattr("pc2cad.library.template_paths", fail)
+    monkeypatch.setattr("pc2cad.templates.shipped.template_paths", fail)
     assert main(["templates"]) == 5
     sentence = only_sentence(capsys.readouterr().err)
     assert "ZeroDivisionError" in sentence
@@ -308,7 +308,7 @@ def test_errors_of_the_interpreter_are_sentences(error, code, word, capsys, monk
     def fail() -> None:
         raise error
 
-    monkeypatch.setattr("pc2cad.library.template_paths", fail)
+    monkeypatch.setattr("pc2cad.templates.shipped.template_paths", fail)
     assert main(["templates"]) == code
     assert word in only_sentence(capsys.readouterr().err)
 
@@ -365,17 +365,21 @@ def test_options_reach_the_files(tmp_path, capsys):
 
 
 def test_an_installed_package_holds_its_templates_itself(tmp_path):
-    shutil.copytree(Path(library.__file__).parent, tmp_path / "pc2cad")
+    shutil.copytree(Path(shipped.__file__).parent.parent, tmp_path / "pc2cad")
     shutil.copytree(
-        library.template_folder(), tmp_path / "pc2cad" / "templates", dirs_exist_ok=True
+        shipped.template_folder(), tmp_path / "pc2cad" / "templates" / "library", dirs_exist_ok=True
     )
     done = run("show", "pyramid", cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path)})
     assert done.returncode == 0
-    program = "from pc2cad.library import template_paths; print(template_paths()['pyramid'])"
+    program = (
+        "from pc2cad.templates.shipped import template_paths; print(template_paths()['pyramid'])"
+    )
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
     )
-    assert done.stdout.strip() == str(tmp_path / "pc2cad" / "templates" / "pyramid.toml")
+    assert done.stdout.strip() == str(
+        tmp_path / "pc2cad" / "templates" / "library" / "pyramid.toml"
+    )
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,8 @@ import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.compiler import mesh_equation
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.tree import Expr, pieces
 from pc2cad.export.mesh_files import write_mesh
+from pc2cad.expression.tree import Expr, pieces
 from pc2cad.mesh.closure import MeshNotWholeError, check_whole
 from pc2cad.mesh.cutting import CellsNotCutAlikeError, Cuts
 from pc2cad.mesh.elements import TYPES

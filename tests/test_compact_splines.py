@@ -8,19 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from pc2cad.boundary import represent
+from pc2cad.api import parameters
 from pc2cad.checked import check_map
 from pc2cad.compiler import compile_equation, compile_part
-from pc2cad.equation.breaks import Break
-from pc2cad.equation.template_file import parse_template, read_template
 from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.expression.breaks import Break
 from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
-from pc2cad.geometry.profile import spline_profile
-from pc2cad.geometry.refinement import DirectionRules, adapt
-from pc2cad.geometry.spline_space import SplineSpace, smallest_error
-from pc2cad.library import find_template
+from pc2cad.geometry.splines.adaptive_knots import DirectionRules, adapt
+from pc2cad.geometry.splines.spline_profile import spline_profile
+from pc2cad.geometry.splines.spline_space import SplineSpace, smallest_error
 from pc2cad.options import CompileOptions
-from pc2cad.python import parameters
+from pc2cad.representation.boundary import represent
+from pc2cad.templates.file import parse_template, read_template
+from pc2cad.templates.shipped import find_template
 
 #: the paper's guide with A=(100,0,0) B=(0,80,0) C=(0,0,60), Frenet frame, ellipse 12 x 8, wall 2
 PAPER = """

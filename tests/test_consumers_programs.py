@@ -33,8 +33,8 @@ from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
 from shipped import LONG, part_of
 
 from pc2cad.export.kernel import subshapes
-from pc2cad.library import bodies_paths, template_paths
 from pc2cad.part import Solid
+from pc2cad.templates.shipped import bodies_paths, template_paths
 
 pytestmark = pytest.mark.interop
 

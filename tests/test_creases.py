@@ -12,11 +12,11 @@ import pytest
 from consumers.step_file import check_step
 
 import pc2cad as pc
-from pc2cad.equation.breaks import Break, find_breaks, resolve_pieces
-from pc2cad.equation.calculus import derivatives
-from pc2cad.equation.evaluation import Program
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import number, pieces, substitute, walk
+from pc2cad.expression.breaks import Break, find_breaks, resolve_pieces
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import number, pieces, substitute, walk
 
 u, v, w = pc.parameters()
 HALF = number(Fraction(1, 2))

@@ -12,7 +12,7 @@ from whole_files import assert_whole
 
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import parse_template
+from pc2cad.templates.file import parse_template
 
 ROOT = Path(__file__).parent.parent
 #: read from top to bottom, each block needing those before it

@@ -9,8 +9,8 @@ import pytest
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
-from pc2cad.library import template_paths
 from pc2cad.report import Report
+from pc2cad.templates.shipped import template_paths
 
 #: |det(A-D, B-D, C-D)| of the oblique simplex that the templates come with, and another
 SIMPLEX = 24

@@ -11,14 +11,14 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pc2cad.enclosure.cells import conversion_loss, halving, to_bernstein
-from pc2cad.enclosure.evaluate import enclose
-from pc2cad.enclosure.models import Place
-from pc2cad.equation.evaluation import Program
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.sums import cancel_terms
-from pc2cad.equation.tree import Expr, ValueDomainError, call, number, pieces, power, symbol, walk
-from pc2cad.geometry.bernstein import chebyshev_nodes
+from pc2cad.bounds.cells import conversion_loss, halving, to_bernstein
+from pc2cad.bounds.taylor_evaluation import enclose
+from pc2cad.bounds.taylor_models import Place
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.linear_terms import cancel_terms
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import Expr, ValueDomainError, call, number, pieces, power, symbol, walk
+from pc2cad.geometry.splines.bernstein import chebyshev_nodes
 
 Array = NDArray[np.float64]
 U, V = symbol("u"), symbol("v")

@@ -19,11 +19,11 @@ from OCP.TopoDS import TopoDS
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.calculus import derivatives
 from pc2cad.errors import InputError
+from pc2cad.expression.derivatives import derivatives
 from pc2cad.geometry.carriers import Cone, Cylinder, Sphere, Torus, curve_kind, figures
-from pc2cad.library import template_paths
 from pc2cad.part import Part
+from pc2cad.templates.shipped import template_paths
 from pc2cad.validation import ExpectationNotMetError
 
 U, V, W = pc.parameters()

@@ -9,14 +9,19 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from pc2cad.analysis import analyse
+from pc2cad.brep.triangle_integrals import triangle_integrals
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import read_template
-from pc2cad.exact_integrals import ExactIntegrals, exact_integrals
-from pc2cad.library import find_template
-from pc2cad.mesh.integrals import triangle_integrals
-from pc2cad.properties import CLOSED_FORM, CLOSED_FORM_BUT_AREA, QUADRATURE, integrate
+from pc2cad.domain.analysis import analyse
+from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
+from pc2cad.integrals.mass_properties import (
+    CLOSED_FORM,
+    CLOSED_FORM_BUT_AREA,
+    QUADRATURE,
+    integrate,
+)
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import find_template
 
 
 def _exact(name: str, **settings: object) -> ExactIntegrals | None:

@@ -25,13 +25,13 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS_Shape
 from test_export_shapes import SHAPES, exportable, faces_of, spline_poles
 
+from pc2cad.brep.triangles import Triangles, edge_defects, enclosed_volume, weld
 from pc2cad.cli.main import main
 from pc2cad.errors import KernelError
 from pc2cad.export import brep, glb, iges, stl, stl_text, threemf, vtp
 from pc2cad.export.kernel import census, check_read_back
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.registry import FORMATS, format_for
-from pc2cad.mesh.triangles import Triangles, edge_defects, enclosed_volume, weld
 
 OPTIONS = ExportOptions(timestamp="2026-01-31T12:00:00Z")
 every_shape = pytest.mark.parametrize("shape", SHAPES)

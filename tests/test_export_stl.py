@@ -21,11 +21,11 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shell, TopoDS_Solid
 from test_export_shapes import SHAPES, exportable, faces_of, parts
 
+from pc2cad.brep.triangles import edge_defects, enclosed_volume, tessellate, weld
 from pc2cad.errors import InputError, KernelError
 from pc2cad.export import stl
 from pc2cad.export.model import Exportable, ExportOptions, GeometricProperties
 from pc2cad.export.registry import write
-from pc2cad.mesh.triangles import edge_defects, enclosed_volume, tessellate, weld
 
 DEFAULT = ExportOptions()
 

@@ -17,7 +17,7 @@ from test_exact_carriers import assert_exact, carriers, curves, rotation
 import pc2cad as pc
 from pc2cad.compiler import compile_part
 from pc2cad.geometry.carriers import Arc, Cylinder, Frame, Plane, Sphere, figures
-from pc2cad.geometry.implicit import holds
+from pc2cad.geometry.recognition.implicit import holds
 
 U, V, W = pc.parameters()
 THETA = 2 * pc.pi * U

@@ -23,8 +23,6 @@ from hypothesis import HealthCheck, given, settings
 from pc2cad.cli.main import main
 from pc2cad.errors import FileNotWrittenError, InputError, PointCadError
 from pc2cad.export.files import check_target, replacing, sweep, write_atomically
-from pc2cad.names import NameNotAllowedError
-from pc2cad.processes import start_of
 from pc2cad.studies.entries import read_outcome
 from pc2cad.studies.journal import NotOursError, StudyDiffersError
 from pc2cad.studies.plan import Plan, grid, read_axis
@@ -32,6 +30,8 @@ from pc2cad.studies.run import StudyResult, run_study
 from pc2cad.studies.store import open_store
 from pc2cad.studies.study import study
 from pc2cad.studies.variant import Job, Outcome, Task, file_name
+from pc2cad.trust.names import NameNotAllowedError
+from pc2cad.trust.processes import start_of
 
 VALUES = (0.25, 0.5, 0.75)
 

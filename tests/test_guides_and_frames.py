@@ -13,16 +13,16 @@ from reference import channel
 from scipy.special import ellipk
 
 import pc2cad as pc
-from pc2cad.analysis import analyse
+from pc2cad.channels import guide_functions
+from pc2cad.channels.frames import Frame
+from pc2cad.channels.guides import Guide, GuideError
+from pc2cad.channels.normals import FrameError, ReferenceAlongTangentError
 from pc2cad.compiler import compile_equation
-from pc2cad.equation import along
-from pc2cad.equation.frames import Frame
-from pc2cad.equation.guides import Guide, GuideError
-from pc2cad.equation.normals import FrameError, ReferenceAlongTangentError
+from pc2cad.domain.analysis import analyse
 from pc2cad.equation.points import Combination
-from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError
-from pc2cad.properties import Properties, integrate
+from pc2cad.integrals.mass_properties import Properties, integrate
+from pc2cad.templates.file import parse_template
 
 u, v, w = pc.parameters()
 SIMPLEX = {
@@ -61,7 +61,7 @@ def vectors(frame: Frame, places: np.ndarray) -> np.ndarray:
     N = frame.N
     speed = pc.diff(N, u)
     roots = [c for e in (speed, frame.normal, frame.binormal) for c in e.coordinates]
-    found = along.values(roots, places).reshape(3, 3, -1)
+    found = guide_functions.values(roots, places).reshape(3, 3, -1)
     found[0] /= np.linalg.norm(found[0], axis=0)
     return found
 
@@ -149,7 +149,7 @@ def test_rotation_minimising_frame_against_double_reflection(name):
     frame = frames_of(name)["rmf"]
     places = np.linspace(0, 1, 1025)
     tangent, normal, binormal = vectors(frame, places)
-    points = along.values(frame.N.coordinates, places).T
+    points = guide_functions.values(frame.N.coordinates, places).T
     discrete = double_reflection(points, tangent.T, normal[:, 0])
     assert np.abs(discrete - normal.T).max() < 1e-11
     assert np.abs(np.cross(tangent.T, normal.T) - binormal.T).max() < 1e-14
@@ -204,7 +204,7 @@ def test_frame_of_a_closed_guide_closes_and_turns_evenly(guide):
     places = (np.arange(40) + 0.37) / 40
     roots = [*frame.normal.coordinates, *pc.diff(frame.N, u).coordinates]
     step = 1e-5
-    below, here, above = (along.values(roots, places + h) for h in (-step, 0, step))
+    below, here, above = (guide_functions.values(roots, places + h) for h in (-step, 0, step))
     speed = np.linalg.norm(here[3:], axis=0)
     side = np.cross(here[3:] / speed, here[:3], axis=0)
     rates = ((above[:3] - below[:3]) / (2 * step) * side).sum(axis=0) / speed
@@ -235,7 +235,7 @@ def test_solid_that_closes_after_a_third_of_a_turn():
     assert part.report.genus == (1, 1)
     assert part.report.frame.startswith("rotation-minimising")
     speed = pc.length(pc.diff(TREFOIL, u))
-    length = along.antiderivative(along.function(speed), (0, 1)).total
+    length = guide_functions.antiderivative(guide_functions.function(speed), (0, 1)).total
     assert part.report.equation.volume == pytest.approx(3 * pi * length, rel=1e-11)
     assert part.report.solid.volume == pytest.approx(3 * pi * length, rel=1e-5)
 
@@ -247,7 +247,7 @@ def test_spline_reproduces_a_cubic_and_passes_through_its_points():
     places = np.array([0, 0.3, 0.5, 0.6, 1])
     cubic = np.stack((places, places**3 - places, 2 * places**2), axis=1)
     shares = [Fraction(float(p)) for p in places]
-    from pc2cad.equation.interpolation import cubic_rows
+    from pc2cad.expression.interpolation import cubic_rows
 
     _, axes = cubic_rows(cubic, shares, closed=False)
     assert np.array(axes[1])[:, 3] == pytest.approx(1)
@@ -257,11 +257,13 @@ def test_spline_reproduces_a_cubic_and_passes_through_its_points():
             guide = pc.spline(SKEW, closed, spacing)
             (x, *_) = guide.N.coordinates
             inner = [float(b) for b in x.payload.breaks]
-            found = along.values(guide.N.coordinates, np.array(inner)).T
+            found = guide_functions.values(guide.N.coordinates, np.array(inner)).T
             wanted = [*SKEW, SKEW[0]] if closed else SKEW
             assert np.abs(found - wanted).max() < 1e-13
             jumps = [
-                along.values(pc.diff(guide.N, u, 2).coordinates, np.array(inner[1:-1]) + h)
+                guide_functions.values(
+                    pc.diff(guide.N, u, 2).coordinates, np.array(inner[1:-1]) + h
+                )
                 for h in (-1e-14, 0)
             ]
             assert np.abs(jumps[0] - jumps[1]).max() < 1e-9
@@ -269,14 +271,14 @@ def test_spline_reproduces_a_cubic_and_passes_through_its_points():
 
 def test_short_splines():
     for points in (SKEW[:2], SKEW[:3]):
-        found = along.values(pc.spline(points).N.coordinates, np.array([0.0, 1.0])).T
+        found = guide_functions.values(pc.spline(points).N.coordinates, np.array([0.0, 1.0])).T
         assert found == pytest.approx(np.array([points[0], points[-1]]))
 
 
 def test_polyline_with_fillets_has_the_length_of_its_lines_and_arcs():
     guide = pc.polyline([(0, 0, 0), (10, 0, 0), (10, 8, 0), (10, 8, 6)], [2, 1.5])
     length = 24 - 2 * 3.5 + pi / 2 * 3.5
-    speeds = along.values([pc.length(pc.diff(guide.N, u))], np.linspace(0.001, 0.999, 50))
+    speeds = guide_functions.values([pc.length(pc.diff(guide.N, u))], np.linspace(0.001, 0.999, 50))
     assert speeds == pytest.approx(length, rel=1e-13)
     found = integrals(guide, pc.ellipse(0.5, 0.3, v))
     assert found.volume == pytest.approx(pi * 0.15 * length, rel=1e-13)
@@ -349,7 +351,7 @@ def test_helix_and_its_frame():
     assert found.volume == pytest.approx(0.75 * pi * length, rel=1e-12)
     assert pc.frame(pc.helix(4, 3, 2)).words == "rotation-minimising"
     conic = pc.helix(4, 3, 2, end_radius=2)
-    ends = along.values(conic.N.coordinates, np.array([0.0, 1.0])).T
+    ends = guide_functions.values(conic.N.coordinates, np.array([0.0, 1.0])).T
     assert ends == pytest.approx(np.array([[4, 0, 0], [2, 0, 6]]), abs=1e-14)
 
 
@@ -359,7 +361,7 @@ def test_composite_of_a_line_an_arc_and_a_spline():
     arc = pc.guide(pc.point(10 + 5 * pc.sin(quarter), 5 - 5 * pc.cos(quarter), 0))
     guide = pc.composite(line, arc, pc.guide(pc.point(15, 5 + 3 * u, 2 * u**2)))
 
-    tail = along.antiderivative(lambda x: np.sqrt(9 + 16 * x**2), (0, 1)).total
+    tail = guide_functions.antiderivative(lambda x: np.sqrt(9 + 16 * x**2), (0, 1)).total
     assert float(guide.breaks[1]) == pytest.approx(10 / (10 + 2.5 * pi + tail))
     found = integrals(guide, pc.ellipse(1, 1, v), 0.2)
     assert found.volume == pytest.approx(0.4 * pi * (10 + 2.5 * pi + tail), rel=1e-11)

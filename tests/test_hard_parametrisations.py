@@ -11,14 +11,14 @@ from scipy.integrate import quad
 from test_quadrature import step_length
 
 import pc2cad as pc
-from pc2cad.analysis import analyse
 from pc2cad.compiler import compile_equation
-from pc2cad.continuity import DiscontinuousMapError, check_continuous
+from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, NotASolidError, PointCadError, ToleranceNotReachedError
-from pc2cad.library import template_paths
-from pc2cad.sheets import cut
+from pc2cad.solidity.continuity import DiscontinuousMapError, check_continuous
+from pc2cad.solidity.face_mesh import cut
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
 
 U, V, W = pc.parameters()
 PI = pc.pi

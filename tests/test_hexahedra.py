@@ -16,8 +16,8 @@ import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.compiler import mesh_equation
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.mesh.collapse import is_flat
 from pc2cad.mesh.cutting import Cuts
+from pc2cad.mesh.degenerate_cells import is_flat
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 from pc2cad.mesh.grid import Grading, UnsuitableGridError, make_grid
 from pc2cad.mesh.hexahedra import hexahedra

@@ -19,7 +19,7 @@ from pc2cad.cli.main import main
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import InputError
 from pc2cad.export.point_files import write_points
-from pc2cad.interior import locate, sample_blue, sample_grid, sample_uniform
+from pc2cad.sampling.interior import locate, sample_blue, sample_grid, sample_uniform
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 u, v, w = pc.parameters()

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pc2cad.equation.intervals import (
+from pc2cad.expression.intervals import (
     ENCLOSURES,
     Interval,
     IntervalProgram,
     enclosed_number,
     interval,
 )
-from pc2cad.equation.tree import PI, E, Expr, call, number, piece_rows, pieces, symbol, walk
+from pc2cad.expression.tree import PI, E, Expr, call, number, piece_rows, pieces, symbol, walk
 
 X, Y = symbol("x"), symbol("y")
 many = settings(max_examples=300, deadline=None, derandomize=True)

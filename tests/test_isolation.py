@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pc2cad import isolation
 from pc2cad.cli.main import VERBS
+from pc2cad.trust import isolation
 from tests import hostile_folder as hostile
 
 #: one call of each verb, and whether it loads the kernel

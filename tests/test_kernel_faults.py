@@ -13,14 +13,14 @@ from OCP.Standard import Standard_Failure
 
 from pc2cad import validation
 from pc2cad.brep import build as brep
-from pc2cad.brep import geometry
+from pc2cad.brep import to_kernel
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import read_template
 from pc2cad.errors import KernelError
 from pc2cad.export.kernel import census, check_read_back
 from pc2cad.geometry.carriers import SplineCurve
-from pc2cad.library import template_paths
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
 
 BEZIER = SplineCurve(
     2, np.array([0.0, 0, 0, 1, 1, 1]), np.array([[0.0, 0, 0], [1, 1, 0], [2, 0, 0]]), np.ones(3)
@@ -28,7 +28,7 @@ BEZIER = SplineCurve(
 
 
 def test_the_curve_itself_is_good() -> None:
-    assert geometry.curve(BEZIER)[0].IsKind("Geom_BSplineCurve")
+    assert to_kernel.curve(BEZIER)[0].IsKind("Geom_BSplineCurve")
 
 
 @pytest.mark.parametrize("name", ["poles", "weights", "knots"])
@@ -37,14 +37,14 @@ def test_numbers_that_are_none_do_not_reach_the_kernel(name: str, value: float) 
     spoilt = getattr(BEZIER, name).copy()
     spoilt[1] = value
     with pytest.raises(KernelError, match="not finite"):
-        geometry.curve(replace(BEZIER, **{name: spoilt}))
+        to_kernel.curve(replace(BEZIER, **{name: spoilt}))
 
 
 def test_knots_that_nearly_coincide_do_not_reach_the_kernel() -> None:
     knots = np.array([0.0, 0, 0, 0.5, 0.5 + 1e-17 + 2e-16, 1, 1, 1])
     poles = np.linspace(0.0, 1.0, 15).reshape(5, 3)
     with pytest.raises(KernelError, match="nearer than"):
-        geometry.curve(SplineCurve(2, knots, poles))
+        to_kernel.curve(SplineCurve(2, knots, poles))
 
 
 def refused(folder: Path, capsys: pytest.CaptureFixture[str], expected: int = 5) -> str:

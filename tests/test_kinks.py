@@ -9,16 +9,16 @@ import pytest
 from test_hexahedra import check_conforming
 
 import pc2cad as pc
-from pc2cad.analysis import analyse
-from pc2cad.equation.breaks import BreaksNotAlignedError, find_breaks
-from pc2cad.equation.evaluation import Program
-from pc2cad.equation.kinks import take_kinks_apart
+from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import Expr, number, walk
+from pc2cad.expression.breaks import BreaksNotAlignedError, find_breaks
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.kinks import take_kinks_apart
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import Expr, number, walk
+from pc2cad.integrals.mass_properties import integrate
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
-from pc2cad.properties import integrate
 
 u, v, w = pc.parameters()
 THIRD, QUARTER, HALF = number(1) / 3, number(1) / 4, number(1) / 2

@@ -19,11 +19,11 @@ from test_spec_channels import largest_face_deviation
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.language import read_expression
-from pc2cad.equation.printing import as_text
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import call, number, substitute, symbol
 from pc2cad.errors import InputError
-from pc2cad.library import template_paths
+from pc2cad.expression.printing import as_text
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import call, number, substitute, symbol
+from pc2cad.templates.shipped import template_paths
 
 few = settings(
     max_examples=12,

@@ -20,15 +20,15 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import pc2cad as pc
+from pc2cad.brep.triangles import enclosed_volume
+from pc2cad.channels import guide_functions
+from pc2cad.channels.channel import ChannelError
 from pc2cad.compiler import compile_equation
-from pc2cad.equation import along
-from pc2cad.equation.channel import ChannelError
 from pc2cad.equation.point_equation import LayersError, PointEquation, point_equation
-from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError
 from pc2cad.export.kernel import body, subshapes
-from pc2cad.mesh.triangles import enclosed_volume
 from pc2cad.part import Part
+from pc2cad.templates.file import parse_template
 
 u, v, w = pc.parameters()
 BENT = pc.polyline([(0, 0, 0), (10, 0, 0), (10, 8, 0)], 3)
@@ -110,8 +110,8 @@ def test_layers_share_faces_edges_and_vertices(lagged):
 def test_layers_of_a_closed_channel_have_a_void_each():
     equation = pc.channel(RING, pc.ellipse(1, 1, v), {"a": 0.2, "b": 0.3})
     part = compile_equation(equation, tolerance=1e-5)
-    speed = along.function(pc.length(pc.diff(RING, u)))
-    length = along.antiderivative(speed, (0, 1)).total
+    speed = guide_functions.function(pc.length(pc.diff(RING, u)))
+    length = guide_functions.antiderivative(speed, (0, 1)).total
     areas = rings(0.75, 0.95, 1.25)
     for layer, area in zip(part.report.layers, areas, strict=True):
         assert layer.volume == pytest.approx(area * length, rel=1e-11)

@@ -27,17 +27,17 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from scipy.interpolate import BSpline
 
 import pc2cad as pc
-from pc2cad.bodies import BodiesPart, KernelTooLooseError
-from pc2cad.brep import geometry
+from pc2cad.bounds.edge_bounds import bound_meeting
+from pc2cad.brep import to_kernel
 from pc2cad.brep.booleans import NamedEdge, edge_functions
-from pc2cad.brep.shapes import curve_function, path_function, surface_function
-from pc2cad.enclosure.meeting import bound_meeting
-from pc2cad.equation.template_file import parse_template
+from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
+from pc2cad.csg.bodies import BodiesPart, KernelTooLooseError
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import SplineCurve, SplinePath, SplineSurface
-from pc2cad.geometry.functions import EdgeFunction, SurfaceFunction, Trace
-from pc2cad.library import bodies_paths
+from pc2cad.geometry.jets import EdgeFunction, SurfaceFunction, Trace
 from pc2cad.report import EdgeReport
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import bodies_paths
 
 Array = NDArray[np.float64]
 
@@ -397,24 +397,24 @@ def test_a_displaced_edge_is_found_out(monkeypatch):
     )
     exact = compiled("cut(block, bore)", 1e-6, block=block, bore=bore).report
     assert {curve.evidence for curve in exact.curves} == {"exact"}
-    monkeypatch.setattr("pc2cad.meetings.edge_functions", displaced(4e-7))
+    monkeypatch.setattr("pc2cad.csg.intersection_edges.edge_functions", displaced(4e-7))
     report = compiled("cut(block, bore)", 1e-6, block=block, bore=bore).report
     assert {curve.evidence for curve in report.curves} == {"bounded"}
     assert 4e-7 * np.sqrt(3) <= report.deviation <= 1.6 * 4e-7 * np.sqrt(3)
-    monkeypatch.setattr("pc2cad.meetings.edge_functions", displaced(4e-6))
+    monkeypatch.setattr("pc2cad.csg.intersection_edges.edge_functions", displaced(4e-6))
     with pytest.raises(ToleranceNotReachedError, match="off its faces"):
         compiled("cut(block, bore)", 1e-6, block=block, bore=bore)
 
 
 def test_bodies_that_are_sampled_make_no_proof(monkeypatch):
-    from pc2cad import meetings as module
+    from pc2cad.csg import intersection_edges as module
 
     right = module.sides_of
 
     def unsure(name, model):
         return {key: replace(side, evidence="sampled") for key, side in right(name, model).items()}
 
-    monkeypatch.setattr("pc2cad.bodies.sides_of", unsure)
+    monkeypatch.setattr("pc2cad.csg.bodies.sides_of", unsure)
     report = pc.compile_equation(pc.read_template(bodies_paths()["common_of_pipes"]).bind()).report
     assert {curve.evidence for curve in report.curves} == {"sampled"}
     assert all("all of it" in curve.open for curve in report.curves)
@@ -436,8 +436,8 @@ def a_surface(kind: str, rng: np.random.Generator) -> SurfaceFunction:
         weights = rng.uniform(0.5, 2, shape) if kind == "rational" else None
         carrier = SplineSurface((degrees[0], degrees[1]), (knots[0], knots[1]),
                                 rng.normal(size=(*shape, 3)), weights)  # fmt: skip
-        return surface_function(geometry.surface(carrier), origin)
-    basis = geometry.curve(SplineCurve(3, spline_knots(3, 2, rng, 1), rng.normal(size=(6, 3))))[0]
+        return surface_function(to_kernel.surface(carrier), origin)
+    basis = to_kernel.curve(SplineCurve(3, spline_knots(3, 2, rng, 1), rng.normal(size=(6, 3))))[0]
     return surface_function({
         "plane": lambda: Geom_Plane(place),
         "cylinder": lambda: Geom_CylindricalSurface(place, 1.3),
@@ -463,8 +463,8 @@ def test_curves_that_fit_nothing_are_as_far_off_as_they_are_seen_to_be(kind, see
     path = rng.uniform(0, 1, (len(knots) - 4, 2))
     curve = SplineCurve(4, spline_knots(4, 2, rng, 1), rng.normal(size=(7, 3)))
     surface = a_surface(kind, rng)
-    traced = path_function(geometry.pcurve(SplinePath(3, knots, path), 0.0, 1.0))
-    function = curve_function(geometry.curve(curve)[0], np.zeros(3))
+    traced = path_function(to_kernel.pcurve(SplinePath(3, knots, path), 0.0, 1.0))
+    function = curve_function(to_kernel.curve(curve)[0], np.zeros(3))
     trace = Trace(traced, surface)
     found = bound_meeting(EdgeFunction(function, (0.0, 1.0), (trace, trace)), (0.0, 0.0))
     t = np.linspace(0, 1, 20_000)

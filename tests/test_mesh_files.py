@@ -17,13 +17,13 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from pc2cad.checked import check_map
 from pc2cad.cli.main import main
 from pc2cad.compiler import mesh_equation
-from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, require
 from pc2cad.export.mesh_files import plain_names, write_mesh
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.templates.file import read_template
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 needs_ccx = pytest.mark.skipif(

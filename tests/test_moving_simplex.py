@@ -11,10 +11,10 @@ import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.point_equation import PointEquation
-from pc2cad.equation.template_file import parse_template
-from pc2cad.equation.tree import symbol
 from pc2cad.errors import InputError
-from pc2cad.library import template_paths
+from pc2cad.expression.tree import symbol
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import template_paths
 
 u, v, w = pc.parameters()
 A, B, C, D = np.array([[4, 0, 0], [1, 5, 1], [-2, -1, 0], [1, 1, 6]])

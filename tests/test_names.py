@@ -36,17 +36,22 @@ from pc2cad.checked import check_map
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation, mesh_equation, spline_equation
 from pc2cad.equation.point_equation import LayersError, PointEquation, point_equation
-from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import InputError
 from pc2cad.export.mesh_files import MESH_FORMATS, write_mesh
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.point_files import POINT_FORMATS
 from pc2cad.export.registry import FORMATS, format_for
 from pc2cad.export.spline_files import SPLINE_FORMATS, write_splines
-from pc2cad.interior import PointSet, sample_uniform
 from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.names import (
+from pc2cad.picture.image import svg
+from pc2cad.picture.overlay import Text
+from pc2cad.sampling.interior import PointSet, sample_uniform
+from pc2cad.studies.plan import Plan
+from pc2cad.studies.table import to_csv
+from pc2cad.studies.variant import Outcome
+from pc2cad.templates.file import parse_template
+from pc2cad.trust.names import (
     NameNotAllowedError,
     cell,
     check_file_name,
@@ -57,11 +62,6 @@ from pc2cad.names import (
     visible,
     words,
 )
-from pc2cad.picture.image import svg
-from pc2cad.picture.overlay import Text
-from pc2cad.studies.plan import Plan
-from pc2cad.studies.table import to_csv
-from pc2cad.studies.variant import Outcome
 from pc2cad.viewer.page import Slider, Variant, page
 
 LAYERED = """

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pc2cad.analysis import analyse
-from pc2cad.equation.template_file import read_template
-from pc2cad.interior import locate
-from pc2cad.library import find_template
-from pc2cad.mapping import open_grid
+from pc2cad.domain.analysis import analyse
+from pc2cad.domain.map import open_grid
+from pc2cad.sampling.interior import locate
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import find_template
 
 SLOW = ("torus", "trefoil", "channel_sine", "duct", "hollow_ball")
 

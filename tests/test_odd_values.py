@@ -19,11 +19,11 @@ import sympy
 import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.template_file import parse_template, read_template
-from pc2cad.equation.tree import number
 from pc2cad.errors import InputError, PointCadError
-from pc2cad.library import template_paths
-from pc2cad.properties import integrate
+from pc2cad.expression.tree import number
+from pc2cad.integrals.mass_properties import integrate
+from pc2cad.templates.file import parse_template, read_template
+from pc2cad.templates.shipped import template_paths
 
 CUBE = '[solid]\nx = "u"\ny = "v"\nz = "w"\n'
 U, V, W = pc.parameters()
@@ -157,8 +157,8 @@ def test_a_deep_tree_is_pickled_without_recursion() -> None:
 
 
 def test_a_guide_that_stands_still_for_a_moment_is_a_channel(tmp_path, capsys) -> None:
-    from pc2cad.analysis import analyse
-    from pc2cad.limits import find_limits
+    from pc2cad.channels.limits import find_limits
+    from pc2cad.domain.analysis import analyse
 
     equation = parse_template(SLOW.format(N="point(10*u^3, 0, 0)"), "t").bind()
     assert find_limits(equation)

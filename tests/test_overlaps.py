@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import pc2cad as pc
-from pc2cad.analysis import analyse
-from pc2cad.contact import Contact, find_contact
+from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import PointCadError
-from pc2cad.injectivity import OverlappingMapError, check_injective
-from pc2cad.sheets import cut
+from pc2cad.solidity.face_mesh import cut
+from pc2cad.solidity.injectivity import OverlappingMapError, check_injective
+from pc2cad.solidity.self_intersection import Contact, find_contact
 
 U, V, W = pc.parameters()
 THETA, PHI = 2 * pc.pi * U, 2 * pc.pi * V

@@ -19,7 +19,6 @@ from vtkmodules.vtkIOImage import vtkPNGReader
 import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.errors import InputError
-from pc2cad.library import template_paths
 from pc2cad.part import SIDE_COLOURS, Part
 from pc2cad.picture import raster
 from pc2cad.picture.camera import VIEWS, aim
@@ -31,6 +30,7 @@ from pc2cad.picture.overlay import Text, overlay, ticks
 from pc2cad.picture.scene import Scene
 from pc2cad.picture.sides import Sides
 from pc2cad.picture.style import Style
+from pc2cad.templates.shipped import template_paths
 
 SMALL = (240, 160)
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import pc2cad as pc
-from pc2cad.equation.calculus import derivatives
-from pc2cad.equation.cancellation import simplified, without_idle
-from pc2cad.equation.evaluation import Program
-from pc2cad.equation.products import product_of, products
-from pc2cad.equation.template_file import read_template
-from pc2cad.equation.tree import ZERO, call, walk
-from pc2cad.library import template_paths
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.separable_sums import product_of, products
+from pc2cad.expression.simplification import simplified, without_idle
+from pc2cad.expression.tree import ZERO, call, walk
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
 
 U, V, W = pc.parameters()
 PLACES = {name: np.linspace(0.03, 0.96, 7) for name in "uvw"}

@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import quad
 
 import pc2cad as pc
-from pc2cad.analysis import analyse
+from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.properties import Properties, integrate
-from pc2cad.quadrature import CONVERGED, Samples, resolve
+from pc2cad.integrals.mass_properties import Properties, integrate
+from pc2cad.integrals.quadrature import CONVERGED, Samples, resolve
 
 U, V, W = pc.parameters()
 PI = pc.pi

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pc2cad.linear import inverse, product, solve
+from pc2cad.arrays.linear import inverse, product, solve
 
 SCRIPT = """
 import sys

@@ -109,7 +109,7 @@ NUMPY_IN_EQUATION = {
     "interpolation",
 }
 #: what topology takes from the equation room: the three-valued answer, nothing else
-TOPOLOGY_FROM_EQUATION = {"pc2cad.equation.identity"}
+TOPOLOGY_FROM_EQUATION = {"pc2cad.expression.identity"}
 OUTSIDE = {"numpy", "scipy", "sympy", "OCP", "cadquery", "gmsh", "lib3mf", "vtk", "vtkmodules"}
 
 

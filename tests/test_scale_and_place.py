@@ -9,7 +9,7 @@ import pytest
 
 import pc2cad as pc
 from pc2cad.errors import KernelError, ToleranceNotReachedError
-from pc2cad.winding import ray_frame
+from pc2cad.solidity.winding_number import ray_frame
 
 U, V, W = pc.parameters()
 THETA = 2 * pc.pi * U

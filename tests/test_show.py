@@ -6,17 +6,17 @@ import re
 
 import pytest
 
+from pc2cad.channels.layers import depth
 from pc2cad.cli.main import main
 from pc2cad.cli.typeset import definition_latex
-from pc2cad.coordinates import coordinate_system
-from pc2cad.equation.calculus import derivatives
 from pc2cad.equation.language import read_expression
-from pc2cad.equation.layers import depth
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.template import Template
-from pc2cad.equation.template_file import parse_template, read_template
-from pc2cad.equation.tree import Expr, symbol
-from pc2cad.library import find_template, template_paths
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import Expr, symbol
+from pc2cad.templates.coordinatewise import coordinate_system
+from pc2cad.templates.file import parse_template, read_template
+from pc2cad.templates.shipped import find_template, template_paths
+from pc2cad.templates.template import Template
 
 DERIVATIVE = re.compile(r"diff\((\w+), ([uvw])(?:, (\d))?\)")
 PLACES = [(0.3, 0.7, 0.2), (0.85, 0.15, 0.6)]

@@ -22,9 +22,9 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from reference import GUIDES, Channel, Integrals, channel, gauss, linear
 
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import parse_template
-from pc2cad.library import template_paths
 from pc2cad.part import Part
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import template_paths
 
 TEMPLATES = {"8a": "channel_ellipse", "8b": "channel_sine", "8c": "channel_contour"}
 CASES = tuple(TEMPLATES)

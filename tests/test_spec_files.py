@@ -13,9 +13,9 @@ from shipped import part_of
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import parse_template
 from pc2cad.export.model import ExportOptions
-from pc2cad.library import template_paths
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import template_paths
 
 #: template -> exact volume and area of its defaults (points P1 and G1), faces, edges, vertices
 SOLIDS = {

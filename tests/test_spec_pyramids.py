@@ -20,13 +20,13 @@ from OCP.GProp import GProp_GProps
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.normal_form import is_identically_zero
 from pc2cad.equation.points import Combination
-from pc2cad.equation.template import ParameterRangeError
-from pc2cad.equation.template_file import parse_template
-from pc2cad.equation.tree import Expr
-from pc2cad.library import template_paths
+from pc2cad.expression.normal_form import is_identically_zero
+from pc2cad.expression.tree import Expr
 from pc2cad.part import Part
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import template_paths
+from pc2cad.templates.template import ParameterRangeError
 
 RELATIVE = 1e-12
 

@@ -20,10 +20,10 @@ from shipped import LONG, part_of
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import parse_template
 from pc2cad.errors import NotASolidError
-from pc2cad.library import template_paths
 from pc2cad.part import Part
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import template_paths
 
 # -- the table -------------------------------------------------------------------------------------
 

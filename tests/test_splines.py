@@ -13,18 +13,18 @@ from shipped import LONG, checked_of, every_template
 import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.cli.main import main
-from pc2cad.directions import CellFunction
+from pc2cad.domain.restrictions import CellFunction
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.equation.template_file import read_template
 from pc2cad.errors import InputError, NotASolidError
 from pc2cad.export.patches import interfaces
 from pc2cad.export.spline_files import write_splines
-from pc2cad.geometry.arcs import wave_in
-from pc2cad.interior import locate
-from pc2cad.isogeometry import VolumeModel, represent_volume
+from pc2cad.geometry.splines.arcs import wave_in
 from pc2cad.mesh.grid import closed_directions
 from pc2cad.options import CompileOptions
-from pc2cad.proof import bound_volume
+from pc2cad.representation.deviation_proof import bound_volume
+from pc2cad.representation.volume import VolumeModel, represent_volume
+from pc2cad.sampling.interior import locate
+from pc2cad.templates.file import read_template
 
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 #: no exact form along some direction

@@ -6,8 +6,8 @@ import pytest
 import sympy
 
 import pc2cad as pc
-from pc2cad.equation.sympy_bridge import NotTranslatableError
-from pc2cad.equation.template_file import parse_template
+from pc2cad.expression.sympy_bridge import NotTranslatableError
+from pc2cad.templates.file import parse_template
 
 u, v, w = sympy.symbols("u v w", real=True)
 

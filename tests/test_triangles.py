@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pc2cad.mesh.triangles as meshing
+import pc2cad.brep.triangles as meshing
+from pc2cad.brep.triangle_integrals import triangle_integrals
 from pc2cad.compiler import compile_equation
-from pc2cad.equation.template_file import parse_template, read_template
 from pc2cad.errors import KernelError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.surface import surface
-from pc2cad.library import find_template
-from pc2cad.mesh.integrals import triangle_integrals
 from pc2cad.part import Part
+from pc2cad.templates.file import parse_template, read_template
+from pc2cad.templates.shipped import find_template
 
 #: a ring between two tori (Hopf coordinates, projected) whose section turns on the way round
 HOPF = """

@@ -23,7 +23,7 @@ from shipped import part_of
 import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.errors import InputError, KernelError, NotASolidError
-from pc2cad.processes import CrashedError, LimitReachedError
+from pc2cad.trust.processes import CrashedError, LimitReachedError
 from pc2cad.viewer import serve
 from pc2cad.viewer.page import Slider, Variant, page
 from pc2cad.viewer.payload import payload

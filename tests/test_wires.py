@@ -19,15 +19,15 @@ from OCP.TColgp import TColgp_Array1OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 import pc2cad as pc
-from pc2cad.analysis import analyse
+from pc2cad.channels import guide_functions
+from pc2cad.channels.guides import Guide, GuideError
+from pc2cad.channels.normals import FrameError
+from pc2cad.channels.wires import WireError
 from pc2cad.compiler import compile_equation
-from pc2cad.equation import along
-from pc2cad.equation.breaks import find_breaks
-from pc2cad.equation.guides import Guide, GuideError
-from pc2cad.equation.normals import FrameError
-from pc2cad.mapping import local_map, open_grid
-from pc2cad.properties import integrate
-from pc2cad.wires import WireError
+from pc2cad.domain.analysis import analyse
+from pc2cad.domain.map import local_map, open_grid
+from pc2cad.expression.breaks import find_breaks
+from pc2cad.integrals.mass_properties import integrate
 
 u, v, w = pc.parameters()
 LINE = pc.polyline([(0, 0, 0), (0, 0, 1)])
@@ -87,7 +87,7 @@ def reversed_edge(edge: cq.Shape) -> cq.Shape:
 
 
 def places(guide: Guide, count: int = 400) -> np.ndarray:
-    return along.values(guide.N.coordinates, np.linspace(0, 1, count)).T
+    return guide_functions.values(guide.N.coordinates, np.linspace(0, 1, count)).T
 
 
 @pytest.mark.parametrize("name", EDGES)
@@ -100,9 +100,9 @@ def test_guide_is_the_edge_itself(name):
     ends = [edge.startPoint().toTuple(), edge.endPoint().toTuple()]
     assert np.abs(found[[0, -1]] - ends).max() < 1e-13
     speed = pc.diff(guide.N, u)
-    limits = along.knots(speed.coordinates, 0.0, 1.0)
+    limits = guide_functions.knots(speed.coordinates, 0.0, 1.0)
     length = GCPnts_AbscissaPoint.Length_s(edge._geomAdaptor(), 1e-12)
-    total = along.antiderivative(along.function(pc.length(speed)), limits).total
+    total = guide_functions.antiderivative(guide_functions.function(pc.length(speed)), limits).total
     assert total == pytest.approx(length, rel=1e-11)
     assert guide.closed == edge.IsClosed()
     backwards = places(pc.guide_from_wire(type(edge)(edge.wrapped.Reversed())))

@@ -14,7 +14,7 @@ import trimesh
 from vtkmodules.vtkIOImage import vtkPNGReader
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
-from pc2cad.equation.template_file import parse_template
+from pc2cad.templates.file import parse_template
 
 
 def _solid(path: Path) -> bool:

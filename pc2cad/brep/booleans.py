@@ -21,9 +21,9 @@ from OCP.TopTools import (
 )
 
 from pc2cad.arrays import Array
-from pc2cad.brep.shapes import curve_function, path_function, surface_function
+from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
 from pc2cad.errors import KernelError
-from pc2cad.geometry.functions import EdgeFunction, SurfaceFunction, Trace
+from pc2cad.geometry.jets import EdgeFunction, SurfaceFunction, Trace
 
 _OPERATIONS = {
     "union": BOPAlgo_Operation.BOPAlgo_FUSE,

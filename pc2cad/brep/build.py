@@ -27,10 +27,10 @@ from OCP.TopoDS import (
 )
 
 from pc2cad.arrays import Array
-from pc2cad.brep import geometry
+from pc2cad.brep import to_kernel
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import PCurve, Plane, SplineSurface
-from pc2cad.model import BoundaryModel, ModelFace
+from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
 
 #: the kernel's own confusion distance; what it is given is exact to far less
 KERNEL_TOLERANCE = 1e-7
@@ -92,14 +92,14 @@ class _Build:
                 )
 
     def _vertex(self, position: Array) -> TopoDS_Vertex:
-        geometry.check_finite(position, "a vertex")
+        to_kernel.check_finite(position, "a vertex")
         vertex = TopoDS_Vertex()
         self._builder.MakeVertex(vertex, gp_Pnt(*map(float, position)), KERNEL_TOLERANCE)
         return vertex
 
     def _edge(self, index: int) -> TopoDS_Edge:
         data = self._model.edges[index]
-        curve, first, last = geometry.curve(data.carrier)
+        curve, first, last = to_kernel.curve(data.carrier)
         edge = TopoDS_Edge()
         self._builder.MakeEdge(edge, curve, KERNEL_TOLERANCE)
         self._bound(edge, data.start, data.end, (first, last))
@@ -113,7 +113,7 @@ class _Build:
 
     def _face(self, data: ModelFace) -> TopoDS_Face:
         face = TopoDS_Face()
-        self._builder.MakeFace(face, geometry.surface(data.carrier), KERNEL_TOLERANCE)
+        self._builder.MakeFace(face, to_kernel.surface(data.carrier), KERNEL_TOLERANCE)
         if isinstance(data.carrier, Plane):
             for wire in data.wires:
                 self._builder.Add(face, self._wire([
@@ -153,7 +153,7 @@ class _Build:
         return sides[::-1] if data.turned else sides
 
     def _lay(self, face: TopoDS_Face, edge: int, *pcurves: PCurve) -> None:
-        curves = [geometry.pcurve(data, *self._ranges[edge]) for data in pcurves]
+        curves = [to_kernel.pcurve(data, *self._ranges[edge]) for data in pcurves]
         self._builder.UpdateEdge(self._edges[edge], *curves, face, KERNEL_TOLERANCE)
 
     def _seam(self, face: TopoDS_Face, data: ModelFace, edge: int) -> None:
@@ -168,8 +168,8 @@ class _Build:
     def _degenerated(self, face: TopoDS_Face, pcurve: PCurve, vertex: int) -> TopoDS_Edge:
         edge = TopoDS_Edge()
         self._builder.MakeEdge(edge)
-        span = (0.0, geometry.length(pcurve))
-        self._builder.UpdateEdge(edge, geometry.pcurve(pcurve, *span), face, KERNEL_TOLERANCE)
+        span = (0.0, to_kernel.length(pcurve))
+        self._builder.UpdateEdge(edge, to_kernel.pcurve(pcurve, *span), face, KERNEL_TOLERANCE)
         self._bound(edge, vertex, vertex, span)
         self._builder.Range(edge, face, *span)
         self._builder.Degenerated(edge, True)

@@ -19,10 +19,10 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
-from pc2cad.brep.patches import spline_flux
-from pc2cad.brep.trimmed import curve_jet, is_whole, trimmed_flux
+from pc2cad.arrays.linear import product
+from pc2cad.brep.spline_integrals import spline_flux
+from pc2cad.brep.trimmed_integrals import curve_jet, is_whole, trimmed_flux
 from pc2cad.errors import KernelError
-from pc2cad.linear import product
 
 
 @dataclass(frozen=True)

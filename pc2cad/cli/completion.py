@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the script."""
     from pc2cad.cli.main import VERBS, make_parser
-    from pc2cad.library import bodies_paths, template_paths
+    from pc2cad.templates.shipped import bodies_paths, template_paths
 
     options = _options(make_parser())
     templates = [*template_paths(), *bodies_paths()]

@@ -18,7 +18,7 @@ from types import FrameType
 from typing import NoReturn
 
 from pc2cad.errors import InputError
-from pc2cad.processes import (
+from pc2cad.trust.processes import (
     CrashedError,
     LimitReachedError,
     broken_limit,

@@ -16,8 +16,8 @@ from pc2cad.options import CompileOptions
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
-    from pc2cad.equation.template import Template
-    from pc2cad.equation.template_bodies import Bodies, BodiesTemplate
+    from pc2cad.templates.bodies import Bodies, BodiesTemplate
+    from pc2cad.templates.template import Template
 
 
 Kind = TypeVar("Kind", int, float)
@@ -107,9 +107,9 @@ def named(subject: str) -> Iterator[None]:
 
 def load(arguments: argparse.Namespace) -> tuple[Template | BodiesTemplate, Path]:
     """Return the template that the arguments name, or the body of it, and its file."""
-    from pc2cad.equation.template_bodies import BodiesTemplate
-    from pc2cad.equation.template_file import read_template
-    from pc2cad.library import find_template
+    from pc2cad.templates.bodies import BodiesTemplate
+    from pc2cad.templates.file import read_template
+    from pc2cad.templates.shipped import find_template
 
     path = find_template(arguments.template)
     template = read_template(path)
@@ -122,7 +122,7 @@ def load(arguments: argparse.Namespace) -> tuple[Template | BodiesTemplate, Path
 
 def load_one(arguments: argparse.Namespace) -> tuple[Template, Path]:
     """Return the template of one solid that the arguments name, and its file."""
-    from pc2cad.equation.template_bodies import BodiesTemplate
+    from pc2cad.templates.bodies import BodiesTemplate
 
     template, path = load(arguments)
     if isinstance(template, BodiesTemplate):
@@ -184,8 +184,8 @@ def read_length(option: str, text: str | None) -> float | None:
     if text is None:
         return None
     from pc2cad.equation.language import read_expression
-    from pc2cad.equation.scalar import evaluate
-    from pc2cad.equation.tree import Expr
+    from pc2cad.expression.scalar import evaluate
+    from pc2cad.expression.tree import Expr
 
     with named(option):
         tree = read_expression(text, {})

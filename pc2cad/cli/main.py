@@ -20,7 +20,7 @@ from pc2cad.cli.guard import add_limits, guard
 from pc2cad.cli.interruption import expect_interruptions, ignore_interruptions, insistent
 from pc2cad.cli.output import complain, complain_at_length, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
-from pc2cad.isolation import forget_current_folder
+from pc2cad.trust.isolation import forget_current_folder
 
 INTERRUPTED: Final = 130
 BROKEN_PIPE: Final = 141

@@ -16,7 +16,7 @@ from threading import Lock, Timer
 from types import TracebackType
 from typing import Any, Final, TextIO
 
-from pc2cad.names import visible
+from pc2cad.trust.names import visible
 
 #: a message longer than this is cut: it quotes something that nobody wrote by hand
 LONGEST_MESSAGE: Final = 1200

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         progress("load NumPy and SciPy")
         from pc2cad.checked import Stages, check_map
         from pc2cad.export.point_files import check_points_writable, write_points
-        from pc2cad.interior import sample_blue, sample_grid, sample_uniform
+        from pc2cad.sampling.interior import sample_blue, sample_grid, sample_uniform
 
         for output in arguments.outputs:
             check_points_writable(output)

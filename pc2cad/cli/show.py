@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from pc2cad.cli.inputs import add_template, bind, load, read_settings
 from pc2cad.cli.output import one_line, say
-from pc2cad.equation.template_bodies import Bodies, BodiesTemplate
-from pc2cad.names import visible
+from pc2cad.templates.bodies import Bodies, BodiesTemplate
+from pc2cad.trust.names import visible
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
-    from pc2cad.equation.template import Parameter, Template
+    from pc2cad.templates.template import Parameter, Template
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,9 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[str]:
-    from pc2cad.coordinates import coordinate_system
     from pc2cad.equation.points import Combination
-    from pc2cad.equation.printing import as_text
+    from pc2cad.expression.printing import as_text
+    from pc2cad.templates.coordinatewise import coordinate_system
 
     yield one_line(f"{template.name}: {template.title}")
     yield from (f"  {one_line(line)}" for line in template.about.strip().splitlines())
@@ -84,7 +84,7 @@ def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[s
 
 
 def _meaning(parameter: Parameter) -> str:
-    from pc2cad.equation.printing import as_text
+    from pc2cad.expression.printing import as_text
 
     low, high = parameter.minimum, parameter.maximum
     parts = []
@@ -105,8 +105,8 @@ def _curves(template: Template, path: Path) -> Iterator[str]:
         return
     import tomllib
 
-    from pc2cad.equation.printing import as_text
-    from pc2cad.equation.tree import symbol
+    from pc2cad.expression.printing import as_text
+    from pc2cad.expression.tree import symbol
 
     raw = tomllib.loads(path.read_text(encoding="utf-8"))
     yield "\nCurves (coordinates in the plane of the section, once round for t from 0 to 1)"
@@ -137,8 +137,8 @@ def _in_words(table: dict[str, Any]) -> str:
 
 def _latex(template: Template) -> Iterator[str]:
     from pc2cad.cli.typeset import definition_latex
-    from pc2cad.coordinates import coordinate_system
-    from pc2cad.equation.printing import name_latex
+    from pc2cad.expression.printing import name_latex
+    from pc2cad.templates.coordinatewise import coordinate_system
 
     yield f"% {one_line(f'{template.name}: {template.title}')}"
     yield "% point equation (needs the package amsmath)"

@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List name and title of every shipped template, and the parameters with their ranges."""
-    from pc2cad.library import bodies_paths, template_paths
+    from pc2cad.templates.shipped import bodies_paths, template_paths
 
     for name, path in (template_paths() | bodies_paths()).items():
         try:

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from pc2cad.coordinates import Opaque, Symbols
-from pc2cad.equation.functions import PUBLIC_FUNCTIONS
 from pc2cad.equation.language import CONSTANTS, FUNCTION_NAMES
-from pc2cad.equation.printing import name_latex
 from pc2cad.equation.syntax import (
     BinaryNode,
     CallNode,
@@ -19,7 +16,10 @@ from pc2cad.equation.syntax import (
     TripleNode,
     parse,
 )
-from pc2cad.equation.tree import Expr, call, number, symbol
+from pc2cad.expression.functions import PUBLIC_FUNCTIONS
+from pc2cad.expression.printing import name_latex
+from pc2cad.expression.tree import Expr, call, number, symbol
+from pc2cad.templates.coordinatewise import Opaque, Symbols
 
 _OPERATIONS: Final[dict[str, Callable[[Expr, Expr], Expr]]] = {
     "+": lambda a, b: a + b, "-": lambda a, b: a - b, "*": lambda a, b: a * b,

@@ -23,7 +23,7 @@ from pc2cad.cli.output import Progress, say, shown
 from pc2cad.errors import InputError, PointCadError
 
 if TYPE_CHECKING:
-    from pc2cad.equation.template import Parameter
+    from pc2cad.templates.template import Parameter
     from pc2cad.viewer.page import Slider, Variant
 
 _COUNT = re.compile(r" *[0-9]{1,4} *\Z")
@@ -189,7 +189,7 @@ def _live(text: str, maker: _Maker) -> Slider:
 
 def _offered(parameter: Parameter, maker: _Maker) -> Slider:
     """Return a slider round the opening value, from half to double of it, within its range."""
-    from pc2cad.equation.scalar import evaluate
+    from pc2cad.expression.scalar import evaluate
     from pc2cad.viewer.page import Slider
 
     opening = float(maker.opening[parameter.name])

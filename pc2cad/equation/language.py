@@ -7,9 +7,7 @@ from difflib import get_close_matches
 from typing import Final
 
 from pc2cad.equation import points
-from pc2cad.equation.functions import FUNCTIONS, PUBLIC_FUNCTIONS
 from pc2cad.equation.points import Combination, Value, kind_of
-from pc2cad.equation.scalar import evaluate
 from pc2cad.equation.syntax import (
     BinaryNode,
     CallNode,
@@ -21,8 +19,10 @@ from pc2cad.equation.syntax import (
     TripleNode,
     parse,
 )
-from pc2cad.equation.tree import PI, E, Expr, call, number
 from pc2cad.errors import InputError
+from pc2cad.expression.functions import FUNCTIONS, PUBLIC_FUNCTIONS
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import PI, E, Expr, call, number
 
 PARAMETER_NAMES: Final = ("u", "v", "w")
 CONSTANTS: Final[dict[str, Expr]] = {"pi": PI, "e": E}

@@ -8,13 +8,13 @@ from fractions import Fraction
 from typing import Any, Final
 
 from pc2cad.equation.points import Combination, Kind, kind_of, point
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.tree import ONE, ZERO, Expr, Number, as_expr
 from pc2cad.errors import InputError
-from pc2cad.names import LABEL_RULE, clean, clean_lines, is_label
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import ONE, ZERO, Expr, Number, as_expr
+from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
 #: the three current parameters, in the order of every array and table
-PARAMETERS: Final = ("u", "v", "w")
 #: length of the unit in metres
 UNITS: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 
@@ -164,7 +164,7 @@ def _domain(limits: Domain) -> tuple[Interval, Interval, Interval]:
 def _coordinate(value: Any) -> Expr | Number:
     # classes that SymPy makes for undefined functions belong to no module, but their parents do
     if any(str(kind.__module__).partition(".")[0] == "sympy" for kind in type(value).__mro__):
-        from pc2cad.equation.sympy_bridge import from_sympy
+        from pc2cad.expression.sympy_bridge import from_sympy
 
         return from_sympy(value)
     if isinstance(value, bool) or not isinstance(value, (Expr, int, float, Fraction)):

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from pc2cad.equation.calculus import derivatives
-from pc2cad.equation.identity import is_constant_value
-from pc2cad.equation.printing import as_text
-from pc2cad.equation.tree import ONE, ZERO, Expr, Number, as_expr, call, substitute
 from pc2cad.errors import InputError
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.identity import is_constant_value
+from pc2cad.expression.printing import as_text
+from pc2cad.expression.tree import ONE, ZERO, Expr, Number, as_expr, call, substitute
 
 
 class WeightsDoNotSumError(InputError):
@@ -109,7 +109,7 @@ def kind_of(value: Value) -> Kind:
 
 
 def _short(weight: Expr) -> str:
-    from pc2cad.equation.normal_form import normal_form
+    from pc2cad.expression.normal_form import normal_form
 
     form = normal_form(weight, largest=200)
     if form is not None and set(form) <= {()}:

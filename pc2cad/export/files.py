@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from pc2cad.errors import FileNotWrittenError, InputError
-from pc2cad.names import visible
-from pc2cad.processes import start_of
+from pc2cad.trust.names import visible
+from pc2cad.trust.processes import start_of
 
 try:
     import fcntl

@@ -6,8 +6,8 @@ from xml.sax.saxutils import quoteattr
 
 from pc2cad.export.patches import Interface, interfaces, sides
 from pc2cad.export.spline_files import numbers, rows
-from pc2cad.isogeometry import Patch, VolumeModel
-from pc2cad.names import clean
+from pc2cad.representation.volume import Patch, VolumeModel
+from pc2cad.trust.names import clean
 
 
 def encode(model: VolumeModel) -> str:

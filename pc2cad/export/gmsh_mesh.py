@@ -9,7 +9,7 @@ import numpy as np
 from pc2cad.arrays import Integers
 from pc2cad.export.mesh_files import cell_blocks, reordered, whole_sides
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.names import percent
+from pc2cad.trust.names import percent
 
 #: element numbers of gmsh by type and order
 _CODES = {

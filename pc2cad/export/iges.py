@@ -44,7 +44,7 @@ from pc2cad.export.kernel import (
     subshapes,
 )
 from pc2cad.export.model import Exportable, ExportOptions
-from pc2cad.names import percent
+from pc2cad.trust.names import percent
 
 #: Parameters of the kernel's translators; they belong to the process, hence are put back.
 _PARAMETERS: dict[str, int | str] = {

@@ -17,7 +17,7 @@ from pc2cad.arrays import Integers
 from pc2cad.export.mesh_files import plain_names
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.names import percent
+from pc2cad.trust.names import percent
 
 _TYPES = {
     "hexahedron": ("C3D8", "C3D20"), "wedge": ("C3D6", "C3D15"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pc2cad.export.spline_files import numbers, rows
-from pc2cad.isogeometry import VolumeModel
+from pc2cad.representation.volume import VolumeModel
 
 
 def encode(model: VolumeModel) -> str:

@@ -13,7 +13,7 @@ from pc2cad.arrays import Integers
 from pc2cad.export.mesh_files import cell_blocks, whole_sides
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.names import percent
+from pc2cad.trust.names import percent
 
 _CODES = {
     ("hexahedron", 1): "HE8", ("hexahedron", 2): "H20", ("wedge", 1): "PE6", ("wedge", 2): "P15",

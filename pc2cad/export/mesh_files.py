@@ -13,7 +13,7 @@ from pc2cad.errors import require
 from pc2cad.export.files import by_ending, check_target, replacing
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.names import words
+from pc2cad.trust.names import words
 
 #: writes a mesh to an empty file
 Writer = Callable[[VolumeMesh, Path], None]

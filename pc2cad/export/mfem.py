@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.export.spline_files import numbers, rows
-from pc2cad.geometry.trivariate import SplineVolume
-from pc2cad.isogeometry import VolumeModel
-from pc2cad.mesh.gluing import cell_nodes, joined, partner_nodes
+from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.mesh.grid import Grid
+from pc2cad.mesh.node_merging import cell_nodes, joined, partner_nodes
+from pc2cad.representation.volume import VolumeModel
 from pc2cad.topology.cells import directions_of
 from pc2cad.topology.complex import SideFate
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pc2cad.errors import KernelError
-from pc2cad.names import clean
+from pc2cad.trust.names import clean
 
 #: Longest name in characters; the standard allows 256 in the header.
 NAME_LIMIT = 200

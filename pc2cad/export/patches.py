@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pc2cad.isogeometry import Patch, VolumeModel
+from pc2cad.representation.volume import Patch, VolumeModel
 from pc2cad.topology.cells import IDENTITY, Cell, Symmetry
 from pc2cad.topology.complex import SideFate
 

@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
-from pc2cad.interior import PointSet
-from pc2cad.names import percent
+from pc2cad.sampling.interior import PointSet
+from pc2cad.trust.names import percent
 
 
 def encode_ply(points: PointSet) -> bytes:

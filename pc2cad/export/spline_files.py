@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
-from pc2cad.geometry.trivariate import SplineVolume
-from pc2cad.isogeometry import VolumeModel
+from pc2cad.geometry.splines.trivariate import SplineVolume
+from pc2cad.representation.volume import VolumeModel
 
 
 @dataclass(frozen=True)

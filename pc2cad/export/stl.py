@@ -16,7 +16,7 @@ from pc2cad import __version__
 from pc2cad.arrays import Array
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import single_precision, surface
-from pc2cad.names import clean, percent
+from pc2cad.trust.names import clean, percent
 
 HEADER_SIZE = 80
 #: words that readers look for wherever they stand: of the text variant, and of colours

@@ -10,10 +10,10 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopTools import TopTools_ShapeMapHasher
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.brep.triangles import Triangles, edge_defects, enclosed_volume, tessellate, weld
 from pc2cad.errors import KernelError
 from pc2cad.export.kernel import subshapes
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
-from pc2cad.mesh.triangles import Triangles, edge_defects, enclosed_volume, tessellate, weld
 
 #: Share of the volume that rounding to single precision may change.
 ROUNDING_LIMIT = 1e-3

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pc2cad.export.mesh_files import cell_blocks
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.names import percent
+from pc2cad.trust.names import percent
 
 _CHUNK = 1 << 18
 

@@ -16,7 +16,7 @@ from pc2cad.arrays import Array, Integers
 from pc2cad.errors import KernelError
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, surface
-from pc2cad.names import clean
+from pc2cad.trust.names import clean
 
 
 def encode(exportable: Exportable, options: ExportOptions) -> bytes:

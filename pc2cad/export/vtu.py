@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pc2cad.export.mesh_files import CellBlock, cell_blocks, whole_sides
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.names import clean
+from pc2cad.trust.names import clean
 
 _NAMES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 _CHUNK = 1 << 20

@@ -9,7 +9,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import PCurve, Segment, SplinePath
-from pc2cad.geometry.rational import PiecewiseSpace
+from pc2cad.geometry.splines.rational import PiecewiseSpace
 
 #: what a path may be off, relative to its own size: a few roundings
 ROUNDING = 1e-13

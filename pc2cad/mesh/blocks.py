@@ -14,8 +14,8 @@ from itertools import product
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.mesh.coarse_cells import Polytope
 from pc2cad.mesh.elements import ElementType
-from pc2cad.mesh.polytopes import Polytope
 
 #: a corner of a polytope, an edge, a face or a polytope: the numbers of the corners that span it
 Key = frozenset[int]

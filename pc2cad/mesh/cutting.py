@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from pc2cad.errors import NotASolidError
-from pc2cad.mesh.collapse import Piece, Ring, groups, over, pattern_of, rings, single
+from pc2cad.mesh.degenerate_cells import Piece, Ring, groups, over, pattern_of, rings, single
 from pc2cad.mesh.elements import HEXAHEDRON, WEDGE
 
 #: the nodes of a quadrilateral, or of a diagonal

@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from pc2cad.analysis import Analysis
 from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.map import open_grid
 from pc2cad.errors import InputError
-from pc2cad.mapping import open_grid
 from pc2cad.topology.cells import Cell, directions_of
 
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)

@@ -14,13 +14,13 @@ import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.checked import CheckedMap
+from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
-from pc2cad.mapping import open_grid
-from pc2cad.mesh.collapse import Pattern, Piece, is_flat, ring_of, single
 from pc2cad.mesh.cutting import Cuts
+from pc2cad.mesh.degenerate_cells import Pattern, Piece, is_flat, ring_of, single
 from pc2cad.mesh.elements import HEXAHEDRON, TYPES
-from pc2cad.mesh.gluing import cell_nodes, glued_cells, joined, merged_nodes, side_cells
 from pc2cad.mesh.grid import Grid
+from pc2cad.mesh.node_merging import cell_nodes, glued_cells, joined, merged_nodes, side_cells
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell, normal_direction
 

@@ -13,16 +13,16 @@ from typing import Literal
 
 import numpy as np
 
-from pc2cad.analysis import Analysis
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.linear import along
 from pc2cad.checked import CheckedMap
-from pc2cad.linear import along
+from pc2cad.domain.analysis import Analysis
 from pc2cad.mesh.blocks import Block, blocks
+from pc2cad.mesh.coarse_cells import large_cells, polytopes
 from pc2cad.mesh.elements import HEXAHEDRON
-from pc2cad.mesh.gluing import joined
 from pc2cad.mesh.grid import Grid, UnsuitableGridError
 from pc2cad.mesh.hexahedra import FACE_AT, hexahedra
-from pc2cad.mesh.polytopes import large_cells, polytopes
+from pc2cad.mesh.node_merging import joined
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
 from pc2cad.topology.cells import Cell
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import product
 from pc2cad.errors import NotASolidError
-from pc2cad.linear import product
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID, TYPES, gradients, rule
 from pc2cad.mesh.volume_mesh import VolumeMesh
 

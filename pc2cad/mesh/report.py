@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from pc2cad.checked import CheckedMap
+from pc2cad.integrals.mass_properties import Properties
 from pc2cad.mesh.quality import Quality
 from pc2cad.mesh.volume_mesh import VolumeMesh, by_whole_side
-from pc2cad.properties import Properties
 
 
 @dataclass(frozen=True)

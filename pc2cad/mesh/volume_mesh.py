@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.linear import product
+from pc2cad.arrays.linear import product
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 
 #: facets integrated at once

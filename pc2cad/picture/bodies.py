@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.bodies import BodiesPart
+from pc2cad.csg.bodies import BodiesPart
 from pc2cad.errors import InputError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.surface import faces_in_order, smooth_normals, surface

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.bodies import BodiesPart
+from pc2cad.csg.bodies import BodiesPart
 from pc2cad.part import Part, side_colour
 from pc2cad.picture.bodies import bodies_drawing
 from pc2cad.picture.colours import shares, viridis

@@ -10,8 +10,8 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.ShapeAnalysis import ShapeAnalysis_Surface
 
 from pc2cad.arrays import Array
-from pc2cad.equation.point_equation import PARAMETERS
 from pc2cad.errors import InputError
+from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.picture.sides import Patch, Sides
 
 

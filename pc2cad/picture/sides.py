@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.equation.breaks import find_breaks
-from pc2cad.mapping import Mapping3, local_map, open_grid
+from pc2cad.domain.map import Mapping3, local_map, open_grid
+from pc2cad.expression.breaks import find_breaks
 from pc2cad.part import Part
 from pc2cad.topology.cells import Cell, directions_of, normal_direction, outward_sign
 from pc2cad.topology.complex import SideFate

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from pc2cad import __version__
-from pc2cad.names import clean, is_ending, is_identifier, visible
 from pc2cad.studies.plan import Plan
 from pc2cad.studies.table import COLUMNS
 from pc2cad.studies.variant import BUILT, STATUS, Outcome, Task, file_name
+from pc2cad.trust.names import clean, is_ending, is_identifier, visible
 
 #: what JSON holds
 Plain = Mapping[str, Any] | str

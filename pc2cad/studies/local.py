@@ -21,9 +21,9 @@ from dataclasses import asdict, dataclass, field
 from types import TracebackType
 
 from pc2cad.errors import KernelError
-from pc2cad.isolation import environment, interpreter, running
-from pc2cad.processes import how_it_ended, resident_memory
 from pc2cad.studies.variant import STATUS, Job, Outcome, Task
+from pc2cad.trust.isolation import environment, interpreter, running
+from pc2cad.trust.processes import how_it_ended, resident_memory
 
 #: seconds that a worker may take to load the kernel
 START_LIMIT = 120.0

@@ -15,11 +15,11 @@ from itertools import product
 from typing import Final
 
 from pc2cad.equation.language import nearest, read_expression
-from pc2cad.equation.scalar import evaluate
-from pc2cad.equation.template import Template
-from pc2cad.equation.template_bodies import BodiesTemplate
-from pc2cad.equation.tree import Expr
 from pc2cad.errors import InputError
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import Expr
+from pc2cad.templates.bodies import BodiesTemplate
+from pc2cad.templates.template import Template
 
 #: more variants than this are taken for a slip of the pen
 MOST_VARIANTS: Final = 1_000_000

@@ -13,13 +13,13 @@ from typing import Protocol
 
 from pc2cad.errors import NotASolidError
 from pc2cad.export.files import sweep
-from pc2cad.names import check_file_name
 from pc2cad.studies.entries import described
 from pc2cad.studies.journal import Journal, Present
 from pc2cad.studies.plan import Plan
 from pc2cad.studies.store import Store, open_store
 from pc2cad.studies.table import CSV, PARQUET, Row, TableWriter
 from pc2cad.studies.variant import BUILT, Job, Outcome, Task, file_name
+from pc2cad.trust.names import check_file_name
 
 #: by this the journal notes that the names of all files in the store are the study's own
 FILES = "files/"

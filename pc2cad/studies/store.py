@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from pc2cad.errors import FileNotWrittenError, InputError
 from pc2cad.export.files import sweep, write_atomically
-from pc2cad.names import check_file_name
+from pc2cad.trust.names import check_file_name
 
 
 class Store(Protocol):

@@ -8,12 +8,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from pc2cad.equation.template_file import parse_template, read_template_text
 from pc2cad.errors import FileNotWrittenError, InputError
 from pc2cad.export.files import write_atomically
 from pc2cad.export.registry import format_for
-from pc2cad.library import find_template
-from pc2cad.names import NameNotAllowedError, is_ending
 from pc2cad.studies.local import Limits, LocalEngine
 from pc2cad.studies.overview import contact_sheet, plot
 from pc2cad.studies.plan import Plan, check_plan, grid, read_axes, sample
@@ -22,6 +19,9 @@ from pc2cad.studies.store import open_store
 from pc2cad.studies.table import COLUMNS
 from pc2cad.studies.variant import Task
 from pc2cad.studies.variants_table import read_table
+from pc2cad.templates.file import parse_template, read_template_text
+from pc2cad.templates.shipped import find_template
+from pc2cad.trust.names import NameNotAllowedError, is_ending
 
 SHEET = "contact-sheet.png"
 

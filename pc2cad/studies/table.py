@@ -15,9 +15,9 @@ from typing import Any
 
 from pc2cad.errors import InputError
 from pc2cad.export.files import write_atomically
-from pc2cad.names import cell
 from pc2cad.studies.plan import Plan
 from pc2cad.studies.variant import Outcome
+from pc2cad.trust.names import cell
 
 WAITING = "waiting"
 #: files that a table is written to

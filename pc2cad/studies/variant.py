@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from pc2cad import __version__
 from pc2cad.errors import PointCadError
-from pc2cad.names import visible
 from pc2cad.options import CompileOptions
 from pc2cad.studies.store import open_store
+from pc2cad.trust.names import visible
 
 if TYPE_CHECKING:
-    from pc2cad.bodies import BodiesPart
-    from pc2cad.equation.template import Template
-    from pc2cad.equation.template_bodies import BodiesTemplate
+    from pc2cad.csg.bodies import BodiesPart
     from pc2cad.part import Part
     from pc2cad.report import BodiesReport, Report
+    from pc2cad.templates.bodies import BodiesTemplate
+    from pc2cad.templates.template import Template
 
 #: what a refusal is called in the table, by its exit code
 STATUS = {2: "bad input", 3: "not a solid", 4: "tolerance not reached", 5: "failed"}
@@ -163,7 +163,7 @@ def _thumbnail(part: Part | BodiesPart) -> bytes:
 
 @lru_cache(maxsize=8)
 def _template(text: str, name: str) -> Template | BodiesTemplate:
-    from pc2cad.equation.template_file import parse_template
+    from pc2cad.templates.file import parse_template
 
     return parse_template(text, name, name)
 

@@ -14,7 +14,7 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
-from pc2cad.processes import end_with_parent
+from pc2cad.trust.processes import end_with_parent
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from pc2cad.equation.identity import Verdict
+from pc2cad.expression.identity import Verdict
 from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name
 
 Fate = Literal["face", "curve", "point", "interface"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pc2cad.equation.identity import Verdict
+from pc2cad.expression.identity import Verdict
 from pc2cad.topology.cells import Cell, Symmetry
 
 

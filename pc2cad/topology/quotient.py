@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import combinations
 
-from pc2cad.equation.identity import Verdict
 from pc2cad.errors import NotASolidError
+from pc2cad.expression.identity import Verdict
 from pc2cad.topology.cells import (
     IDENTITY,
     SYMMETRIES,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.arrays import Array
-from pc2cad.bodies import BodiesPart
+from pc2cad.csg.bodies import BodiesPart
 from pc2cad.errors import InputError
 from pc2cad.part import Part, side_colour
 from pc2cad.picture.bodies import shown_faces

@@ -16,8 +16,8 @@ from threading import Thread
 from typing import Any, BinaryIO
 
 from pc2cad.errors import KernelError, PointCadError
-from pc2cad.isolation import environment, interpreter, running
-from pc2cad.processes import CrashedError, LimitReachedError, broken_limit, how_it_ended
+from pc2cad.trust.isolation import environment, interpreter, running
+from pc2cad.trust.processes import CrashedError, LimitReachedError, broken_limit, how_it_ended
 from pc2cad.viewer.worker import receive, send
 
 #: seconds between two looks at the time and the memory

@@ -14,7 +14,7 @@ import sys
 from typing import Any, BinaryIO
 
 from pc2cad.errors import KernelError, PointCadError
-from pc2cad.processes import end_with_parent
+from pc2cad.trust.processes import end_with_parent
 
 
 def send(stream: BinaryIO, thing: Any) -> None:

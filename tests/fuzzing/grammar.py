@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from random import Random
 
-from pc2cad.equation.functions import PUBLIC_FUNCTIONS
+from pc2cad.expression.functions import PUBLIC_FUNCTIONS
 
 #: numbers that have made parsers and computer algebra hang
 NUMBERS = (

@@ -6,13 +6,13 @@ import warnings
 
 import numpy as np
 
-from pc2cad.equation.calculus import derivatives
-from pc2cad.equation.evaluation import Program
 from pc2cad.equation.language import read_expression
 from pc2cad.equation.points import Combination, point
-from pc2cad.equation.template_file import parse_template
-from pc2cad.equation.tree import Expr, symbol
 from pc2cad.errors import PointCadError
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.tree import Expr, symbol
+from pc2cad.templates.file import parse_template
 
 _AXES = ((4, 0, 0), (1, 5, 0), (-2, -1, 0), (1, 1, 6))
 KNOWN = {

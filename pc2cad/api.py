@@ -1,0 +1,302 @@
+"""The equation language in Python: points, parameters, functions and operators of the calculus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from pc2cad.channels import curves
+from pc2cad.channels.guides import Guide, helix, spline
+from pc2cad.channels.polylines import polyline
+from pc2cad.equation.point_equation import Domain, PointEquation
+from pc2cad.equation.points import (
+    Combination,
+    Value,
+    cross,
+    derivative,
+    det,
+    distance,
+    dot,
+    exit_from_plane,
+    length,
+    metric,
+    point,
+    translate,
+    unit,
+    vector,
+)
+from pc2cad.errors import InputError
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import PI, E, Expr, Number, as_expr, call, symbol
+
+if TYPE_CHECKING:
+    from pc2cad.channels.channel import Wall
+    from pc2cad.channels.frames import Frame
+
+__all__ = [
+    "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "channel", "composite",
+    "contour", "cos", "cosh", "cross", "det", "diff", "distance", "dot", "e", "ellipse",
+    "exit_from_plane", "exp", "frame", "guide", "guide_from_wire", "helix", "length", "log",
+    "metric", "parameters", "pi", "point", "points", "polygon", "polyline", "regular_polygon",
+    "section_from_wire", "sin", "sine_wave", "sinh", "spline", "sqrt", "superellipse", "tan",
+    "tanh", "translate", "unit", "vector",
+]  # fmt: skip
+
+pi = PI
+e = E
+abs = abs  # the built-in function takes expressions
+
+
+def parameters() -> tuple[Expr, Expr, Expr]:
+    """Return the three current parameters of a point equation, u, v and w."""
+    u, v, w = (symbol(name) for name in PARAMETERS)
+    return u, v, w
+
+
+def points(**coordinates: Sequence[Expr | Number]) -> tuple[Combination, ...]:
+    """Return one point per keyword, in order.
+
+    For example ``A, B = points(A=(4, 0, 0), B=(1, 5, 1))``.
+    """
+    for name, given in coordinates.items():
+        if not isinstance(given, Iterable) or isinstance(given, str):
+            raise InputError(f"the point {name} is three coordinates (x, y, z)")
+        if len(given) != 3:
+            raise InputError(f"the point {name} has {len(given)} coordinates instead of 3")
+    return tuple(point(*given) for given in coordinates.values())
+
+
+def diff(value: Value, parameter: Expr, order: int = 1) -> Value:
+    """Return the derivative in u, v or w; that of a point is a free vector."""
+    if parameter.op != "symbol" or parameter.payload not in PARAMETERS:
+        raise InputError("diff takes the derivative in one of the parameters u, v and w")
+    return derivative(value, parameter.payload, order)
+
+
+def sin(x: Expr | Number) -> Expr:
+    """Return the sine of x (radians)."""
+    return call("sin", as_expr(x))
+
+
+def cos(x: Expr | Number) -> Expr:
+    """Return the cosine of x (radians)."""
+    return call("cos", as_expr(x))
+
+
+def tan(x: Expr | Number) -> Expr:
+    """Return the tangent of x (radians)."""
+    return call("tan", as_expr(x))
+
+
+def asin(x: Expr | Number) -> Expr:
+    """Return the arc sine of x."""
+    return call("asin", as_expr(x))
+
+
+def acos(x: Expr | Number) -> Expr:
+    """Return the arc cosine of x."""
+    return call("acos", as_expr(x))
+
+
+def atan(x: Expr | Number) -> Expr:
+    """Return the arc tangent of x."""
+    return call("atan", as_expr(x))
+
+
+def atan2(y: Expr | Number, x: Expr | Number) -> Expr:
+    """Return the angle of the point (x, y)."""
+    return call("atan2", as_expr(y), as_expr(x))
+
+
+def sinh(x: Expr | Number) -> Expr:
+    """Return the hyperbolic sine of x."""
+    return call("sinh", as_expr(x))
+
+
+def cosh(x: Expr | Number) -> Expr:
+    """Return the hyperbolic cosine of x."""
+    return call("cosh", as_expr(x))
+
+
+def tanh(x: Expr | Number) -> Expr:
+    """Return the hyperbolic tangent of x."""
+    return call("tanh", as_expr(x))
+
+
+def asinh(x: Expr | Number) -> Expr:
+    """Return the inverse hyperbolic sine of x."""
+    return call("asinh", as_expr(x))
+
+
+def acosh(x: Expr | Number) -> Expr:
+    """Return the inverse hyperbolic cosine of x."""
+    return call("acosh", as_expr(x))
+
+
+def atanh(x: Expr | Number) -> Expr:
+    """Return the inverse hyperbolic tangent of x."""
+    return call("atanh", as_expr(x))
+
+
+def exp(x: Expr | Number) -> Expr:
+    """Return e to the power x."""
+    return call("exp", as_expr(x))
+
+
+def log(x: Expr | Number) -> Expr:
+    """Return the natural logarithm of x."""
+    return call("log", as_expr(x))
+
+
+def sqrt(x: Expr | Number) -> Expr:
+    """Return the square root of x."""
+    return call("sqrt", as_expr(x))
+
+
+PlanePoints = Sequence[tuple[Expr | Number, Expr | Number]]
+
+
+def _plane(points: PlanePoints) -> list[tuple[Expr, Expr]]:
+    return [(as_expr(x), as_expr(y)) for x, y in points]
+
+
+def ellipse(a: Expr | Number, b: Expr | Number, t: Expr) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of the ellipse with semi-axes a and b; once round for t in [0, 1]."""
+    x, y = curves.ellipse(as_expr(a), as_expr(b))
+    return x(t), y(t)
+
+
+def superellipse(
+    a: Expr | Number, b: Expr | Number, exponent: Expr | Number, t: Expr
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of |x/a|^n + |y/b|^n = 1, n ≥ 2; it is analytic for even n."""
+    x, y = curves.superellipse(as_expr(a), as_expr(b), as_expr(exponent))
+    return x(t), y(t)
+
+
+def contour(
+    nodes: PlanePoints,
+    t: Expr,
+    handle: Expr | Number | None = None,
+    spacing: str = "uniform",
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of the closed C¹ contour through plane points; once round for t in [0, 1].
+
+    `handle` is the share λ of the neighbours' chord that each Bézier handle takes (default 1/6);
+    `spacing` is ``uniform``, ``centripetal`` or ``chord`` (see `curves.contour`).
+    """
+    share = as_expr(1) / 6 if handle is None else as_expr(handle)
+    x, y = curves.contour(_plane(nodes), share, spacing)
+    return x(t), y(t)
+
+
+def polygon(
+    corners: PlanePoints, t: Expr, radius: Number | Sequence[Number] = 0
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of the closed polygon through plane points; once round for t in [0, 1].
+
+    Without `radius` each side has the same share of t; with one (or one per corner) the corners are
+    rounded by arcs, and t goes with the length.
+    """
+    plane = _plane(corners)
+    if not isinstance(radius, Sequence):
+        if radius == 0:
+            x, y = curves.polygon(plane)
+            return x(t), y(t)
+        radius = [radius] * len(plane)
+    x, y = curves.rounded_polygon(plane, [as_expr(r) for r in radius])
+    return x(t), y(t)
+
+
+def regular_polygon(
+    count: int, circumradius: Expr | Number, t: Expr, radius: Number = 0
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of a regular polygon with its first corner on the x axis."""
+    return polygon(curves.regular_polygon(count, as_expr(circumradius)), t, radius)
+
+
+def sine_wave(
+    radius: Expr | Number,
+    amplitude: Expr | Number,
+    waves: int,
+    t: Expr,
+    radius_y: Expr | Number | None = None,
+) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of the sine wave r = R + h sin(nφ) round a circle, φ = 2πt.
+
+    With `radius_y` it goes round an ellipse.
+    """
+    second = None if radius_y is None else as_expr(radius_y)
+    x, y = curves.sine_wave(as_expr(radius), as_expr(amplitude), as_expr(waves), second)
+    return x(t), y(t)
+
+
+# -- channels: what works with numbers along the guide is imported late ----------------------------
+
+
+def guide(N: Value, interval: Sequence[Expr | Number] = (0, 1)) -> Guide:
+    """Return the guide of any point N(u); see `guides.curve`."""
+    from pc2cad.channels.guides import curve
+
+    return curve(N, interval)
+
+
+def composite(*parts: Guide, corners: str = "refuse") -> Guide:
+    """Return guides joined end to end, corners refused or mitred; see `guides.composite`."""
+    from pc2cad.channels.guides import composite
+
+    return composite(parts, corners)
+
+
+def guide_from_wire(wire: Any, corners: str = "refuse") -> Guide:
+    """Return a CadQuery (or OCCT) wire or edge as a guide; see `wires.guide_from_wire`."""
+    from pc2cad.channels.wires import guide_from_wire
+
+    return guide_from_wire(wire, corners)
+
+
+def section_from_wire(wire: Any, t: Expr) -> tuple[Expr, Expr]:
+    """Return (x, y) at t of a closed CadQuery wire in the xy plane; see `wires.section_from_wire`.
+
+    Once round for t from 0 to 1.
+    """
+    from pc2cad.channels.wires import section_from_wire
+
+    x, y = section_from_wire(wire)
+    return x(t), y(t)
+
+
+def frame(
+    along: Guide | Value,
+    kind: str = "rotation-minimising",
+    reference: Value | None = None,
+    twist: Expr | Number = 0,
+    symmetry: int = 1,
+) -> Frame:
+    """Return a frame along a guide (or along a point N(u)); see `frames.frame`."""
+    from pc2cad.channels.frames import frame
+
+    run = guide(along) if isinstance(along, (Expr, Combination)) else along
+    return frame(run, kind, reference, twist, symmetry)
+
+
+def channel(
+    along: Frame | Guide | Value,
+    section: Sequence[Expr | Number],
+    wall: Wall | None = None,
+    *,
+    side: str | None = None,
+    measured: str = "radial",
+    domain: Domain | None = None,
+    name: str = "channel",
+    units: str = "mm",
+) -> PointEquation:
+    """Return a section carried along a frame as point equation; see `channel.channel`.
+
+    A guide, or a point N(u), takes the rotation-minimising frame.
+    """
+    from pc2cad.channels.channel import channel
+    from pc2cad.channels.frames import Frame
+
+    carrier = along if isinstance(along, Frame) else frame(along)
+    return channel(carrier, section, wall, side, measured, domain, name, units)

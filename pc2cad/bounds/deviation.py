@@ -1,0 +1,351 @@
+"""A proved upper bound of the distance between a function and a spline at equal parameters.
+
+On every cell (a knot interval or a part of one) the difference is interpolated at Chebyshev-Lobatto
+nodes; the spline's own polynomial is reproduced by that. The bound is the largest Bernstein
+coefficient of the interpolant, plus what the function can be off its interpolant (`remainder`),
+plus rounding of the sampled values times the Lebesgue constant. Cells whose coefficients are much
+larger than the largest sampled distance are halved, which makes the coefficients sharp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays.linear import product
+from pc2cad.bounds.cells import Cells, conversion_loss, halving, to_bernstein, windows
+from pc2cad.bounds.remainder import Direction, Remainders
+from pc2cad.bounds.separable import Products, Slabs, Whole, function_of
+from pc2cad.bounds.taylor_evaluation import Known
+from pc2cad.bounds.taylor_models import UNIT
+from pc2cad.expression.breaks import SAME_POSITION, find_breaks
+from pc2cad.expression.linear_terms import cancel_terms
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import Expr
+from pc2cad.geometry.carriers import SplineCurve, SplineSurface
+from pc2cad.geometry.splines.bernstein import degree_in
+from pc2cad.geometry.splines.spline_space import basis_matrix, local_basis
+
+#: a bound within this factor of the largest sample is sharp enough
+SHARP = 1.45
+#: share of the largest sample that the remainder may have before cells are made smaller
+REMAINDER_SHARE = 0.25
+#: degrees more than the spline's to begin with; `remainder` raises them where they are too few
+EXTRA = 2
+#: polynomials of a higher degree are interpolated: their own coefficients are ill-conditioned
+HIGHEST_EXACT = 13
+#: halvings of cells for the coefficients' sake
+SHARPEST = 6
+#: cells of another face serve again where they are at most so many times the knot intervals
+MOST_REUSED = 4
+#: nodes whose values are held at once: few enough for a processor's own memory
+SLAB = 5_000
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What is known of the distance between a function and its carrier (lengths)."""
+
+    #: no place is further away than this; inf where no bound could be had
+    largest: float
+    #: the largest distance seen, at `samples` places
+    sampled: float
+    samples: int
+    #: where no bound could be had: the range of each parameter, else empty
+    open: tuple[tuple[float, float], ...] = ()
+    #: of a surface: the bounds on its sides, where s = 0, s = 1, t = 0, t = 1
+    sides: tuple[Bound, ...] = ()
+
+
+def bound_surface(
+    trees: Sequence[Expr],
+    names: Sequence[str],
+    carrier: SplineSurface,
+    rounding: float = 0.0,
+    known: Known | None = None,
+) -> Bound:
+    """Bound |M - S| over [0, 1]² at equal parameters; M's trees are in the two named symbols.
+
+    Bounds need not be sharper than `rounding` (a length). What was `known` is used, and added to.
+    """
+    spline = _Spline(carrier.degrees, carrier.knots, carrier.poles)
+    # what overflows is infinite or nan: nothing is known there
+    with np.errstate(all="ignore"):
+        return _bound(tuple(trees), tuple(names), spline, known or Known(), rounding)
+
+
+def bound_curve(
+    trees: Sequence[Expr], name: str, carrier: SplineCurve, known: Known | None = None
+) -> Bound:
+    """Bound |M - C| over [0, 1] at equal parameters."""
+    spline = _Spline((carrier.degree,), (carrier.knots,), carrier.poles[:, None])
+    with np.errstate(all="ignore"):
+        return _bound(tuple(trees), (name,), spline, known or Known())
+
+
+@dataclass(frozen=True, eq=False)
+class _Spline:
+    """A spline in one or two parameters; poles (n, m, 3), m = 1 where there is no second."""
+
+    degrees: tuple[int, ...]
+    knots: tuple[Array, ...]
+    poles: Array
+
+    def on(self, s: Array, t: Array) -> Slabs:
+        """Return the values on a grid, by slabs."""
+        along = basis_matrix(self.knots[0], self.degrees[0], s)
+        n, m, k = self.poles.shape
+        rows = np.ascontiguousarray((along @ self.poles.reshape(n, m * k)).T)
+        if len(self.knots) == 1:
+            return lambda _: np.asarray(rows.reshape(m, k, len(s)))
+        rows, p = rows.reshape(m, k * len(s)), self.degrees[1]
+        first, across = local_basis(self.knots[1], p, t)
+
+        def values(part: slice) -> Array:
+            # few functions live in a slab: a small full matrix of theirs is the fastest one
+            start, own = first[part], across[part]
+            some = np.zeros((len(own), start[-1] - start[0] + p + 1))
+            np.put_along_axis(some, (start - start[0])[:, None] + np.arange(p + 1), own, axis=1)
+            flat = product(some, rows[start[0] : start[-1] + p + 1])
+            return np.asarray(flat.reshape(len(own), k, len(s)))
+
+        return values
+
+    @property
+    def rounding(self) -> float:
+        """Bound of the error of values, that of the parameters included.
+
+        The basis is positive, a sum of products without cancellation: some 6 roundings per degree;
+        the poles then enter once per direction. A parameter is off by 4 units at most.
+        """
+        size = float(np.sqrt((self.poles * self.poles).sum(axis=-1)).max())
+        result = sum(8 * (p + 2) for p in self.degrees) * UNIT * size
+        for axis, (p, knots) in enumerate(zip(self.degrees, self.knots, strict=True)):
+            gaps = knots[1 + p : -1] - knots[1 : -1 - p]
+            steps = np.diff(self.poles, axis=axis)
+            lengths = np.moveaxis(np.sqrt((steps * steps).sum(axis=-1)), axis, 0)
+            inside = gaps > 0
+            result += 4 * UNIT * p * float((lengths[inside].T / gaps[inside]).max())
+        return result * (1 + 1e-9)
+
+
+def _bound(
+    trees: tuple[Expr, ...],
+    names: tuple[str, ...],
+    spline: _Spline,
+    known: Known,
+    floor: float = 0.0,
+) -> Bound:
+    trees = cancel_terms(trees)
+    coarse = [
+        direction_along(trees, *along)
+        for along in zip(names, spline.knots, spline.degrees, strict=True)
+    ]
+    directions = [_reused(d, known.finer.get(d.key)) for d in coarse]
+    function = function_of(trees, names, known)
+    expected = _first_look(function, spline, directions)
+    allowed = max(REMAINDER_SHARE * expected, 4 * spline.rounding, floor)
+    size = float(np.ptp(spline.poles.reshape(-1, 3), axis=0).max())
+    reach = [
+        _reach(d, expected / size if size else 1.0, p)
+        for d, p in zip(directions, spline.degrees, strict=True)
+    ]
+    found = function.remainders(directions, reach, size or 1.0, allowed)
+    if found is None:
+        function = Whole(trees, names, known)
+        found = function.remainders(directions, reach, size or 1.0, allowed)
+    directions, rest = found
+    known.finer |= {d.key: x.cells for d, x in zip(coarse, directions, strict=True)}
+    return _Survey(function, spline, directions, rest, max(expected, floor / SHARP)).bound()
+
+
+def _reused(direction: Direction, finer: Cells | None) -> Direction:
+    """Return the direction with the cells that another face asked for, where they are not many."""
+    if finer is None or finer.count > MOST_REUSED * direction.cells.count:
+        return direction
+    return direction.on(finer)
+
+
+def direction_along(trees: tuple[Expr, ...], name: str, knots: Array, degree: int) -> Direction:
+    """Return the cells on which trees are compared with a spline of some knots and degree."""
+    known = degree_in(trees, name)
+    if known is not None and known > max(degree, HIGHEST_EXACT):
+        known = None
+    nodes = degree + EXTRA if known is None else max(degree, known)
+    points = np.unique(knots)
+    breaks = []
+    for position in (b.position for b in find_breaks(trees, analytic=True)[PARAMETERS.index(name)]):
+        nearest = points[np.argmin(np.abs(points - position))]
+        breaks.append(float(nearest) if abs(nearest - position) < SAME_POSITION else position)
+    points = np.unique(np.concatenate((points, breaks)))
+    return Direction(name, Cells(points, nodes), known is not None, tuple(breaks))
+
+
+def _first_look(
+    function: Whole | Products, spline: _Spline, directions: Sequence[Direction]
+) -> float:
+    """Return the largest of a few deviations in each cell: about what will be found."""
+    places = []
+    for d in directions:
+        a, b = d.cells.points[:-1, None], d.cells.points[1:, None]
+        places.append((a + (b - a) * np.array([0.27, 0.52])).ravel())
+    gap = _difference(function, spline, places[0], (*places, np.zeros(1))[1])(slice(None))
+    return float(np.sqrt(_squares(gap).max()))
+
+
+def _difference(function: Whole | Products, spline: _Spline, s: Array, t: Array) -> Slabs:
+    """Return S - M on a grid, by slabs."""
+    of_spline, of_function = spline.on(s, t), function.on(s, t)
+
+    def gap(part: slice) -> Array:
+        result = of_spline(part)
+        result -= of_function(part)
+        return result
+
+    return gap
+
+
+def _squares(vectors: Array) -> Array:
+    """Return the squared lengths of vectors whose coordinates are along the last axis but one."""
+    x, y, z = (vectors[..., axis, :] for axis in range(3))
+    return np.asarray(x * x + y * y + z * z)
+
+
+def _reach(direction: Direction, deviation: float, degree: int) -> float:
+    """Return over how many cells the function can be expected to be analytic.
+
+    A spline of degree p that deviates by e, relative to a function's size, has intervals of about
+    e^(1/(p+1)) of the length over which the function changes.
+    """
+    if direction.exact or not 0 < deviation < 1:
+        return 1.0
+    return float((1 / deviation) ** (1 / (degree + 1)))
+
+
+def _coefficients(gap: Array, s: int, t: int) -> Array:
+    """Return Bernstein coefficients on cells of degrees s and t, from values at their nodes.
+
+    Shapes: (t cells, t nodes, 3, s cells, s nodes) from (places t, 3, places s). What a step works
+    along is last, or has what lies behind it in one piece: that is many times faster.
+    """
+    along = windows(gap, 0, t)
+    along = product(to_bernstein(t), along.reshape(*along.shape[:2], -1))
+    across = windows(along.reshape(*along.shape[:2], *gap.shape[1:]), 3, s)
+    return product(across.reshape(-1, s + 1), to_bernstein(s).T).reshape(across.shape)
+
+
+class _Survey:
+    """Samples of the difference on all cells, and the coefficients of its interpolants."""
+
+    def __init__(
+        self,
+        function: Whole | Products,
+        spline: _Spline,
+        directions: Sequence[Direction],
+        rest: Remainders,
+        expected: float,
+    ) -> None:
+        """Look at all cells; coefficients need not be sharper than about `expected` allows."""
+        self._directions = directions
+        point = Cells(np.array([0.0, 1.0]), 0)
+        self._s = directions[0].cells
+        self._t = directions[1].cells if len(directions) > 1 else point
+        self._rest = rest
+        self._data = (rest.rounding + spline.rounding) * self._s.lebesgue * self._t.lebesgue
+        known = self._data[np.isfinite(self._data)]
+        self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
+        self._sizes = np.zeros((self._s.count, self._t.count))
+        self.sampled, self.samples = 0.0, 0
+        #: of each side: coefficients (cells, nodes, 3) and differences (places, 3), in parts
+        self._sides: tuple[list[tuple[Array, Array]], ...] = ([], [], [], [])
+        along, across = self._s.nodes(0, self._s.count), self._t.nodes(0, self._t.count)
+        difference = _difference(function, spline, along, across)
+        nodes = max(self._t.degree, 1)
+        step = max(1, SLAB // (len(along) * nodes))
+        for first in range(0, self._t.count, step):
+            last = min(first + step, self._t.count)
+            self._take(first, last, difference(slice(first * nodes, last * nodes + 1)))
+
+    def _take(self, first: int, last: int, gap: Array) -> None:
+        """Take the differences in some rows of cells into account."""
+        self.sampled = max(self.sampled, float(np.sqrt(_squares(gap).max())))
+        self.samples += gap[:, 0].size
+        coefficients = _coefficients(gap, self._s.degree, self._t.degree)
+        if len(self._directions) == 2:
+            for side, end in ((0, 0), (1, -1)):
+                self._sides[side].append((coefficients[..., end, end], gap[..., end]))
+            for side, end, is_there in ((2, 0, first == 0), (3, -1, last == self._t.count)):
+                if is_there:
+                    part = coefficients[end, end].transpose(1, 2, 0), gap[end].T
+                    self._sides[side].append(part)
+        t, nodes_t, k, *flat = coefficients.shape
+        squares = _squares(coefficients.reshape(t, nodes_t, k, -1)).max(axis=1)
+        sizes = np.sqrt(squares.reshape(t, *flat).max(axis=2))
+        goal = max(self._goal, SHARP * self.sampled)
+        i, j = np.nonzero(sizes > goal)
+        if len(i):
+            parts = coefficients[i, :, :, j].transpose(0, 2, 1, 3)
+            sizes[i, j] = _sharpened(parts, goal, halving(self._t.degree), halving(self._s.degree))
+        self._sizes[:, first:last] = sizes.T
+
+    def bound(self) -> Bound:
+        """Return the bound."""
+        loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
+        bound = (self._sizes + loss + self._rest.interpolation + self._data) * (1 + 1e-9)
+        largest = float(bound.max())
+        if np.isfinite(largest):
+            sides = tuple(self._side(k) for k in range(4)) if self._sides[0] else ()
+            return Bound(max(largest, self.sampled), self.sampled, self.samples, sides=sides)
+        return Bound(np.inf, self.sampled, self.samples, self._ranges(~np.isfinite(bound)))
+
+    def _side(self, side: int) -> Bound:
+        """Return the bound on a side, where nodes lie: interpolation across it is off by nothing.
+
+        There the first or last coefficients across are the side's own.
+        """
+        axis, end = 1 - side // 2, -(side % 2)
+        along, data = (np.take(x, end, axis=1 - axis) for x in (self._rest.along[axis], self._data))
+        parts = self._sides[side]
+        work = np.concatenate([part.transpose(0, 2, 1) for part, _ in parts])[..., None]
+        gaps = [np.sqrt((gap * gap).sum(axis=1)) for _, gap in parts]
+        sampled = max(float(gap.max()) for gap in gaps)
+        degree = self._directions[axis].cells.degree
+        goal = max(SHARP * sampled, float(data.max()))
+        sizes = _sharpened(work, goal, halving(degree), halving(0))
+        loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
+        largest = float(((sizes + loss + along + data) * (1 + 1e-9)).max())
+        return Bound(max(largest, sampled), sampled, sum(gap.size for gap in gaps))
+
+    def _ranges(self, bad: Booleans) -> tuple[tuple[float, float], ...]:
+        ranges = []
+        for axis, direction in enumerate(self._directions):
+            which = np.flatnonzero(bad.any(axis=1 - axis))
+            points = direction.cells.points
+            ranges.append((float(points[which[0]]), float(points[which[-1] + 1])))
+        return tuple(ranges)
+
+
+def _sharpened(work: Array, goal: float, halves_s: Array, halves_t: Array) -> Array:
+    """Return the sizes of cells (n, 3, i, j) from the coefficients of their parts.
+
+    Parts above the goal are halved: the coefficients of the halves are nearer to the values.
+    """
+    cells = np.arange(len(work))
+    result = np.zeros(len(work))
+    for depth in range(SHARPEST + 1):
+        sizes = np.sqrt((work * work).sum(axis=1).max(axis=(1, 2)))
+        keep = sizes > goal
+        if depth == SHARPEST:
+            keep[:] = False
+        np.maximum.at(result, cells[~keep], sizes[~keep])
+        cells, work = cells[keep], work[keep]
+        if not len(cells):
+            break
+        work = np.einsum("xij,ncjk->nxcik", halves_s, work)
+        work = np.einsum("ykl,nxcil->nxycik", halves_t, work)
+        work = work.reshape(-1, *work.shape[3:])
+        cells = np.repeat(cells, len(halves_s) * len(halves_t))
+    return result

@@ -1,0 +1,333 @@
+"""How far a function can be from its interpolants on cells, from Taylor models on discs.
+
+On a cell of half length h, whose points are the middles of discs of radius r in which F is analytic
+and within B of a polynomial of degree m at most, the interpolant at m + 1 Chebyshev-Lobatto nodes
+is off by at most 2^(1-m) h^(m+1) B/r^(m+1): the node polynomial is at most 2^(1-m) h^(m+1), and
+Cauchy bounds the divided difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.bounds.cells import Cells
+from pc2cad.bounds.taylor_evaluation import Known, enclose
+from pc2cad.bounds.taylor_models import UNIT, Model, Place
+from pc2cad.expression.tree import Expr
+
+#: (first, last) of cells that are taken together, one row per group
+_Groups = Integers
+
+#: order of the Taylor models, where the degrees of the cells allow it
+ORDER = 6
+#: lengths of boxes as shares of that over which the function is expected to be analytic; the disc
+#: round a box is four times as wide
+SHARE_ALONG = 0.1
+SHARE_ACROSS = 0.2
+#: boxes along a parameter, if there is only one, that are not too many
+FEW = 64
+#: halvings of cells
+DEEPEST = 12
+#: degrees by which all cells may be raised at a time until no more than this share is bad: each
+#: leaves a sixth of the error, which is cheaper than halving
+RAISED = 4
+MOST_BAD = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One parameter of the function, its cells, and whether it is polynomial in it.
+
+    `exact` says that the function's degree in the parameter is at most that of the cells.
+    """
+
+    name: str
+    cells: Cells
+    exact: bool
+    #: points of the cells at which the function changes its form: no box reaches over them
+    breaks: tuple[float, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, int, bytes]:
+        """What tells the parameter and its cells from others."""
+        return self.name, self.cells.degree, self.cells.points.tobytes()
+
+    def on(self, cells: Cells) -> Direction:
+        """Return the direction with other cells."""
+        return replace(self, cells=cells)
+
+    def halved(self, which: Booleans) -> Direction:
+        """Return the direction with some cells halved."""
+        return self.on(self.cells.split(which))
+
+    def groups(self, wanted: Booleans, size: int) -> _Groups:
+        """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
+        starts = np.diff(wanted.astype(int), prepend=0) == 1
+        starts |= wanted & np.isin(self.cells.points[:-1], self.breaks)
+        label = np.where(wanted, np.cumsum(starts), 0)
+        result = []
+        for run in range(1, int(label.max(initial=0)) + 1):
+            (cells,) = np.nonzero(label == run)
+            first, last = cells[0], cells[-1] + 1
+            edges = np.linspace(first, last, -(-(last - first) // size) + 1).astype(int)
+            result.append(np.column_stack((edges[:-1], edges[1:])))
+        return np.concatenate(result) if result else np.zeros((0, 2), dtype=int)
+
+
+@dataclass(frozen=True, eq=False)
+class Remainders:
+    """Per cell (n, m): the interpolation error that each direction causes, and the rounding."""
+
+    along: tuple[Array, Array]
+    #: bound of the error of values sampled in the cell
+    rounding: Array
+    #: bounds of the vectors' sizes in the cell, (vectors, n, m)
+    sizes: Array
+
+    @property
+    def interpolation(self) -> Array:
+        """The whole interpolation error per cell."""
+        return (self.along[0] + self.along[1]) * (1 + 1e-12)
+
+    @classmethod
+    def unknown(cls, counts: Sequence[int], vectors: int) -> Remainders:
+        """Return what is known in the beginning: nothing."""
+        shape = (*counts, 1)[:2]
+        s, t, rounding = (np.full(shape, np.inf) for _ in range(3))
+        return cls((s, t), rounding, np.full((vectors, *shape), np.inf))
+
+    def to_split(self, axis: int, allowed: float, blame: bool) -> list[Booleans]:
+        """Return the cells of each direction that have to become smaller for one direction's sake.
+
+        With `blame`, a line across, most of which is bad, is taken to be hard in the other
+        direction.
+        """
+        bad = ~(self.along[axis] <= allowed)
+        lines = bad.mean(axis=axis, keepdims=True) > 0.5
+        if not blame or lines.all():
+            lines = np.zeros_like(lines)
+        masks = [np.asarray((bad & ~lines).any(axis=1 - axis)), lines.ravel()]
+        return masks if axis == 0 else masks[::-1]
+
+    def after(self, axis: int, split: Booleans) -> Remainders:
+        """Return what is still known when some cells of one direction have been halved."""
+        wanted = split[:, None] if axis == 0 else split
+        along = [np.where(wanted, np.inf, x) if d == axis else x for d, x in enumerate(self.along)]
+        s, t, rounding = (np.repeat(x, 1 + split, axis=axis) for x in (*along, self.rounding))
+        return Remainders((s, t), rounding, np.repeat(self.sizes, 1 + split, axis=1 + axis))
+
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Vectors of trees; what is bounded is the sum of their lengths, times a weight each."""
+
+    trees: tuple[tuple[Expr, ...], ...]
+    weights: tuple[float, ...]
+    #: models that are known already, and those that become so
+    known: Known
+
+    def models(
+        self, names: Sequence[str], places: Sequence[Place], order: int
+    ) -> list[list[Model]]:
+        """Return the models of all trees on boxes."""
+        flat = iter(
+            enclose([t for row in self.trees for t in row], names, places, order, self.known)
+        )
+        return [[next(flat) for _ in row] for row in self.trees]
+
+
+def remainders(
+    vectors: Vectors,
+    directions: Sequence[Direction],
+    reach: Sequence[float],
+    allowed: float,
+) -> tuple[list[Direction], Remainders]:
+    """Return cells, and the remainders of the weighted vectors on them.
+
+    Each direction in turn is taken as complex, the other as real, on boxes of several cells:
+    `reach` says over how many cells the function can be expected to be analytic. Where that gives
+    more than `allowed`, boxes are made smaller, degrees raised, and cells halved, `DEEPEST` times
+    at most. What then remains may be inf.
+    """
+    directions = list(directions)
+    rest = Remainders.unknown([d.cells.count for d in directions], len(vectors.trees))
+    axes = [axis for axis, d in enumerate(directions) if not d.exact]
+    for axis in range(2):
+        if axis not in axes:
+            rest.along[axis][...] = 0.0
+    if not axes:
+        everywhere = np.ones(rest.rounding.shape, dtype=bool)
+        _evaluate(vectors, directions, 0, _boxes(everywhere, directions, (1, 1)), rest)
+    part = allowed / max(1, len(axes))
+    for depth in range(DEEPEST + 1):
+        hard = False
+        for axis in axes:
+            bad = ~(rest.along[axis] <= part)
+            if not bad.any():
+                continue
+            share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
+            counts = [
+                _cells_per_box(direction, part_of * r / 4**depth, len(directions))
+                for direction, part_of, r in zip(directions, share, reach, strict=False)
+            ]
+            # few boxes along one parameter cost no less than all, and all serve other functions
+            few = len(directions) == 1 and directions[0].cells.count <= FEW
+            wanted = np.ones_like(bad) if few else bad
+            boxes = _boxes(wanted, directions, counts)
+            before = directions[0].cells.lebesgue
+            directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, part)
+            rest.along[1][...] *= directions[0].cells.lebesgue / before
+            split = rest.to_split(axis, part, depth % 2 == 0)
+            hard = hard or any(mask.any() for mask in split)
+            if depth == DEEPEST:
+                break
+            for d, mask in enumerate(split):
+                # smaller boxes come first
+                mask[:] &= d < len(directions) and counts[d] == 1
+            for d, mask in enumerate(split):
+                if mask.any():
+                    directions[d] = directions[d].halved(mask)
+                    rest = rest.after(d, mask)
+        if not hard:
+            break
+    return directions, rest
+
+
+def first_places(direction: Direction, reach: float, wide: bool) -> Place:
+    """Return the boxes with which `remainders` begins on a single direction.
+
+    Discs that are not `wide` hold the cells only.
+    """
+    count = 1
+    if not direction.exact:
+        count = _cells_per_box(direction, SHARE_ALONG * reach, 1)
+    everything = np.ones(direction.cells.count, dtype=bool)
+    return _place(direction, direction.groups(everything, count), wide)
+
+
+def _cells_per_box(direction: Direction, most: float, parameters: int) -> int:
+    """Return a whole power of 2, so that functions alike get the same boxes.
+
+    Few boxes along one parameter cost no less than `FEW`, and smaller ones are sooner good enough.
+    """
+    if parameters == 1:
+        most = min(most, direction.cells.count / FEW)
+    return 1 << (int(max(most, 1.0)).bit_length() - 1)
+
+
+def _boxes(
+    wanted: Booleans, directions: Sequence[Direction], size: Sequence[int]
+) -> tuple[_Groups, _Groups]:
+    """Return groups of the wanted rows and columns."""
+    rows = directions[0].groups(np.asarray(wanted.any(axis=1)), size[0])
+    if len(directions) == 1:
+        return rows, np.array([[0, 1]])
+    return rows, directions[1].groups(np.asarray(wanted.any(axis=0)), size[1])
+
+
+def _evaluate(
+    vectors: Vectors,
+    directions: Sequence[Direction],
+    axis: int,
+    groups: tuple[_Groups, _Groups],
+    found: Remainders,
+    goal: float = np.inf,
+) -> Direction:
+    """Evaluate the product of two lists of groups, complex along one axis; note what got better.
+
+    Return the direction of that axis, its degree raised if that leaves less than the goal.
+    """
+    places = [_place(d, g, i == axis) for i, (d, g) in enumerate(zip(directions, groups,
+              strict=False))]  # fmt: skip
+    order = order_of(directions)
+    models = vectors.models([d.name for d in directions], places, order)
+    shape = (len(groups[0]), len(groups[1]))
+    sizes = np.stack([
+        np.broadcast_to(length([m.largest for m in row]), shape) for row in models
+    ])  # fmt: skip
+    distance, rounding = np.zeros(shape), np.zeros(shape)
+    for weight, coordinates in zip(vectors.weights, models, strict=True):
+        distance += weight * length([m.radius for m in coordinates])
+        rounding += weight * length([m.error for m in coordinates])
+    # boxes that hold each cell
+    row, column = (np.repeat(np.arange(len(g)), g[:, 1] - g[:, 0]) for g in groups)
+    box = np.ix_(row, column)
+    cells = np.ix_(*(np.concatenate([np.arange(a, b) for a, b in g]) for g in groups))
+    # an error along the second direction passes through the interpolation along the first
+    disc = distance[box] * (directions[0].cells.lebesgue if axis else 1.0)
+    direction, known_here = directions[axis], found.along[axis][cells]
+    gap = np.zeros_like(disc)
+    if not direction.exact:
+        left = _left_per_degree(direction, groups[axis], places[axis])
+        left = left[:, None] if axis == 0 else left
+        most = MOST_BAD * found.rounding.size
+        most -= _bad(found.along[axis], goal) - _bad(known_here, goal)
+        direction = _raised(direction, known_here, disc, left, goal, most)
+        gap = _interpolated(disc, left, direction.cells.degree)
+    found.along[axis][cells] = np.minimum(known_here, gap)
+    found.rounding[cells] = np.minimum(found.rounding[cells], rounding[box])
+    for known, size in zip(found.sizes, sizes, strict=True):
+        known[cells] = np.minimum(known[cells], size[box])
+    return direction
+
+
+def _bad(off: Array, goal: float) -> int:
+    return int(np.count_nonzero(~(off <= goal)))
+
+
+def _raised(
+    direction: Direction, before: Array, disc: Array, left: Array, goal: float, most: float
+) -> Direction:
+    """Return the direction in the lowest degree that leaves so many cells above the goal at most.
+
+    Where none does, its own degree. What was known `before` holds for higher degrees as well.
+    """
+    cells = direction.cells
+    for degree in range(cells.degree, cells.degree + RAISED + 1):
+        if _bad(np.minimum(before, _interpolated(disc, left, degree)), goal) <= most:
+            return direction.on(Cells(cells.points, degree))
+    return direction
+
+
+def _interpolated(disc: Array, left: Array, degree: int) -> Array:
+    """Return how far interpolation is off, cell by cell, from what is so on discs."""
+    return np.where(np.isfinite(disc), 4 * disc * left ** (degree + 1), np.inf)
+
+
+def order_of(directions: Sequence[Direction]) -> int:
+    """Return the order of the models: no more than the least degree of the cells."""
+    return min([ORDER, *(d.cells.degree for d in directions if not d.exact)])
+
+
+def length(coordinates: Sequence[Array]) -> Array:
+    """Return the length of a vector of bounds, rounded up."""
+    total: Array = np.zeros((1, 1))
+    for x in coordinates:
+        total = total + x * x
+    return np.asarray(np.sqrt(total) * (1 + 1e-9))
+
+
+def _place(direction: Direction, groups: _Groups, wide: bool) -> Place:
+    points = direction.cells.points
+    low, high = points[groups[:, 0]], points[groups[:, 1]]
+    centre = (low + high) / 2
+    half = (high - low) / 2 * (1 + 1e-12) + 2 * UNIT
+    if direction.exact or not wide:
+        return Place(centre, half, half)
+    lengths = direction.cells.half
+    longest = np.array([lengths[a:b].max() for a, b in groups])
+    return Place(centre, half, half + 3 * np.maximum(half, longest))
+
+
+def _left_per_degree(direction: Direction, groups: _Groups, place: Place) -> Array:
+    """Return, cell by cell, what each degree of interpolation leaves of a deviation on the disc."""
+    cells = np.concatenate([np.arange(a, b) for a, b in groups])
+    box = np.repeat(np.arange(len(groups)), groups[:, 1] - groups[:, 0])
+    points, half = direction.cells.points, direction.cells.half[cells]
+    middle = (points[cells] + points[cells + 1]) / 2
+    room = place.radius[box] - np.abs(middle - place.centre[box]) - half - 8 * UNIT
+    return np.asarray(half / (2 * room) * (1 + 1e-12))

@@ -1,0 +1,257 @@
+"""Expression trees as Taylor models on polydiscs, all of them at once, with outward rounding.
+
+A model is a polynomial in the local parameters, scaled so that each fills the complex unit disc,
+and the radius of a disc round it that holds the tree's value for *complex* parameters as well. A
+function that is analytic on a disc of radius R, and within B of a polynomial of degree d there, has
+Taylor coefficients of at most B/R^k for every k > d: one evaluation bounds the derivatives of every
+order, and the polynomial part keeps what cancels cancelling (as discs alone, d = 0, do not).
+
+Each model also carries a bound of the error that the same operations make in double precision at
+real places, so that values sampled by `Program` can stand for exact ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pc2cad.arrays import Array, linear
+
+#: unit of rounding of double precision
+UNIT = 2.0**-53
+#: what a few operations on bounds can lose, and what a library function of NumPy may err (4 ulp)
+SLACK = 1 + 64 * UNIT
+LIBRARY = 8 * UNIT
+TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A polynomial on the unit polydisc and how far the value may be from it.
+
+    `terms` has shape (i, j, n, m): coefficients of s^i t^j, i + j <= the order, for n × m boxes;
+    axes have length 1 where nothing varies along them. `radius` and `error` have shape (n, m); a
+    radius of inf says that nothing is known.
+    """
+
+    terms: Array
+    #: |value - polynomial| for complex parameters
+    radius: Array
+    #: |computed - exact| for real parameters in double precision
+    error: Array
+
+    @property
+    def centre(self) -> Array:
+        """The polynomial's value in the middle."""
+        return np.asarray(self.terms[0, 0])
+
+    @cached_property
+    def sizes(self) -> Array:
+        """The sums of |terms| by total degree, (degrees, n, m)."""
+        return by_degree(np.abs(self.terms))
+
+    @cached_property
+    def size(self) -> Array:
+        """The sum of all |terms|."""
+        return np.asarray(self.sizes.sum(axis=0))
+
+    @cached_property
+    def reach(self) -> Array:
+        """How far values, computed ones too, may be from `centre`."""
+        total = self.sizes[1:].sum(axis=0)
+        return np.asarray((total * (1 + 1e-12) + self.radius + self.error) * SLACK)
+
+    @cached_property
+    def largest(self) -> Array:
+        """Largest modulus of any value, computed ones too."""
+        return np.asarray((self.size + self.radius + self.error) * (1 + 1e-12))
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a parameter lies, one entry per box.
+
+    `half` is half the length of the real cell, `radius` (larger) that of the complex disc round its
+    middle; `error` bounds how far a computed parameter may be from the intended one.
+    """
+
+    centre: Array
+    half: Array
+    radius: Array
+    error: float = 4 * UNIT
+
+
+def constant(value: ArrayLike, error: ArrayLike = 0.0) -> Model:
+    """Return the model of a number that is known to within `error`."""
+    off = np.asarray(error, float).reshape(1, 1)
+    return Model(np.asarray(value, float).reshape(1, 1, 1, 1), off, off)
+
+
+def parameter(place: Place, axis: int) -> Model:
+    """Return the model of a parameter itself."""
+    shape = (-1, 1) if axis == 0 else (1, -1)
+    terms = np.stack((place.centre, place.radius))
+    terms = terms[:, None, :, None] if axis == 0 else terms[None, :, None, :]
+    zero = np.zeros_like(place.centre).reshape(shape)
+    return Model(terms, zero, zero + place.error)
+
+
+def _pad(terms: Array, shape: tuple[int, ...]) -> Array:
+    a, b = shape[:2]
+    if terms.shape[:2] == (a, b):
+        return terms
+    wide = np.zeros((a, b, *terms.shape[2:]))
+    wide[: terms.shape[0], : terms.shape[1]] = terms
+    return wide
+
+
+def add(x: Model, y: Model) -> Model:
+    """Return x + y."""
+    shape = tuple(max(p, q) for p, q in zip(x.terms.shape[:2], y.terms.shape[:2], strict=True))
+    total = _pad(x.terms, shape) + _pad(y.terms, shape)
+    size = np.abs(total).sum(axis=(0, 1)) * UNIT
+    radius = (x.radius + y.radius + size) * SLACK + TINY
+    return Model(total, radius, (x.error + y.error + size + UNIT * radius) * SLACK + TINY)
+
+
+def neg(x: Model) -> Model:
+    """Return -x."""
+    return Model(-x.terms, x.radius, x.error)
+
+
+def shift(x: Model, by: ArrayLike) -> Model:
+    """Return x plus exact numbers, one per box, its error left as it is."""
+    terms = x.terms.copy() if np.ndim(by) == 0 else x.terms + np.zeros((1, 1, *np.shape(by)))
+    terms[0, 0] = terms[0, 0] + by
+    return Model(terms, (x.radius + UNIT * np.abs(terms[0, 0])) * SLACK + TINY, x.error)
+
+
+def mul(x: Model, y: Model, order: int) -> Model:
+    """Return x·y; products of a degree above `order` go into the radius."""
+    total = product(x.terms, y.terms, order)
+    by_x, by_y = x.sizes[: order + 1], y.sizes[: order + 1]
+    radius = x.size * y.radius + (y.size + y.radius) * x.radius
+    radius = radius + 4 * (order + 2) ** 2 * UNIT * x.size * y.size
+    if len(by_x) + len(by_y) - 2 > order:
+        # what the factors have from each degree on, the highest degree first
+        rest = np.cumsum(by_y[::-1], axis=0)
+        beyond = by_x[order + 2 - len(by_y) :]
+        radius = radius + (beyond * rest[: len(beyond)]).sum(axis=0)
+    error = x.largest * y.error + y.largest * (x.error + UNIT * x.largest)
+    return Model(total, radius * (1 + 1e-14) + TINY, error * (1 + 1e-14) + TINY)
+
+
+def product(x: Array, y: Array, order: int) -> Array:
+    """Return the products of terms, up to a total degree of `order`."""
+    (a, b), (c, d) = x.shape[:2], y.shape[:2]
+    if (a == 1 and d == 1) or (b == 1 and c == 1):
+        # one factor varies along s, the other along t: every term is one product
+        total = x * y
+        return _up_to(order, total)
+    if b == d == 1 or a == c == 1:
+        return _along_one(x, y, order)
+    if a * b > c * d:
+        x, y, a, b, c, d = y, x, c, d, a, b
+    boxes = np.broadcast_shapes(x.shape[2:], y.shape[2:])
+    total = np.zeros((a + c - 1, b + d - 1, *boxes))
+    for i, j in np.ndindex(a, b):
+        if i + j <= order:
+            rows, columns = min(c, order + 1 - i - j), min(d, order + 1 - i - j)
+            total[i : i + rows, j : j + columns] += x[i, j] * y[:rows, :columns]
+    return _up_to(order, total[: order + 1, : order + 1])
+
+
+def _along_one(x: Array, y: Array, order: int) -> Array:
+    """Return the product where both factors vary along the same axis, or none does."""
+    shape = x.shape[:2], y.shape[:2]
+    a, c = (p * q for p, q in shape)
+    outer = x.reshape(a, 1, *x.shape[2:]) * y.reshape(1, c, *y.shape[2:])
+    boxes = outer.shape[2:]
+    collect = _collect(a, c, order)
+    total = linear.product(collect, outer.reshape(a * c, -1)).reshape(len(collect), *boxes)
+    along_t = shape[0][1] > 1 or shape[1][1] > 1
+    return np.asarray(total[None] if along_t else total[:, None])
+
+
+@lru_cache(maxsize=256)
+def _collect(a: int, c: int, order: int) -> Array:
+    """Return the matrix that adds up products of terms (i, k) by their degree i + k."""
+    degree = np.add.outer(np.arange(a), np.arange(c)).ravel()
+    return np.asarray(np.arange(min(a + c - 1, order + 1))[:, None] == degree, dtype=float)
+
+
+def _up_to(order: int, terms: Array) -> Array:
+    """Return terms, those of a total degree above the order made 0 (in place)."""
+    a, b = terms.shape[:2]
+    if a + b - 2 > order:
+        terms *= _within(a, b, order)
+    return terms
+
+
+@lru_cache(maxsize=256)
+def _within(a: int, b: int, order: int) -> Array:
+    """Return 1 where the total degree is at most `order`, else 0."""
+    degree = np.add.outer(np.arange(a), np.arange(b))
+    return np.asarray(degree <= order, dtype=float)[:, :, None, None]
+
+
+def by_degree(sizes: Array) -> Array:
+    """Return the sums of |terms| by total degree, (degrees, n, m)."""
+    a, b = sizes.shape[:2]
+    if b == 1:
+        return np.asarray(sizes[:, 0])
+    if a == 1:
+        return np.asarray(sizes[0])
+    result = np.zeros((a + b - 1, *sizes.shape[2:]))
+    for i in range(a):
+        result[i : i + b] += sizes[i]
+    return result
+
+
+def compose(
+    x: Model, series: list[Array], tail: Array, slope: Array, order: int, own: float
+) -> Model:
+    """Return f(x) from the Taylor coefficients of f at the centre of x.
+
+    `series` has `order` + 1 of them, `tail` bounds what the others add within x's reach (nan or inf
+    where that is unknown), `slope` the derivative there, `own` the relative error of computing f.
+    """
+    g, sizes = x.terms.copy(), x.sizes[: order + 1].copy()
+    g[0, 0] = sizes[0] = 0.0
+    sizes = sizes[:, None]
+    terms, kept = series[-1][None, None], np.abs(series[-1])[None, None]
+    for coefficient in reversed(series[:-1]):
+        terms, kept = product(terms, g, order), product(kept, sizes, order)
+        terms[0, 0] += coefficient
+        kept[0, 0] += np.abs(coefficient)
+    moduli = np.abs(np.array(series))
+    degrees = np.arange(len(moduli)).reshape(-1, *[1] * (moduli.ndim - 1))
+    # sums of |f_k| r^k and, for the radius of the argument, of k |f_k| r^(k-1)
+    whole = (moduli * x.reach**degrees).sum(axis=0)
+    spread = (degrees * moduli)[1:] * x.reach ** degrees[:-1]
+    polynomial = (moduli * sizes.sum(axis=(0, 1)) ** degrees).sum(axis=0)
+    lost = np.maximum(polynomial - kept.sum(axis=(0, 1)), 0.0)
+    # coefficients come from a few library calls and products each
+    rounding = ((order + 8) * LIBRARY + 8 * (order + 2) ** 2 * UNIT) * whole
+    radius = (spread.sum(axis=0) * x.radius + lost + tail + rounding) * (1 + 1e-12) + TINY
+    value = np.abs(terms).sum(axis=(0, 1)) + radius
+    error = (slope * x.error + own * value) * (1 + 1e-12) + TINY
+    return Model(terms, radius, error)
+
+
+def known(x: Model) -> Model:
+    """Return the model with all that is not finite made 'nothing is known'.
+
+    Radii grow with the sizes of all terms: where a term is not finite, no radius is.
+    """
+    fine = np.isfinite(x.radius + x.error)
+    if fine.all():
+        return x
+    return Model(
+        np.where(fine, x.terms, 0.0),
+        np.where(fine, x.radius, np.inf),
+        np.where(fine, x.error, np.inf),
+    )

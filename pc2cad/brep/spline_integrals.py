@@ -1,0 +1,311 @@
+"""Integrals over tensor-product splines: Gauss per knot span, on homogeneous poles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
+from OCP.Geom2d import Geom2d_BSplineCurve
+from scipy.interpolate import BSpline
+from scipy.sparse import csr_array
+
+from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.linear import product
+
+
+def flux(points: Array, normals: Array, weights: Array) -> Array:
+    """Return ∬ r·n, ∬ |n| and ∬ r_i² n_i: points and normals (n, 3), weights (n,)."""
+    result = np.empty(5)
+    result[0] = product(weights, (points * normals).sum(axis=1))
+    result[1] = product(weights, np.sqrt((normals * normals).sum(axis=1)))
+    result[2:] = product(weights, points * points * normals)
+    return result
+
+
+def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on every span between knots."""
+    spans = np.unique(knots)
+    x, weight = legendre(count)
+    half = np.diff(spans)[:, None] / 2
+    nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
+    return nodes.ravel(), (half * weight).ravel()
+
+
+def spline_jet(knots: Array, poles: Array, degree: int) -> Callable[[Array], tuple[Array, Array]]:
+    """Return a function of t, (n,), that gives a spline's values and first derivatives, (n, k)."""
+    value = BSpline.construct_fast(knots, poles, degree)
+    slope = value.derivative()
+    return lambda t: (value(t), slope(t))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a × b of vectors (…, 3), coordinate by coordinate: np.cross is slower."""
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return result
+
+
+def project(value: Array, *slopes: Array) -> list[Array]:
+    """Return the point and its derivatives from homogeneous ones (weight last)."""
+    if value.shape[-1] == 3:
+        return [value, *slopes]
+    weight = value[..., 3:]
+    point = value[..., :3] / weight
+    return [point, *((slope[..., :3] - point * slope[..., 3:]) / weight for slope in slopes)]
+
+
+@dataclass(frozen=True)
+class SplineCurveData:
+    """A kernel spline curve: homogeneous poles (n, 3 or 4), flat knots, degree."""
+
+    poles: Array
+    knots: Array
+    degree: int
+
+    def jet(self, t: Array) -> tuple[Array, Array]:
+        """Return points and first derivatives, (len(t), 3) each."""
+        point, along = project(*self._jet(t))
+        return point, along
+
+    @cached_property
+    def _jet(self) -> Callable[[Array], tuple[Array, Array]]:
+        return spline_jet(self.knots, self.poles, self.degree)
+
+
+def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
+    """Return a kernel spline curve relative to `origin`."""
+    count = curve.NbPoles()
+    poles = np.array([curve.Pole(i + 1).Coord() for i in range(count)]) - origin
+    if curve.IsRational():
+        weights = np.array([[curve.Weight(i)] for i in range(1, count + 1)])
+        poles = np.hstack((poles * weights, weights))
+    return SplineCurveData(poles, flat_knots(curve), curve.Degree())
+
+
+def flat_knots(curve: Geom_BSplineCurve | Geom2d_BSplineCurve) -> Array:
+    """Return the knots of a kernel spline curve, each as often as its multiplicity says."""
+    places = range(1, curve.NbKnots() + 1)
+    return np.repeat([curve.Knot(i) for i in places], [curve.Multiplicity(i) for i in places])
+
+
+def spline_flux(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Array:
+    """Return the flux integrals over a whole spline surface relative to `origin`."""
+    return read_patch(surface, origin, sign).integrate()
+
+
+def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -> Patch:
+    """Return a kernel spline surface relative to `origin`, its normal turned by `sign`."""
+    rows, columns = surface.NbUPoles(), surface.NbVPoles()
+    rational = surface.IsURational() or surface.IsVRational()
+    poles = np.empty((rows, columns, 4 if rational else 3))
+    places = [[surface.Pole(i + 1, j + 1).Coord() for j in range(columns)] for i in range(rows)]
+    poles[..., :3] = np.array(places) - origin
+    if rational:
+        for i in range(rows):
+            for j in range(columns):
+                poles[i, j, 3] = surface.Weight(i + 1, j + 1)
+        poles[..., :3] *= poles[..., 3:]
+    u = np.repeat([surface.UKnot(i + 1) for i in range(surface.NbUKnots())],
+                    [surface.UMultiplicity(i + 1) for i in range(surface.NbUKnots())])  # fmt: skip
+    v = np.repeat([surface.VKnot(i + 1) for i in range(surface.NbVKnots())],
+                    [surface.VMultiplicity(i + 1) for i in range(surface.NbVKnots())])  # fmt: skip
+    return Patch(poles, (u, v), (surface.UDegree(), surface.VDegree()), sign)
+
+
+#: exact forms have few pieces (a full turn has 4)
+MOST_EXACT_PIECES = 64
+#: places of the lines on which a rule is settled: uneven, near both ends
+_LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
+#: orders of Gauss rules that are compared, and halvings of a span
+_ORDERS, DEEPEST = (4, 8, 12), 24
+#: basis functions up to which matrices are dense
+DENSE = 48
+#: scattered places that are evaluated at once
+CHUNK = 20_000
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A tensor-product spline: homogeneous poles, flat knots and degrees along s and t."""
+
+    poles: Array
+    knots: tuple[Array, Array]
+    degrees: tuple[int, int]
+    sign: float
+
+    @property
+    def accuracy(self) -> float:
+        """What the area is worth: all digits on few pieces (exact forms), a fit's own on many."""
+        pieces = [len(np.unique(knots)) - 1 for knots in self.knots]
+        return 1e-13 if pieces[0] * pieces[1] <= MOST_EXACT_PIECES else 1e-10
+
+    def integrate(self) -> Array:
+        """Return the flux integrals with as many Gauss nodes as they need, where they need them."""
+        rules = [self._rule(d) for d in (0, 1)]
+        total = np.zeros(5)
+        step = max(1, 200_000 // len(rules[1][0]))
+        for i in range(0, len(rules[0][0]), step):
+            part = (rules[0][0][i : i + step], rules[0][1][i : i + step])
+            points, normals = self._jet(part[0], rules[1][0])
+            weights = part[1][:, None] * rules[1][1]
+            total += flux(points.reshape(-1, 3), normals.reshape(-1, 3), weights.ravel())
+        return total
+
+    def _rule(self, direction: int) -> tuple[Array, Array]:
+        """Return nodes and weights along one direction, settled on a few lines across it.
+
+        Spans whose integrals change with the order of the rule are halved until they do not: a
+        crease much sharper than its span is found, and only there is it resolved.
+        """
+        low, high = self.knots[1 - direction][0], self.knots[1 - direction][-1]
+        lines = low + (high - low) * _LINES
+        accuracy = self.accuracy
+        panels = np.unique(self.knots[direction])
+        panels = np.stack((panels[:-1], panels[1:]), axis=1)
+        done: list[tuple[Array, Array]] = []
+        sizes: Array | float = 0.0
+        reach = np.sqrt((self.poles[..., :3] ** 2).sum(axis=-1)).max()
+        for depth in range(DEEPEST + 1):
+            # the two lower orders settle most rules; the higher ones where they do not
+            orders = _ORDERS[:2] if depth == 0 else _ORDERS[1:]
+            few, many = self._panel_sums(direction, panels, lines, orders)
+            sizes = np.maximum(sizes, np.abs(many).sum(axis=0))
+            # lines near a pole add little: what counts is the largest
+            volume, area = np.max(sizes, axis=0)[:2]
+            scale = np.array([volume, area, *[volume * reach] * 3]) + np.finfo(float).tiny
+            gaps = (np.abs(few - many) / scale).max(axis=(1, 2))
+            if depth == 0:
+                if gaps.max() <= accuracy:
+                    return _gauss(panels, _ORDERS[0])
+                continue
+            right = gaps <= accuracy
+            done.append(_gauss(panels[right], _ORDERS[1]))
+            panels = panels[~right]
+            if len(panels) == 0:
+                break
+            middle = panels.mean(axis=1)
+            panels = np.concatenate((
+                np.stack((panels[:, 0], middle), axis=1), np.stack((middle, panels[:, 1]), axis=1)
+            ))  # fmt: skip
+        done.append(_gauss(panels, _ORDERS[-1]))
+        nodes, weights = (np.concatenate([rule[k] for rule in done]) for k in (0, 1))
+        order = np.argsort(nodes)
+        return nodes[order], weights[order]
+
+    def _panel_sums(
+        self, direction: int, panels: Array, lines: Array, orders: Sequence[int]
+    ) -> list[Array]:
+        """Return the integrands of `flux` along each line over each panel, (panels, lines, 5)."""
+        rules = [_gauss(panels, order) for order in orders]
+        nodes = np.concatenate([rule[0] for rule in rules])
+        order = np.argsort(nodes)
+        if direction == 0:
+            points, normals = self._jet(nodes[order], lines)
+        else:
+            points, normals = (x.transpose(1, 0, 2) for x in self._jet(lines, nodes[order]))
+        values = np.empty((len(nodes), len(lines), 5))
+        values[order, :, 0] = np.einsum("ijk,ijk->ij", points, normals)
+        values[order, :, 1] = np.sqrt(np.einsum("ijk,ijk->ij", normals, normals))
+        values[order, :, 2:] = points**2 * normals
+        sums, start = [], 0
+        for rule, count in zip(rules, orders, strict=True):
+            end = start + len(rule[0])
+            part = values[start:end] * rule[1][:, None, None]
+            sums.append(part.reshape(len(panels), count, len(lines), 5).sum(axis=1))
+            start = end
+        return sums
+
+    def scattered(self, s: Array, t: Array) -> tuple[Array, Array, Array]:
+        """Return points and both derivatives, (n, 3) each, at places (s, t) of shape (n,)."""
+        rows = [self._scattered(s[i : i + CHUNK], t[i : i + CHUNK])
+                for i in range(0, len(s), CHUNK)]  # fmt: skip
+        point, along_s, along_t = (np.concatenate(part) for part in zip(*rows, strict=True))
+        return point, along_s, along_t
+
+    def weight(self, s: Array, t: Array) -> Array:
+        """Return a rational patch's weights (n,) at places."""
+        three = np.broadcast_to(self.poles[..., 3:], (*self.poles.shape[:2], 3))
+        return Patch(three, self.knots, self.degrees, self.sign).scattered(s, t)[0][:, 0]
+
+    def _scattered(self, s: Array, t: Array) -> list[Array]:
+        places = [np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True)]
+        basis, slope = (
+            [_support(x, k[o : len(k) - o], n - o)
+             for x, k, n in zip(places, self.knots, self.degrees, strict=True)]
+            for o in (0, 1)
+        )  # fmt: skip
+        nets = [differences(self.poles, self.knots[d], self.degrees[d], d) for d in (0, 1)]
+        return project(
+            _sum(basis[0], self.poles, basis[1]),
+            _sum(slope[0], nets[0], basis[1]),
+            _sum(basis[0], nets[1], slope[1]),
+        )
+
+    def _jet(self, s: Array, t: Array) -> tuple[Array, Array]:
+        """Return points and outward normals (of the parameters' own length) on a grid."""
+        p = self.degrees
+        basis = [_basis(x, k, n) for x, k, n in zip((s, t), self.knots, p, strict=True)]
+        slope = [_basis(x, k[1:-1], n - 1) for x, k, n in zip((s, t), self.knots, p, strict=True)]
+        nets = [differences(self.poles, self.knots[d], p[d], d) for d in (0, 1)]
+        point, ds, dt = project(
+            _tensor(basis[0], self.poles, basis[1]),
+            _tensor(slope[0], nets[0], basis[1]),
+            _tensor(basis[0], nets[1], slope[1]),
+        )
+        return point, self.sign * cross(ds, dt)
+
+
+def _support(t: Array, knots: Array, degree: int) -> tuple[Integers, Array]:
+    """Return which basis functions are not zero at t and their values, (n, degree + 1) each."""
+    table = csr_array(BSpline.design_matrix(t, knots, degree))
+    return table.indices.reshape(len(t), -1), table.data.reshape(len(t), -1)
+
+
+def _sum(a: tuple[Integers, Array], poles: Array, b: tuple[Integers, Array]) -> Array:
+    """Return the values (n, k) of Σ a_i b_j P_ij at n places."""
+    local = poles[a[0][:, :, None], b[0][:, None, :]]
+    return np.asarray(np.einsum("nj,njk->nk", b[1], np.einsum("ni,nijk->njk", a[1], local)))
+
+
+def _gauss(panels: Array, order: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on every panel (n, 2), panel by panel."""
+    x, weight = legendre(order)
+    half = (panels[:, 1] - panels[:, 0])[:, None] / 2
+    return (panels.mean(axis=1)[:, None] + half * x).ravel(), (half * weight).ravel()
+
+
+@lru_cache(maxsize=64)
+def legendre(order: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on [-1, 1], read-only."""
+    x, weight = np.polynomial.legendre.leggauss(order)
+    x.flags.writeable = weight.flags.writeable = False
+    return x, weight
+
+
+def _basis(t: Array, knots: Array, degree: int) -> Array | csr_array:
+    """Return the values of all basis functions at t: sparse where there are many."""
+    table = BSpline.design_matrix(t, knots, degree)
+    return table.toarray() if table.shape[1] <= DENSE else csr_array(table)
+
+
+def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
+    """Return the poles of the derivative along one axis."""
+    n = poles.shape[axis]
+    scale = degree / (knots[degree + 1 : degree + n] - knots[1:n])
+    return np.diff(poles, axis=axis) * (scale[:, None, None] if axis == 0 else scale[:, None])
+
+
+def _times(table: Array | csr_array, flat: Array) -> Array:
+    return product(table, flat) if isinstance(table, np.ndarray) else np.asarray(table @ flat)
+
+
+def _tensor(a: Array | csr_array, poles: Array, b: Array | csr_array) -> Array:
+    """Return the values (len(a), len(b), k) of Σ a_i b_j P_ij."""
+    n, m, k = poles.shape
+    rows = _times(a, poles.reshape(n, -1)).reshape(-1, m, k).transpose(1, 0, 2)
+    values = _times(b, rows.reshape(m, -1)).reshape(b.shape[0], -1, k)
+    return np.ascontiguousarray(values.transpose(1, 0, 2))

@@ -1,0 +1,301 @@
+"""Several bodies to one solid: each compiled from its equation, then joined by the kernel.
+
+    Bodies  ─compile→  a Part per body
+            ─combine→  Booleans step by step, each held against the volumes of its operands
+            ─report→   faces by body and side, edges where bodies meet, which volumes add up
+
+An arithmetic form of point equations (M1 + M2 - D) is one equation and does not come here.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between
+from pc2cad.brep.build import KERNEL_TOLERANCE
+from pc2cad.brep.inspect import KernelFindings, inspect
+from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
+from pc2cad.csg.intersection_edges import BOTH, Side, prove_meetings, sides_of
+from pc2cad.errors import KernelError, NotASolidError, PointCadError, ToleranceNotReachedError
+from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
+from pc2cad.part import SIDE_COLOURS, Part, Solid
+from pc2cad.report import BodiesReport, EdgeReport, FaceReport, Integrals, Report, StepReport
+from pc2cad.templates.bodies import Bodies, Kind, Tree
+from pc2cad.validation import check_expectations
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
+
+
+#: share of a part's size that a tolerance of the kernel's may be
+LOOSEST = 0.01
+
+
+class EmptyResultError(NotASolidError):
+    """Nothing is left of the bodies."""
+
+
+class SeveralPiecesError(NotASolidError):
+    """The result is more than one solid."""
+
+
+class KernelTooLooseError(KernelError):
+    """The kernel takes places for one that are far apart."""
+
+
+class VolumesDisagreeError(KernelError):
+    """The volumes of two bodies, of their Boolean and of their common part do not add up."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodiesPart(Solid):
+    """One validated solid of several bodies."""
+
+    bodies: Mapping[str, Part]
+    result: NamedShape
+    #: the edges between differently named faces
+    edges: tuple[NamedEdge, ...]
+    report: BodiesReport
+    about: str = ""
+
+    @property
+    def shape(self) -> TopoDS_Solid:
+        """The kernel's solid, in the template's units."""
+        return self.result.solids[0]
+
+    @property
+    def named_faces(self) -> tuple[tuple[str, TopoDS_Face], ...]:
+        """The kernel's faces as ``body:side``; several may be parts of one side."""
+        return tuple((BOTH.join(names), face) for face, names in self.result.faces)
+
+    def colour(self, name: str) -> tuple[float, float, float]:
+        """Return the colour of a face: that of its body."""
+        order = list(self.bodies).index(name.partition(":")[0])
+        return SIDE_COLOURS[order % 3][order // 3 % 2]
+
+    def exportable(self, colours: bool = False) -> Exportable:
+        """Return what the writers take."""
+        report = self.report
+        return Exportable(
+            solid=self.shape,
+            name=self.title,
+            description=self.about.strip(),
+            units=report.units,
+            faces=tuple(
+                NamedFace(name, face, self.colour(name) if colours else None)
+                for name, face in self.named_faces
+            ),
+            properties=GeometricProperties(
+                report.solid.volume, report.solid.area, report.solid.centroid
+            ),
+            tolerance=report.tolerance,
+            evidence=report.statements(),
+        )
+
+
+def compile_bodies(
+    bodies: Bodies, compile_body: Callable[..., Part], progress: Callable[[str], None] | None = None
+) -> BodiesPart:
+    """Compile every body and join them; see `compiler.compile_equation` for what is raised.
+
+    `compile_body` turns an equation, and a progress to tell, into a part. Raises EmptyResultError
+    and SeveralPiecesError besides.
+    """
+    tell = progress or (lambda stage: None)
+    times, start, parts = {}, time.perf_counter(), {}
+    for name, equation in bodies.equations.items():
+        try:
+            parts[name] = compile_body(equation, lambda stage, name=name: tell(f"{name}: {stage}"))
+        except PointCadError as error:
+            error.args = (f"body {name}: {error}",)
+            raise
+    times["bodies"] = time.perf_counter() - start
+    tell("combine")
+    start = time.perf_counter()
+    joining = _Joining(parts)
+    joined = joining.join(bodies.result)
+    times["combine"] = time.perf_counter() - start
+    tell("validate")
+    start = time.perf_counter()
+    edges = tuple(edges_between(joined.shape))
+    report = _report(bodies, joining, joined, edges)
+    check_expectations(bodies.expectations, report)
+    times["validate"] = time.perf_counter() - start
+    return BodiesPart(parts, joined.shape, edges, replace(report, times=times), bodies.about)
+
+
+@dataclass(frozen=True, eq=False)
+class _Joined:
+    """A shape on the way to the result, how it is written, and its integrals."""
+
+    name: str
+    shape: NamedShape
+    integrals: SolidIntegrals
+
+
+class _Joining:
+    """Carries out Booleans one by one, and remembers which volumes add up."""
+
+    def __init__(self, parts: Mapping[str, Part]) -> None:
+        self.parts = parts
+        self.steps: list[StepReport] = []
+        self._reach = max(KERNEL_TOLERANCE, *(p.report.tolerance for p in parts.values()))
+
+    def join(self, tree: Tree) -> _Joined:
+        """Return a body or a Boolean, with all that it is made of."""
+        if isinstance(tree, str):
+            part = self.parts[tree]
+            faces = tuple((face, (f"{tree}:{side}",)) for side, face in part.named_faces)
+            return _Joined(tree, NamedShape(part.shape, faces), solid_integrals(part.shape))
+        first, *others = (self.join(operand) for operand in tree.operands)
+        for other in others:
+            first = self._step(tree.kind, first, other)
+        return first
+
+    def _step(self, kind: Kind, first: _Joined, second: _Joined) -> _Joined:
+        """Carry out one Boolean, and a second one that its volume is held against."""
+        name = f"{kind}({first.name}, {second.name})"
+        result = combine(kind, first.shape, second.shape)
+        other = combine("cut" if kind == "intersect" else "intersect", first.shape, second.shape)
+        found, held = solid_integrals(result.shape), solid_integrals(other.shape).volume
+        a, b = first.integrals.volume, second.integrals.volume
+        gap = a - held - found.volume + (b if kind == "union" else 0.0)
+        area = first.integrals.area + second.integrals.area
+        slack = 2 * self._reach * area + 1e-11 * (a + b)
+        if not abs(gap) <= slack:
+            raise VolumesDisagreeError(
+                f"{name}: the kernel's result has the volume {found.volume:.12g}, which does not "
+                f"add up with those of its operands, {a:.12g} and {b:.12g}, and of the other "
+                f"Boolean of them, {held:.12g}"
+            )
+        if not result.solids:
+            raise EmptyResultError(f"{name} is empty: {_EMPTY[kind]}")
+        common = found.volume if kind == "intersect" else held
+        sentence = _sentence(kind, a, b, common, found.volume, slack)
+        self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, sentence))
+        return _Joined(f"step {len(self.steps)}", result, found)
+
+
+_EMPTY = {
+    "union": "both are",
+    "cut": "the first lies wholly inside what is cut from it",
+    "intersect": "they have no common part",
+}
+
+
+def _sentence(kind: str, a: float, b: float, common: float, result: float, slack: float) -> str:
+    apart, inside = common <= slack, abs(common - b) <= slack
+    if kind == "union":
+        if apart:
+            return f"nothing in common, the volumes add up: {a:.10g} + {b:.10g} = {result:.10g}"
+        if inside or abs(common - a) <= slack:
+            return f"one lies inside the other: {result:.10g}"
+        return f"{common:.10g} in common: {a:.10g} + {b:.10g} - {common:.10g} = {result:.10g}"
+    if kind == "cut":
+        if apart:
+            return f"nothing in common, nothing is cut: {result:.10g}"
+        if inside:
+            return f"wholly inside, the volumes subtract: {a:.10g} - {b:.10g} = {result:.10g}"
+        return f"{common:.10g} of {b:.10g} inside: {a:.10g} - {common:.10g} = {result:.10g}"
+    return f"{result:.10g} in common of {a:.10g} and {b:.10g}"
+
+
+def _report(
+    bodies: Bodies, joining: _Joining, joined: _Joined, edges: tuple[NamedEdge, ...]
+) -> BodiesReport:
+    shape, found = joined.shape, joined.integrals
+    solids = shape.solids
+    if len(solids) != 1:
+        volumes = ", ".join(f"{solid_integrals(solid).volume:.6g}" for solid in solids)
+        raise SeveralPiecesError(
+            f"{bodies.result} falls into {len(solids)} pieces of the volumes {volumes}; a template "
+            "makes one solid: join them, or write a template for each"
+        )
+    reports = {name: part.report for name, part in joining.parts.items()}
+    tolerance = max(report.tolerance for report in reports.values())
+    size = max(report.size for report in reports.values())
+    sides: dict[str, Side] = {}
+    for name, part in joining.parts.items():
+        sides |= sides_of(name, part.model)
+    meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
+    curves = tuple(prove_meetings(shape, meeting, sides, size))
+    loosest = max(tolerance, KERNEL_TOLERANCE)
+    for curve in curves:
+        if curve.off_faces > loosest:
+            raise ToleranceNotReachedError(
+                f"the kernel's edge {curve.name} is {curve.off_faces:.2g} {bodies.units} off its "
+                f"faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
+            )
+    findings = inspect(solids[0])
+    _check(findings, size, bodies.units)
+    # an edge off its faces leaves a strip open; seen from the middle it is half the size away
+    strips = (
+        sum(edge.length * curve.off_faces for edge, curve in zip(meeting, curves, strict=True))
+        * size
+        / 6
+    )
+    error = (strips + sum(abs(step.gap) for step in joining.steps)) / found.volume
+    return BodiesReport(
+        bodies.name, bodies.title, bodies.units, dict(bodies.parameters),
+        size, tolerance, str(bodies.result), reports,
+        tuple(joining.steps), _faces(shape, found, joining.parts), curves, len(edges),
+        len({v for edge in edges for v in edge.ends}), findings.shells, findings.euler,
+        Integrals("B-rep (divergence theorem)", found.volume, found.area, found.centroid, error),
+        kernel_tolerance=findings.largest_tolerance,
+        warnings=tuple(_warnings(reports, joining.steps, curves, loosest)),
+    )  # fmt: skip
+
+
+def _warnings(
+    reports: Mapping[str, Report],
+    steps: Sequence[StepReport],
+    curves: Sequence[EdgeReport],
+    loosest: float,
+) -> Iterator[str]:
+    for name, report in reports.items():
+        yield from (f"body {name}: {text}" for text in report.warnings)
+    for step in steps:
+        if "nothing is cut" in step.sentence:
+            yield f"{step.name} changes nothing: the bodies have nothing in common"
+    for curve in curves:
+        if curve.evidence == "bounded" and curve.deviation > loosest:
+            yield (
+                f"edge {curve.name} is proved to within {curve.deviation:.2g} only, which is more "
+                "than the tolerance: its faces meet at a shallow angle"
+            )
+
+
+def _check(findings: KernelFindings, size: float, units: str) -> None:
+    if findings.largest_tolerance > LOOSEST * size:
+        raise KernelTooLooseError(
+            f"the CAD kernel joined the bodies within {findings.largest_tolerance:.2g} {units} "
+            f"only, of a part of {size:.2g}: it has lost where they meet; move one of them a "
+            "little, or turn its seam away"
+        )
+    if not findings.valid or findings.free_edges:
+        what = (
+            f"{findings.free_edges} of its edges do not bound exactly two faces: the bodies touch "
+            "along an edge"
+            if findings.free_edges else "the kernel's checker finds it invalid"
+        )  # fmt: skip
+        raise NotASolidError(f"the result is no valid solid: {what}")
+
+
+def _bodies(names: tuple[str, ...]) -> set[str]:
+    return {name.partition(":")[0] for name in names}
+
+
+def _faces(
+    shape: NamedShape, found: SolidIntegrals, parts: Mapping[str, Part]
+) -> tuple[FaceReport, ...]:
+    """Return each face of the result as its body's face is known, with its own area."""
+    known = {
+        f"{body}:{face.name}": face for body, part in parts.items() for face in part.report.faces
+    }
+    return tuple(
+        replace(known[names[0]], name=BOTH.join(names), area=area)
+        for (_, names), area in zip(shape.faces, found.face_areas, strict=True)
+    )

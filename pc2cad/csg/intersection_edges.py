@@ -1,0 +1,109 @@
+"""What is known of the edges where bodies meet: curves that the kernel's Booleans have made.
+
+Such an edge is *exact* where it is a line or a conic that lies on both sides by
+algebra, and *bounded* where its distance from where the equations' faces meet is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from OCP.BRep import BRep_Tool
+from OCP.Geom import Geom_BSplineCurve
+
+from pc2cad.bounds.edge_bounds import Meeting, bound_meeting
+from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, loosen
+from pc2cad.brep.from_kernel import conic_terms
+from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
+from pc2cad.geometry.recognition.implicit import ROUNDING, holds, point_along
+from pc2cad.report import EdgeReport
+from pc2cad.representation.boundary_model import BoundaryModel
+
+#: parts of faces that coincide carry both names
+BOTH = " = "
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A face of a body, as far as its equation's side is known."""
+
+    evidence: Evidence
+    deviation: float
+    #: surfaces and edges that the side lies on, or that lie on it, exactly
+    exact: tuple[Plane | AnalyticSurface | Line | Arc, ...]
+
+
+def sides_of(name: str, model: BoundaryModel) -> dict[str, Side]:
+    """Return the faces of a body by the names that they have in a shape."""
+    found = {}
+    for face in model.faces:
+        exact: list[Plane | AnalyticSurface | Line | Arc] = []
+        if face.evidence == "exact" and not isinstance(face.carrier, SplineSurface):
+            exact.append(face.carrier)
+        for edge in (model.edges[index] for index in face.border):
+            if edge.evidence == "exact" and isinstance(edge.carrier, Line | Arc):
+                exact.append(edge.carrier)
+        found[f"{name}:{face.name}"] = Side(face.evidence, face.deviation, tuple(exact))
+    return found
+
+
+def prove_meetings(
+    shape: NamedShape, edges: Sequence[NamedEdge], faces: Mapping[str, Side], size: float
+) -> Iterator[EdgeReport]:
+    """Yield what is known of edges between faces of different bodies.
+
+    `faces` are the bodies' own, by the names that the shape's faces have, `size` is that of the
+    part. Tolerances of the kernel's edges are raised to the bounds, where they are less.
+    """
+    for edge, function in zip(edges, edge_functions(shape, edges), strict=True):
+        sides = [max((faces[name] for name in names), key=_weakness) for names in edge.names]
+        found = bound_meeting(function, (sides[0].deviation, sides[1].deviation))
+        off = max(found.off)
+        if isfinite(off):
+            loosen(edge.edge, off)
+        evidence, deviation, where = _judged(edge, sides, found, size)
+        curve = BRep_Tool.Curve_s(edge.edge, 0.0, 1.0)
+        spline = curve if isinstance(curve, Geom_BSplineCurve) else None
+        yield EdgeReport(
+            " / ".join(BOTH.join(names) for names in edge.names), edge.curve, evidence, deviation,
+            0.0 if evidence == "exact" else found.seen if evidence == "bounded" else deviation,
+            where, spline.Degree() if spline else 0, spline.NbPoles() if spline else 0,
+            off if isfinite(off) else found.off_seen,
+        )  # fmt: skip
+
+
+def _weakness(side: Side) -> tuple[int, float]:
+    """Return what sorts sides: where two coincide, the shape has the surface of either."""
+    return ("exact", "bounded", "sampled").index(side.evidence), side.deviation
+
+
+def _judged(
+    edge: NamedEdge, sides: Sequence[Side], found: Meeting, size: float
+) -> tuple[Evidence, float, str]:
+    """Return the evidence, the deviation and where no bound could be had."""
+    for side, names in zip(sides, edge.names, strict=True):
+        if side.evidence == "sampled":
+            return "sampled", found.off_seen, f"all of it, as {names[0]} is"
+    fine = isfinite(max(found.off)) and found.across_seen <= ROUNDING * size
+    if fine and _lies_on(edge, sides):
+        return "exact", 0.0, ""
+    if isfinite(max(*found.off, found.largest)):
+        return "bounded", found.largest, ""
+    first, last = BRep_Tool.Range_s(edge.edge)
+    curve = BRep_Tool.Curve_s(edge.edge, first, last)
+    where = []
+    for ends in found.open:
+        places = ["({:.6g}, {:.6g}, {:.6g})".format(*curve.Value(t).Coord()) for t in ends]
+        where.append(" to ".join(places))
+    return "sampled", found.off_seen, ", ".join(where)
+
+
+def _lies_on(edge: NamedEdge, sides: Sequence[Side]) -> bool:
+    """Say whether an edge is a conic that lies on both equations' faces by algebra."""
+    curve = BRep_Tool.Curve_s(edge.edge, 0.0, 1.0)
+    if isinstance(curve, Geom_BSplineCurve):
+        return False
+    point = point_along(*conic_terms(curve))
+    return all(any(holds(carrier, point) for carrier in side.exact) for side in sides)

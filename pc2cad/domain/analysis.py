@@ -1,0 +1,300 @@
+"""The analyse stage: a point equation in, its boundary complex out.
+
+Input: PointEquation. Output: Analysis (the map in local coordinates, the breaks of its directions
+and the boundary complex). Answers about the map are taken from samples first, because a sample
+refutes at once; what the samples leave standing is then proved from the trees where that is
+possible, and stays "sampled" where it is not.
+
+It has two steps, so that a map without finite values is refused before anything is asked of it, and
+one without an orientation (`folding`) before its boundary is: `sample_sides`, then `derive`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.domain.map import Mapping3, local_map, open_grid
+from pc2cad.equation.point_equation import LayersError, PointEquation
+from pc2cad.errors import NotASolidError
+from pc2cad.expression.breaks import Break, find_breaks
+from pc2cad.expression.identity import Verdict
+from pc2cad.expression.normal_form import is_identically_zero
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import Expr, number, substitute, symbol
+from pc2cad.geometry.scale import Scale
+from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
+from pc2cad.topology.complex import BoundaryComplex
+from pc2cad.topology.quotient import derive_boundary, derive_layers
+
+
+class MapNotFiniteError(NotASolidError):
+    """The point equation has no finite value somewhere in its box."""
+
+
+class TooCloseToDecideError(NotASolidError):
+    """Two places are neither clearly one nor clearly two."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSides:
+    """M over the unit box, where it breaks, and samples of its six sides, all of them finite."""
+
+    equation: PointEquation
+    map: Mapping3
+    #: all breaks of u, v and w in local coordinates, creases and smoother ones alike
+    breaks: tuple[tuple[Break, ...], ...]
+    #: ascending limits of the pieces of each direction: 0, creases, 1
+    bounds: tuple[tuple[float, ...], ...]
+    questions: MapQuestions
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What the later stages know of the map: its trees, its pieces and its boundary."""
+
+    equation: PointEquation
+    map: Mapping3
+    #: all breaks of u, v and w in local coordinates, creases and smoother ones alike
+    breaks: tuple[tuple[Break, ...], ...]
+    #: ascending limits of the pieces of each direction: 0, creases, 1
+    bounds: tuple[tuple[float, ...], ...]
+    boundary: BoundaryComplex
+    #: the same with the faces between layers; the boundary itself where there are none
+    complex: BoundaryComplex
+    #: of the samples of the boundary
+    scale: Scale
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box round the boundary's samples, model units."""
+        return self.scale.size
+
+    def span(self, direction: int, position: int) -> tuple[float, float]:
+        """Return the local interval of a cell position (of no length for a limit)."""
+        limits = self.bounds[direction]
+        return limits[position // 2], limits[(position + 1) // 2]
+
+
+def analyse(equation: PointEquation) -> Analysis:
+    """Derive the boundary of a point equation's image; raise NotASolidError where it has none.
+
+    Nothing is said of det J here; see `checked.check_map` for all that a solid needs.
+    """
+    return derive(sample_sides(equation))
+
+
+def sample_sides(equation: PointEquation) -> SampledSides:
+    """Return the map over the unit box, looked at on its sides; raise MapNotFiniteError."""
+    mapping = local_map(equation)
+    breaks = find_breaks(mapping.coordinates)
+    bounds = tuple(
+        (0.0, *(b.position for b in row if b.smoothness == 0 and 0 < b.position < 1), 1.0)
+        for row in breaks
+    )
+    questions = MapQuestions(mapping, bounds, _labels(equation, bounds))
+    return SampledSides(equation, mapping, breaks, bounds, questions)
+
+
+def derive(sides: SampledSides) -> Analysis:
+    """Return the boundary of sampled sides; raise NotASolidError where they do not close."""
+    boundary = derive_boundary(sides.questions, sides.questions.labels)
+    return Analysis(
+        sides.equation,
+        sides.map,
+        sides.breaks,
+        sides.bounds,
+        boundary,
+        _layered(sides.equation, boundary, sides.questions),
+        sides.questions.scale,
+    )
+
+
+def _layered(
+    equation: PointEquation, boundary: BoundaryComplex, questions: MapQuestions
+) -> BoundaryComplex:
+    """Return the boundary with the faces between the layers; raise LayersError."""
+    count, found = len(equation.layers), len(boundary.labels[2]) - 1
+    if not count:
+        return boundary
+    if found != count:
+        raise LayersError(
+            f"there are {count} layers ({', '.join(equation.layers)}), and M has {found - 1} "
+            "creases in w between them; layers lie at depth(w)"
+        )
+    return derive_layers(boundary, questions)
+
+
+def _labels(equation: PointEquation, bounds: tuple[tuple[float, ...], ...]) -> Labels:
+    labels = []
+    for (low, high), (a, b), row in zip(equation.domain, equation.limits, bounds, strict=True):
+        inner = (f"{a + (b - a) * position:.6g}" for position in row[1:-1])
+        labels.append((_label(low, a), *inner, _label(high, b)))
+    return tuple(labels)
+
+
+def _label(limit: Expr, value: float) -> str:
+    text = repr(limit)
+    return text if len(text) <= 8 else f"{value:.6g}"
+
+
+#: symmetric under reversal, with the ends, and at no simple fraction of the period of anything
+_NODES = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(11)[0] + 1) / 2, [1.0]))
+_NODES = (_NODES + 1 - _NODES[::-1]) / 2
+
+
+class MapQuestions:
+    """Answers the topology room's questions from samples of the sides and from the trees."""
+
+    def __init__(
+        self, mapping: Mapping3, bounds: tuple[tuple[float, ...], ...], labels: Labels
+    ) -> None:
+        self.labels = labels
+        self._map = mapping
+        self._bounds = bounds
+        self._samples: dict[Cell, Array] = {}
+        sides = self._side_samples
+        extent = sides.max(axis=0) - sides.min(axis=0)
+        self.scale = Scale(float(np.linalg.norm(extent)), float(np.abs(sides).max()))
+        self._one = self.scale.same_point
+
+    @cached_property
+    def _side_samples(self) -> Array:
+        """Samples of all six sides, (n, 3), after a check that every one is finite."""
+        rows = []
+        for d in range(3):
+            for limit in (0, 2 * (len(self._bounds[d]) - 1)):
+                ranges = [range(1, 2 * len(b) - 1, 2) for b in self._bounds]
+                ranges[d] = range(limit, limit + 1)
+                for cell in ((i, j, k) for i in ranges[0] for j in ranges[1] for k in ranges[2]):
+                    points = self._at(cell)
+                    self._check_finite(cell, points)
+                    rows.append(points.reshape(-1, 3))
+        return np.concatenate(rows)
+
+    def _at(self, cell: Cell) -> Array:
+        """Return samples of a cell: one axis of nodes per direction in which it extends."""
+        if cell not in self._samples:
+            points = self._limit_of_known(cell)
+            if points is None:
+                grid = open_grid(*(self._positions(d, cell[d]) for d in range(3)))
+                keep = tuple(slice(None) if cell[d] % 2 else 0 for d in range(3))
+                points = self._map.points(*grid)[keep]
+            self._samples[cell] = points
+        return self._samples[cell]
+
+    def _limit_of_known(self, cell: Cell) -> Array | None:
+        """Return samples of an edge from those of a known patch, of a corner from an edge's."""
+        fixed = [d for d in range(3) if cell[d] % 2 == 0]
+        for d in fixed if len(fixed) > 1 else ():
+            for step, end in ((1, 0), (-1, -1)):
+                i, j, k = (p + step if axis == d else p for axis, p in enumerate(cell))
+                wider = i, j, k
+                inside = 0 < wider[d] < 2 * len(self._bounds[d]) - 2
+                if inside and (len(fixed) == 3 or wider in self._samples):
+                    axis = directions_of(wider).index(d)
+                    return np.asarray(np.take(self._at(wider), end, axis=axis))
+        return None
+
+    def _positions(self, direction: int, position: int) -> Array:
+        bounds = self._bounds[direction]
+        low, high = bounds[position // 2], bounds[(position + 1) // 2]
+        return low + (high - low) * _NODES if position % 2 else np.array([low])
+
+    def _check_finite(self, cell: Cell, points: Array) -> None:
+        bad = np.argwhere(~np.isfinite(points).all(axis=-1))
+        if len(bad) == 0:
+            return
+        where = {}
+        for d, index in zip(directions_of(cell), bad[0], strict=True):
+            where[PARAMETERS[d]] = float(self._positions(d, cell[d])[index])
+        shown = ", ".join(f"{name} = {value:.3g}" for name, value in where.items())
+        raise MapNotFiniteError(
+            f"M has no finite value on the side {cell_name(cell, self.labels)}, first at local "
+            f"{shown}: a division by zero, a root or logarithm of a negative number, or a normal "
+            "that is undefined there; another reference point or a shorter domain may help"
+        )
+
+    def _equal(self, first: Array, second: Array, what: str, *cells: Cell) -> bool:
+        # one sample refutes most; what is asked about is only named where it is undecided
+        last = (-1,) * (first.ndim - 1)
+        if max(map(abs, (first[last] - second[last]).tolist())) >= 1000 * self._one:
+            return False
+        gap = float(np.sqrt(((first - second) ** 2).sum(axis=-1)).max())
+        if gap <= self._one:
+            return True
+        if gap < 1000 * self._one:
+            names = (cell_name(cell, self.labels) for cell in cells)
+            size = self.scale.size
+            raise TooCloseToDecideError(
+                f"{what.format(*names)} are {gap:.3g} apart on a part of size {size:.3g}: too "
+                "far for one place and too near for two in double precision; separate or join them"
+            )
+        return False
+
+    def ignores(self, patch: Cell, direction: int) -> Verdict:
+        """See Questions.ignores."""
+        points = self._at(patch)
+        axis = directions_of(patch).index(direction)
+        what = f"the two ends of {PARAMETERS[direction]} on {{}}"
+        if not self._equal(points, np.take(points, [0], axis=axis), what, patch):
+            return Verdict.REFUTED
+        name = PARAMETERS[direction]
+        trees = self._restrict(patch)
+        if all(name not in tree.symbols for tree in trees):
+            return Verdict.PROVED
+        start = substitute(trees, {name: number(0)})
+        return _prove(trees, start)
+
+    def coincide(self, first: Cell, second: Cell, symmetry: Symmetry) -> Verdict:
+        """See Questions.coincide."""
+        image = self._at(second)
+        # read second at symmetry(s, t): reverse the axes of its own coordinates, then swap
+        if symmetry.reverse_s:
+            image = image[::-1]
+        if symmetry.reverse_t:
+            image = image[:, ::-1]
+        if symmetry.swap:
+            image = image.transpose(1, 0, 2)
+        if not self._equal(self._at(first), image, "the sides {} and {}", first, second):
+            return Verdict.REFUTED
+        s, t = symbol("s"), symbol("t")
+        here = (t, s) if symmetry.swap else (s, t)
+        flags = (symmetry.reverse_s, symmetry.reverse_t)
+        there = tuple(1 - x if r else x for x, r in zip(here, flags, strict=True))
+        return _prove(self._restrict(first, (s, t)), self._restrict(second, there))
+
+    def is_point(self, edge: Cell) -> bool:
+        """See Questions.is_point."""
+        points = self._at(edge)
+        return self._equal(points, points[:1], "the points of the edge {}", edge)
+
+    def same_edge(self, first: Cell, second: Cell, reverse: bool) -> bool:
+        """See Questions.same_edge."""
+        other = self._at(second)[::-1] if reverse else self._at(second)
+        return self._equal(self._at(first), other, "the edges {} and {}", first, second)
+
+    def same_corner(self, first: Cell, second: Cell) -> bool:
+        """See Questions.same_corner."""
+        here, there = self._at(first)[None], self._at(second)[None]
+        return self._equal(here, there, "the corners {} and {}", first, second)
+
+    def _restrict(self, patch: Cell, local: tuple[Expr, ...] | None = None) -> tuple[Expr, ...]:
+        """Return the trees on a patch in its own [0,1]² (`local`: what to put for s and t)."""
+        free = iter(local or tuple(symbol(PARAMETERS[d]) for d in directions_of(patch)))
+        values = {}
+        for d, name in enumerate(PARAMETERS):
+            bounds = self._bounds[d]
+            low, high = bounds[patch[d] // 2], bounds[(patch[d] + 1) // 2]
+            values[name] = (
+                number(low) + number(high - low) * next(free) if patch[d] % 2 else number(low)
+            )
+        return substitute(self._map.coordinates, values)
+
+
+def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:
+    proved = all(a is b or is_identically_zero(a - b) for a, b in zip(first, second, strict=True))
+    return Verdict.PROVED if proved else Verdict.UNDECIDED

@@ -1,0 +1,184 @@
+"""The map M of a point equation on arrays: points, tangents and the Jacobian determinant.
+
+Parameters are normalised: every function takes local coordinates in [0, 1] of the box and returns
+model units. Arrays are open grids in the sense of numpy.ix_, so that a sub-expression of one
+parameter is evaluated once per value of that parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from math import ceil, comb
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pc2cad.arrays import Array
+from pc2cad.equation.point_equation import PointEquation
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.end_roots import take_out_ends
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.kinks import take_kinks_apart
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.simplification import simplified
+from pc2cad.expression.tree import Expr, number, substitute, symbol
+
+#: distances from a limit at which speeds are compared
+_NEAR, _NEARER = 1e-6, 1e-9
+#: a speed below this share of the largest one nearby is rounding
+_NOISE = 1e-9
+
+
+@dataclass(frozen=True)
+class Mapping3:
+    """M(u,v,w) over the unit box with its first derivatives.
+
+    The programs are made on first use and kept; the trees themselves are never changed.
+    """
+
+    coordinates: tuple[Expr, Expr, Expr]
+    #: the equation's own u, v and w as trees of the local ones
+    parameters: tuple[Expr, Expr, Expr]
+    _programs: dict[tuple[str, ...], Program] = field(
+        default_factory=dict, compare=False, repr=False
+    )
+
+    def points(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
+        """Return M, shape broadcast(u, v, w) + (3,)."""
+        return self._run(("M",), u, v, w)[0]
+
+    def tangents(
+        self, directions: tuple[int, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike
+    ) -> list[Array]:
+        """Return the derivatives of M in some directions (0: u, 1: v, 2: w); shapes as `points`."""
+        return self._run(tuple(PARAMETERS[d] for d in directions), u, v, w)
+
+    def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        """Return M, M_u, M_v and M_w, evaluated together; shapes as `points`."""
+        return self._run(("M", *PARAMETERS), u, v, w)
+
+    def value(self, direction: int, local: float) -> float:
+        """Return the equation's own parameter at a local coordinate of one direction."""
+        return evaluate(self.parameters[direction], {PARAMETERS[direction]: local})
+
+    def shown(self, place: Iterable[float]) -> str:
+        """Return a place in local coordinates as the equation's own parameters, for a message."""
+        rows = zip(PARAMETERS, range(3), place, strict=True)
+        return ", ".join(f"{name} = {self.value(d, float(x)):.4g}" for name, d, x in rows)
+
+    def values(self, direction: int, local: ArrayLike) -> Array:
+        """Return the equation's own parameter at local coordinates of one direction (an array)."""
+        name = PARAMETERS[direction]
+        places = np.asarray(local, dtype=float)
+        (found,) = Program((self.parameters[direction],))({name: places})
+        return np.array(np.broadcast_to(found, places.shape))
+
+    @cached_property
+    def derivatives(self) -> tuple[tuple[Expr, ...], ...]:
+        """Trees of M_u, M_v and M_w."""
+        return tuple(derivatives(self.coordinates, name) for name in PARAMETERS)
+
+    def _run(self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        if keys not in self._programs:
+            roots = tuple(tree for key in keys for tree in self._trees_of(key))
+            self._programs[keys] = Program(roots)
+        values: Mapping[str, Array] = {
+            name: np.asarray(value, dtype=float)
+            for name, value in zip(PARAMETERS, (u, v, w), strict=True)
+        }
+        shape = np.broadcast_shapes(*(value.shape for value in values.values()))
+        columns = self._programs[keys](values)
+        results = []
+        for i in range(0, len(columns), 3):
+            # one coordinate after the other in memory: products of coordinates are then fast
+            result = np.empty((3, *shape))
+            for axis in range(3):
+                result[axis] = columns[i + axis]
+            results.append(result.transpose(*range(1, result.ndim), 0))
+        return results
+
+    def _trees_of(self, key: str) -> tuple[Expr, ...]:
+        return self.coordinates if key == "M" else self.derivatives[PARAMETERS.index(key)]
+
+
+def local_map(equation: PointEquation) -> Mapping3:
+    """Return M over the unit box, without infinite speeds at its sides.
+
+    Where a derivative is infinite at a limit of its parameter (a root that ends there, an arc sine
+    that reaches 1), no spline in that parameter would converge: the direction gets a parameter of
+    which the old one is a power near that end. The solid is the same, and all faces along the
+    direction change alike.
+    """
+    u, v, w = (
+        low + (high - low) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
+    )
+    first = mapping = _mapping(equation, (u, v, w))
+    for _ in range(3):
+        slower = {
+            PARAMETERS[d]: change for d in range(3) if (change := _slower(mapping, d)) is not None
+        }
+        if not slower:
+            return mapping
+        u, v, w = substitute(mapping.parameters, slower)
+        mapping = _mapping(equation, (u, v, w))
+    return mapping if all(_slower(mapping, d) is None for d in range(3)) else first
+
+
+def _mapping(equation: PointEquation, parameters: tuple[Expr, Expr, Expr]) -> Mapping3:
+    change = dict(zip(PARAMETERS, parameters, strict=True))
+    trees = take_kinks_apart(substitute(equation.coordinates, change), parameters)
+    x, y, z = take_out_ends(simplified(trees))
+    return Mapping3((x, y, z), parameters)
+
+
+def _slower(mapping: Mapping3, direction: int) -> Expr | None:
+    """Return a parameter that starts (or ends) slowly where the speed is infinite, or None."""
+    start, end = (_root(mapping, direction, limit) for limit in (0, 1))
+    if start == end == 1:
+        return None
+    t = symbol(PARAMETERS[direction])
+    # the integral of s^(start-1) (1-s)^(end-1), made to end at 1
+    total = sum(((-1) ** k * _term(start, end, k) for k in range(end)), start=Fraction(0))
+    change: Expr = number(0)
+    for k in range(end):
+        change = change + (-1) ** k * _term(start, end, k) / total * t ** (start + k)
+    return change
+
+
+def _term(start: int, end: int, k: int) -> Fraction:
+    return Fraction(comb(end - 1, k), start + k)
+
+
+def _root(mapping: Mapping3, direction: int, limit: int) -> int:
+    """Return n where M moves as the n-th root (to a whole power) near a limit; 1 where it does not.
+
+    The speed goes with h^(a-1) at the distance h from the limit; a is a fraction over n. Edges and
+    corners are looked at as well: the speed may be infinite on those only.
+    """
+    grid = [np.array([0.0, 0.13, 0.38, 0.61, 0.86, 1.0])] * 3
+    grid[direction] = np.abs(limit - np.array([_NEAR, _NEARER]))
+    with np.errstate(all="ignore"):
+        tangent = np.moveaxis(mapping.tangents((direction,), *open_grid(*grid))[0], direction, 0)
+        near, nearer = np.sqrt((tangent**2).sum(axis=-1))
+        slopes = np.log(near / nearer) / np.log(_NEAR / _NEARER)
+        # where all but rounding stands still, its noise has slopes as well
+        finite = np.where(np.isfinite(nearer), nearer, 0.0)
+        moving = np.isfinite(slopes) & (finite > _NOISE * finite.max())
+    found = 1 + float(np.min(slopes, where=moving, initial=0.0))
+    if not 0.03 < found < 0.92:
+        return 1
+    exponent = Fraction(found).limit_denominator(8)
+    if abs(float(exponent) - found) < 0.01:
+        return exponent.denominator
+    return ceil(1 / found) + 1
+
+
+def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return u, v, w shaped (n,1,1), (1,m,1), (1,1,k) for evaluation on their product grid."""
+    a, b, c = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (u, v, w))
+    return a[:, None, None], b[None, :, None], c[None, None, :]

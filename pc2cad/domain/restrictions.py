@@ -1,0 +1,273 @@
+"""One spline space per direction, shared by all faces and edges that vary along it.
+
+Directions whose edges are glued to one another take the same space; a gluing that reverses a
+direction makes its knots symmetric.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.map import open_grid
+from pc2cad.expression.breaks import Break, resolve_pieces
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.simplification import cancel
+from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
+from pc2cad.geometry.recognition.separable_form import Separation, separate
+from pc2cad.geometry.splines.adaptive_knots import DirectionRules
+from pc2cad.geometry.splines.bernstein import chebyshev_nodes, degree_in, to_powers
+from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
+from pc2cad.geometry.splines.spline_space import SplineSpace, bezier_space
+from pc2cad.topology.cells import Cell, directions_of
+
+#: unit of rounding of double precision
+UNIT = 2.0**-53
+#: polynomials up to this degree lose at most 1e-10 of their size
+SAFE_DEGREE = 8
+#: what rounding in the kernel may make of an exact form, relative to the part's size
+LARGEST_LOSS = 1e-9
+
+#: a direction (0, 1, 2) and the position of one of its pieces (odd)
+Piece = tuple[int, int]
+#: places along a direction: ends and Gauss nodes
+SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(13)[0] + 1) / 2, [1.0]))
+
+
+@dataclass(frozen=True, eq=False)
+class CellFunction:
+    """M restricted to a face or an edge of the box, in the cell's own coordinates on [0, 1]."""
+
+    analysis: Analysis
+    cell: Cell
+    #: polynomials of a higher degree are not carried exactly
+    largest: int = LARGEST_DEGREE
+    #: polynomial degree per axis (None: not polynomial), filled in on demand
+    degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The direction pieces along which the cell extends."""
+        return tuple((d, self.cell[d]) for d in directions_of(self.cell))
+
+    def __call__(self, *local: Array) -> Array:
+        """Return M on the product of the local parameter arrays: shape (len, …, 3)."""
+        places = self._places(local)
+        values = self.analysis.map.points(*open_grid(*(np.atleast_1d(x) for x in places)))
+        keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
+        return np.asarray(values[keep])
+
+    def at(self, *local: Array) -> Array:
+        """Return M at places given by broadcastable local parameters: shape broadcast + (3,)."""
+        return self.analysis.map.points(*self._places(local))
+
+    def normals(self, *local: Array) -> Array:
+        """Return M_s × M_t of a face on the product of parameter arrays: shape (len, len, 3)."""
+        s, t = directions_of(self.cell)
+        grid = open_grid(*(np.atleast_1d(x) for x in self._places(local)))
+        along_s, along_t = self.analysis.map.tangents((s, t), *grid)
+        keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
+        return np.cross(along_s, along_t)[keep]
+
+    def shown(self, *local: float) -> str:
+        """Return a place as the equation's own parameters, for a message."""
+        return self.analysis.map.shown(float(x) for x in self._places(local))
+
+    def _places(self, local: Sequence[Array | float]) -> list[Array]:
+        """Return local coordinates of the map."""
+        free = iter(local)
+        spans = (self.analysis.span(d, position) for d, position in enumerate(self.cell))
+        return [
+            np.asarray(low + (high - low) * next(free) if position % 2 else low)
+            for (low, high), position in zip(spans, self.cell, strict=True)
+        ]
+
+    @cached_property
+    def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
+        """The coordinate trees in local parameters, and the names of those."""
+        spans, limits = [], {}
+        for d, name in enumerate(PARAMETERS):
+            position, last = self.cell[d], 2 * len(self.analysis.bounds[d]) - 3
+            piece = position if position % 2 else min(position + 1, last)
+            spans.append(self.analysis.span(d, piece))
+            if position % 2 == 0:
+                limits[name] = number(int(position > piece))
+        names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
+        trees, single = _in_piece(self.analysis.map.coordinates, tuple(spans))
+        restricted = substitute(trees, limits)
+        # what one piece alone makes of a root or a quotient could not be seen before
+        return (cancel(restricted) if single else restricted), names
+
+    @cached_property
+    def form(self) -> Separation | None:
+        """The coordinates as sums of products of functions of one parameter each.
+
+        It is exact algebra, and dear: ask `may_be_exact` or `may_be_swept` first.
+        """
+        return separate(*self.trees)
+
+    def may_be_exact(self, axis: int) -> bool:
+        """Say whether powers or waves alone may hold an axis: no other operation meets it."""
+        trees, names = self.trees
+        return not any(
+            names[axis] in node.symbols and not _is_power_or_wave(node, names[axis])
+            for node in walk(trees, lambda n: () if n.op in ("sin", "cos") else n.args)
+        )
+
+    @cached_property
+    def may_be_swept(self) -> bool:
+        """Whether samples allow a line, an extrusion or a revolution.
+
+        The chords along one axis of these are in one plane, whatever the other parameter is.
+        """
+        if len(self.pieces) == 1:
+            values = self(SECTIONS[::2])
+            return _flat_rank(values[1:], values[:1]) < 2
+        values = self(SECTIONS[::2], SECTIONS[::2])
+        return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
+
+
+@lru_cache(maxsize=256)
+def _in_piece(
+    coordinates: tuple[Expr, ...], spans: tuple[tuple[float, float], ...]
+) -> tuple[tuple[Expr, ...], bool]:
+    """Return trees in the local parameters of a piece of the box, and whether it is one of several.
+
+    All faces and edges of the piece take their trees from these: many have the parts of all pieces.
+    """
+    local = {
+        name: number(low) + (number(high) - number(low)) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, spans, strict=True)
+    }
+    whole = substitute(coordinates, local)
+    trees = resolve_pieces(whole)
+    return trees, trees != whole
+
+
+class DirectionClasses:
+    """Which direction pieces share one space, and the rules that space has to respect."""
+
+    def __init__(self, analysis: Analysis, degrees: Sequence[int]) -> None:
+        self._analysis = analysis
+        self._degrees = degrees
+        self._owner: dict[Piece, Piece] = {}
+        self._symmetric: set[Piece] = set()
+        for edge in analysis.complex.edges:
+            first, *others = edge.members
+            for member in others:
+                self._join(_piece(first.cell), _piece(member.cell), member.reverse != first.reverse)
+
+    def owner(self, piece: Piece) -> Piece:
+        """Return the piece that stands for the class of this one."""
+        while self._owner.get(piece, piece) != piece:
+            piece = self._owner[piece]
+        return piece
+
+    def _join(self, a: Piece, b: Piece, reverse: bool) -> None:
+        first, second = self.owner(a), self.owner(b)
+        if first != second:
+            self._owner[second] = first
+        if reverse or first in self._symmetric or second in self._symmetric:
+            # a symmetric space serves both directions of travel
+            self._symmetric |= {first, second}
+
+    def rules(self, piece: Piece) -> DirectionRules:
+        """Return the rules of the class that a piece belongs to."""
+        owner = self.owner(piece)
+        members = [p for p in self._pieces() if self.owner(p) == owner]
+        breaks: dict[float, Break] = {}
+        symmetric = owner in self._symmetric
+        for member in members:
+            for b in self.breaks(member):
+                places = (b.position, 1 - b.position) if symmetric else (b.position,)
+                for place in places:
+                    breaks[place] = Break(place, b.smoothness)
+        periodic = all(self._is_periodic(d) for d, _ in members)
+        return DirectionRules(
+            self._degrees, tuple(breaks[p] for p in sorted(breaks)), periodic, symmetric
+        )
+
+    def _pieces(self) -> list[Piece]:
+        bounds = self._analysis.bounds
+        return [(d, p) for d in range(3) for p in range(1, 2 * len(bounds[d]) - 1, 2)]
+
+    def breaks(self, piece: Piece) -> list[Break]:
+        """Return the breaks of a piece in its own coordinates, its ends included."""
+        low, high = self._analysis.span(*piece)
+        return [
+            Break((b.position - low) / (high - low), b.smoothness)
+            for b in self._analysis.breaks[piece[0]]
+            if low <= b.position <= high
+        ]
+
+    def _is_periodic(self, direction: int) -> bool:
+        """Say whether M continues beyond the end of a direction as it began (sampled)."""
+        if len(self._analysis.bounds[direction]) > 2:
+            return False
+        nodes = [SECTIONS] * 3
+        here = self._analysis.map.points(*open_grid(*nodes))
+        nodes[direction] = SECTIONS + 1
+        gap = np.abs(self._analysis.map.points(*open_grid(*nodes)) - here).max()
+        return bool(gap <= 10 * self._analysis.scale.same_point)
+
+
+def _is_power_or_wave(node: Expr, name: str) -> bool:
+    if node.op == "pow":
+        exponent = node.args[1].payload if node.args[1].op == "number" else None
+        return exponent is not None and exponent.denominator == 1 and exponent > 0
+    if node.op == "div":
+        return name not in node.args[1].symbols
+    return node.op in ("symbol", "add", "neg", "mul", "sin", "cos")
+
+
+def _flat_rank(points: Array, origins: Array) -> int:
+    """Return the dimension of the space of the steps from origins to points, to rounding."""
+    steps = (points - origins).reshape(-1, 3)
+    values = np.linalg.svd(steps, compute_uv=False)
+    rounding = 1e-9 * values[0] + 1e-14 * float(np.abs(points).max()) * len(steps)
+    return int((values > rounding).sum())
+
+
+def _piece(edge: Cell) -> Piece:
+    (d,) = directions_of(edge)
+    return d, edge[d]
+
+
+def polynomial_space(
+    function: CellFunction, axis: int, breaks: Sequence[Break]
+) -> SplineSpace | None:
+    """Return a space that holds the function exactly along one of its axes, or None.
+
+    None also where the kernel could not evaluate it: it goes by powers within a span, and those of
+    a Chebyshev polynomial of degree 15 lose nine digits, those of u^15 none.
+    """
+    trees, names = function.trees
+    inner = [b for b in breaks if 0 < b.position < 1]
+    points = [0.0, *(b.position for b in inner), 1.0]
+    if axis not in function.degrees:
+        degree = degree_in(trees, names[axis])
+        if degree is not None and SAFE_DEGREE < degree <= function.largest:
+            lost = max(_loss(function, axis, degree, span) for span in pairwise(points))
+            degree = degree if lost <= LARGEST_LOSS * function.analysis.size else None
+        function.degrees[axis] = degree
+    degree = function.degrees[axis]
+    if degree is None or degree > function.largest:
+        return None
+    piecewise = any(n.op == "pieces" and names[axis] in n.symbols for n in walk(trees))
+    if not inner or not piecewise:
+        return bezier_space(degree)
+    return SplineSpace(degree, points, [max(1, degree - b.smoothness) for b in inner])
+
+
+def _loss(function: CellFunction, axis: int, degree: int, span: tuple[float, float]) -> float:
+    """Return what rounding leaves open of a polynomial that is evaluated by powers on a span."""
+    places = [SECTIONS[::4]] * len(function.pieces)
+    places[axis] = span[0] + (span[1] - span[0]) * chebyshev_nodes(degree)
+    values = np.moveaxis(function(*places), axis, 0).reshape(degree + 1, -1)
+    return UNIT * float(np.abs(to_powers(degree) @ values).sum(axis=0).max())

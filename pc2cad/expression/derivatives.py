@@ -1,0 +1,60 @@
+"""Derivatives of expression trees."""
+
+from __future__ import annotations
+
+from pc2cad.expression.functions import FUNCTIONS
+from pc2cad.expression.tree import ANALYTIC, ONE, ZERO, Expr, call, number, piece_rows, pieces, walk
+
+
+def derivatives(roots: tuple[Expr, ...], name: str) -> tuple[Expr, ...]:
+    """Return the partial derivatives of the trees with respect to the symbol `name`.
+
+    The derivative of abs is the sign; at 0, where there is none, it evaluates to 0.
+    """
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots, lambda n: n.args if name in n.symbols else ()):
+        done[node] = ZERO if name not in node.symbols else _derivative(node, done)
+    return tuple(done[root] for root in roots)
+
+
+def _derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
+    op, args = node.op, node.args
+    if op == "symbol":
+        return ONE
+    if op == "add":
+        return done[args[0]] + done[args[1]]
+    if op == "neg":
+        return -done[args[0]]
+    if op == "mul":
+        return done[args[0]] * args[1] + args[0] * done[args[1]]
+    if op == "div":
+        return (done[args[0]] - node * done[args[1]]) / args[1]
+    if op == "pow":
+        return _power_derivative(node, done)
+    if op == "pieces":
+        return _pieces_derivative(node, done)
+    total = ZERO
+    for partial, arg in zip(FUNCTIONS[op].partials(args), args, strict=True):
+        total = total + partial * done[arg]
+    return total
+
+
+def _power_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
+    base, exponent = node.args
+    result = exponent * base ** (exponent - 1) * done[base]
+    if done[exponent] is not ZERO:
+        result = result + node * call("log", base) * done[exponent]
+    return result
+
+
+def _pieces_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
+    breaks, width, smoothness, closed = node.payload
+    rows = piece_rows(node)
+    inner = done[node.args[0]]
+    lower = smoothness if smoothness == ANALYTIC else smoothness - 1
+    along = tuple(tuple(row[k] * number(k) for k in range(1, width)) or (ZERO,) for row in rows)
+    result = pieces(node.args[0], breaks, along, lower, closed) * inner
+    # the coefficients may depend on the parameters as well, and on that of the pieces
+    across = tuple(tuple(done[c] for c in row) for row in rows)
+    after = smoothness if inner is ZERO else lower
+    return result + pieces(node.args[0], breaks, across, after, closed)

@@ -1,0 +1,119 @@
+"""Roots that end at a limit of their parameters, taken out of the root.
+
+sqrt(t²(1-t)²q) is t(1-t)·sqrt(q) for t in [0, 1]; written so, it has finite derivatives. Arcs whose
+sine (or cosine) reaches 1 at a limit are written with atan2, whose derivatives are finite there.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from pc2cad.expression.normal_form import NormalForm, normal_form
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol, walk
+
+#: the operations that polynomials are made of: others are not worked out to see them cancel
+_POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
+
+
+def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return the trees with powers of parameters t, and of 1-t, taken out of roots of polynomials.
+
+    Every symbol is a local parameter and runs from 0 to 1.
+    """
+    changes = {"sqrt": _factored, "pow": _factored, "asin": _arc, "acos": _arc}
+    found = {node.op for node in walk(roots)}
+    for op, change in changes.items():
+        if op in found:
+            roots = rewrite(roots, op, change)
+    return roots
+
+
+def _factored(node: Expr) -> Expr:
+    """Return a root with whole powers taken out."""
+    exponent = Fraction(1, 2)
+    if node.op == "pow":
+        if node.args[1].op != "number":
+            return node
+        exponent = node.args[1].payload
+    if exponent.denominator == 1 or exponent < 0 or not node.symbols:
+        return node
+    form = _polynomial(node.args[0])
+    if form is None:
+        return node
+    step, outside = exponent.denominator, ONE
+    for name in sorted(node.symbols):
+        t = symbol(name)
+        times = min(dict(monomial).get(t, 0) for monomial in form) // step
+        if times:
+            form = {_lowered(monomial, t, times * step): c for monomial, c in form.items()}
+            outside = outside * t ** (times * exponent.numerator)
+    if len(node.symbols) == 1:
+        t = symbol(next(iter(node.symbols)))
+        coefficients = _coefficients(form, t)
+        while (shorter := _without_end(coefficients, step)) is not None:
+            coefficients = shorter
+            outside = outside * (1 - t) ** exponent.numerator
+        form = {((t, k),) if k else (): c for k, c in enumerate(coefficients) if c}
+    if outside is ONE:
+        return node
+    inside = _tree(form)
+    if inside is ONE:
+        return outside
+    return outside * (call("sqrt", inside) if node.op == "sqrt" else power(inside, node.args[1]))
+
+
+def _arc(node: Expr) -> Expr:
+    """Return an arc sine or cosine with finite derivatives where it ends at a limit."""
+    x = node.args[0]
+    across = call("sqrt", 1 - x * x)
+    taken_out = _factored(across)
+    if taken_out is across:
+        return node
+    return call("atan2", x, taken_out) if node.op == "asin" else call("atan2", taken_out, x)
+
+
+def _polynomial(tree: Expr) -> NormalForm | None:
+    """Return the normal form of a polynomial in the parameters with rational coefficients."""
+    if any(node.op not in _POLYNOMIAL for node in walk((tree,))):
+        return None
+    form = normal_form(tree, largest=60)
+    if not form or any(atom.op != "symbol" for monomial in form for atom, _ in monomial):
+        return None
+    return form
+
+
+def _lowered(
+    monomial: tuple[tuple[Expr, int], ...], t: Expr, by: int
+) -> tuple[tuple[Expr, int], ...]:
+    return tuple((a, e - by if a is t else e) for a, e in monomial if a is not t or e > by)
+
+
+def _coefficients(form: NormalForm, t: Expr) -> list[Fraction]:
+    """Return the ascending coefficients of a polynomial in one parameter."""
+    powers = {dict(monomial).get(t, 0): c for monomial, c in form.items()}
+    return [powers.get(k, Fraction(0)) for k in range(max(powers) + 1)]
+
+
+def _tree(form: NormalForm) -> Expr:
+    total = ZERO
+    for monomial in sorted(form, key=lambda m: sorted((a.payload, e) for a, e in m)):
+        term = number(form[monomial])
+        for atom, exponent in monomial:
+            term = term * atom**exponent
+        total = total + term
+    return total
+
+
+def _without_end(coefficients: list[Fraction], times: int) -> list[Fraction] | None:
+    """Divide by (1-t) so many times, or return None where that leaves a remainder."""
+    quotient = coefficients
+    for _ in range(times):
+        if len(quotient) < 2 or sum(quotient) != 0:
+            return None
+        # p = (1-t) q with q_k = p_0 + … + p_k
+        sums, total = [], Fraction(0)
+        for c in quotient[:-1]:
+            total += c
+            sums.append(total)
+        quotient = sums
+    return quotient

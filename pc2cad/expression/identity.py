@@ -1,0 +1,63 @@
+"""Three-valued questions about trees: proved, refuted, or undecided to a stated accuracy."""
+
+from __future__ import annotations
+
+from enum import Enum
+from math import cos, isfinite
+
+from pc2cad.expression.normal_form import is_identically_zero
+from pc2cad.expression.tree import Expr, Number, as_expr
+
+#: Relative size below which a sampled value counts as zero: what rounding leaves of O(1) terms.
+ROUNDING = 1e-12
+
+
+class Verdict(Enum):
+    """The answer to a yes/no question about a function."""
+
+    PROVED = "proved"
+    REFUTED = "refuted"
+    #: true wherever it was sampled, to rounding; no proof was found
+    UNDECIDED = "sampled"
+
+    def __bool__(self) -> bool:
+        return self is not Verdict.REFUTED
+
+
+def vanishes(root: Expr, scale: float = 1.0) -> Verdict:
+    """Say whether the tree is zero for all values of its symbols.
+
+    Samples are taken at fixed irrational places of (0, 1); values below `ROUNDING` times `scale`
+    count as zero. Places where the tree has no finite value are passed over.
+    """
+    if root.op == "number":
+        return Verdict.REFUTED if root.payload else Verdict.PROVED
+    if not _seems_zero(root, scale):
+        return Verdict.REFUTED
+    return Verdict.PROVED if is_identically_zero(root) else Verdict.UNDECIDED
+
+
+def seems_constant(root: Expr, value: Number) -> bool:
+    """Say whether samples leave it open that the tree equals the constant everywhere."""
+    return _seems_zero(root - as_expr(value), max(1.0, abs(float(value))))
+
+
+def _seems_zero(root: Expr, scale: float) -> bool:
+    values = (_sample(root, shift) for shift in range(6))
+    return not any(isfinite(value) and abs(value) > ROUNDING * scale for value in values)
+
+
+def is_constant_value(root: Expr, value: Number) -> Verdict:
+    """Say whether the tree equals the constant everywhere."""
+    return vanishes(root - as_expr(value), scale=max(1.0, abs(float(value))))
+
+
+def _sample(root: Expr, shift: int) -> float:
+    """Evaluate at one pseudo-random place; plain floats, so that no numerical library is loaded."""
+    from pc2cad.expression.scalar import evaluate
+
+    places = {
+        name: 0.5 + 0.45 * cos(1.0 + 2.399963 * (shift * 7 + i) + 0.618034 * len(name))
+        for i, name in enumerate(sorted(root.symbols))
+    }
+    return evaluate(root, places)

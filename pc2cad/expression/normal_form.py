@@ -1,0 +1,242 @@
+"""Exact polynomial normal forms of expression trees.
+
+A tree becomes a polynomial with rational coefficients in *atoms*: symbols, constants such as pi,
+and whole sub-trees that are not polynomial (function calls, reciprocals, fractional powers). Two
+trees with one normal form are equal; the converse needs identities between atoms, of which only
+sin² = 1 - cos² is applied here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from functools import lru_cache
+from typing import Final
+
+from pc2cad.expression.recent import Recent
+from pc2cad.expression.tree import ONE, PI, ZERO, Expr, call, div, mul, number, power, walk
+
+#: A monomial: (atom, exponent) pairs in a fixed order. Atoms are compared by identity.
+Monomial = tuple[tuple[Expr, int], ...]
+#: A polynomial in atoms: no entry is zero.
+NormalForm = dict[Monomial, Fraction]
+
+#: Normal forms with more terms than this are given up: a proof that large is not worth its time.
+LARGEST_FORM: Final = 3000
+#: the same for the angles of sines and cosines
+LARGEST_ANGLE: Final = 12
+_angles: Final[Recent[NormalForm]] = Recent()
+
+
+class _TooLargeError(Exception):
+    pass
+
+
+def normal_form(
+    root: Expr, largest: int = LARGEST_FORM, whole: Callable[[Expr], bool] | None = None
+) -> NormalForm | None:
+    """Return the normal form of a tree, or None when it has more than `largest` terms.
+
+    Sub-trees that are `whole` are atoms, whatever they are made of.
+    """
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        return () if whole is not None and whole(node) else _inner(node)
+
+    forms: dict[Expr, NormalForm] = {}
+    try:
+        for node in walk((root,), below):
+            atom = whole is not None and whole(node)
+            forms[node] = {((node, 1),): Fraction(1)} if atom else _form_of(node, forms, largest)
+    except _TooLargeError:
+        return None
+    return forms[root]
+
+
+def times(form: NormalForm, factor: Expr, largest: int = LARGEST_FORM) -> NormalForm | None:
+    """Return the normal form of a product, or None when it has more than `largest` terms."""
+    other = normal_form(factor, largest)
+    try:
+        return None if other is None else _product(form, other, largest)
+    except _TooLargeError:
+        return None
+
+
+def tree_of(form: NormalForm) -> Expr:
+    """Return a normal form as a tree."""
+    total = ZERO
+    for monomial, coefficient in form.items():
+        term = number(coefficient)
+        for atom, exponent in monomial:
+            term = term * power(atom, number(exponent))
+        total = total + term
+    return total
+
+
+def _inner(node: Expr) -> tuple[Expr, ...]:
+    """Return the operands that the form is made of: none for an atom."""
+    if node.op in ("add", "neg", "mul"):
+        return node.args
+    if node.op == "div" or (node.op == "pow" and _is_repeated(node.args[1])):
+        return node.args[:1]
+    return ()
+
+
+def _is_repeated(exponent: Expr) -> bool:
+    if exponent.op != "number" or exponent.payload.denominator != 1:
+        return False
+    return bool(0 < exponent.payload <= 64)
+
+
+def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
+    if node.op == "number":
+        return {(): node.payload} if node.payload else {}
+    if node.op == "add":
+        return _sum(forms[node.args[0]], forms[node.args[1]], largest)
+    if node.op == "neg":
+        return {m: -c for m, c in forms[node.args[0]].items()}
+    if node.op == "mul":
+        return _product(forms[node.args[0]], forms[node.args[1]], largest)
+    if node.op == "div":
+        inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): Fraction(1)}
+        return _product(forms[node.args[0]], inverse, largest)
+    if node.op == "pow" and _is_repeated(node.args[1]):
+        result = forms[node.args[0]]
+        for _ in range(int(node.args[1].payload) - 1):
+            result = _product(result, forms[node.args[0]], largest)
+        return result
+    return {((node, 1),): Fraction(1)}
+
+
+def _reciprocal(denominator: Expr) -> Expr:
+    return div(ONE, denominator)
+
+
+def _sum(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
+    result = dict(a)
+    for monomial, coefficient in b.items():
+        _accumulate(result, monomial, coefficient)
+    if len(result) > largest:
+        raise _TooLargeError
+    return result
+
+
+def _product(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
+    if len(a) * len(b) > 20 * largest:
+        raise _TooLargeError
+    result: NormalForm = {}
+    for left, p in a.items():
+        for right, q in b.items():
+            for monomial, factor in _join(left, right):
+                _accumulate(result, monomial, p * q * factor)
+    if len(result) > largest:
+        raise _TooLargeError
+    return result
+
+
+def _accumulate(form: NormalForm, monomial: Monomial, coefficient: Fraction) -> None:
+    total = form.get(monomial, 0) + coefficient
+    if total:
+        form[monomial] = Fraction(total)
+    else:
+        form.pop(monomial, None)
+
+
+def _join(left: Monomial, right: Monomial) -> list[tuple[Monomial, int]]:
+    """Multiply two monomials; squares of sines and of square roots are rewritten."""
+    if not left:
+        return [(right, 1)]
+    if not right:
+        return [(left, 1)]
+    exponents: dict[Expr, int] = dict(left)
+    for atom, exponent in right:
+        exponents[atom] = exponents.get(atom, 0) + exponent
+    terms: list[tuple[dict[Expr, int], int]] = [(exponents, 1)]
+    for atom in list(exponents):
+        if atom.op == "sin":
+            terms = [piece for term in terms for piece in _without_square(term, atom)]
+    return [(ordered(powers), factor) for powers, factor in terms]
+
+
+def _without_square(
+    term: tuple[dict[Expr, int], int], sine: Expr
+) -> list[tuple[dict[Expr, int], int]]:
+    powers, factor = term
+    if powers.get(sine, 0) < 2:
+        return [term]
+    cosine = _cosine(sine.args[0])
+    lower = {**powers, sine: powers[sine] - 2}
+    higher = {**lower, cosine: lower.get(cosine, 0) + 2}
+    return _without_square((lower, factor), sine) + _without_square((higher, -factor), sine)
+
+
+@lru_cache(maxsize=4096)
+def _cosine(angle: Expr) -> Expr:
+    return call("cos", angle)  # finds the angle's own normal form each time
+
+
+def ordered(powers: dict[Expr, int]) -> Monomial:
+    """Return the monomial of powers, in the order that normal forms keep."""
+    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda item: item[0].rank))
+
+
+def is_identically_zero(root: Expr) -> bool:
+    """Return True when the normal form proves the tree to be zero (False proves nothing)."""
+    if root is ZERO:
+        return True
+    form = normal_form(root)
+    return form is not None and not form
+
+
+@lru_cache(maxsize=256)  # trees are interned, and the same angle is asked for again and again
+def split_turns(root: Expr) -> tuple[Fraction, Expr]:
+    """Return (r, rest) with root = r·pi + rest, rest in a canonical order of its terms."""
+    if root.op == "pieces":
+        return Fraction(0), root
+    form = _angle_form(root)
+    if form is None:
+        return Fraction(0), root
+    turns = form.get(((PI, 1),), Fraction(0))
+    rest = ZERO
+    # printing a tree is dear: what stands alone needs no order
+    terms = [monomial for monomial in form if monomial != ((PI, 1),)]
+    for monomial in sorted(terms, key=_printed) if len(terms) > 1 else terms:
+        term = number(abs(form[monomial]))
+        factors = sorted(monomial, key=_first_printed) if len(monomial) > 1 else monomial
+        for atom, exponent in factors:
+            term = mul(term, power(atom, number(exponent)))
+        rest = rest + term if form[monomial] > 0 else rest - term
+    return turns, rest
+
+
+def _angle_form(root: Expr) -> NormalForm | None:
+    """Return the normal form of an angle, None beyond `LARGEST_ANGLE` terms.
+
+    Angles that are sums on top of one another are met one by one: forms are remembered.
+    """
+    forms: dict[Expr, NormalForm] = {}
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        known = _angles.get(node)
+        if known is None:
+            return _inner(node)
+        forms[node] = known
+        return ()
+
+    try:
+        for node in walk((root,), below):
+            if node not in forms:
+                forms[node] = _form_of(node, forms, LARGEST_ANGLE)
+                if _inner(node):
+                    _angles.keep(node, forms[node])
+    except _TooLargeError:
+        return None
+    return forms[root]
+
+
+def _first_printed(factor: tuple[Expr, int]) -> str:
+    return repr(factor[0])
+
+
+def _printed(monomial: Monomial) -> str:
+    return "*".join(sorted(f"{atom!r}^{exponent}" for atom, exponent in monomial))

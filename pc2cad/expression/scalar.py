@@ -1,0 +1,77 @@
+"""Evaluation of a tree at one place with plain floats.
+
+Messages, `--help` and the weights of a combination need a few values, not arrays; this keeps NumPy
+out of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from pc2cad.expression.tree import Expr, walk
+
+_NAN = float("nan")
+_SPECIAL: dict[str, Callable[..., float]] = {
+    "abs": abs,
+    "sign": lambda a: float((a > 0) - (a < 0)),
+}
+
+
+def evaluate(root: Expr, values: Mapping[str, float]) -> float:
+    """Return the value of the tree; nan where a function leaves the reals or overflows."""
+    return evaluate_all((root,), values)[root]
+
+
+def evaluate_all(roots: tuple[Expr, ...], values: Mapping[str, float]) -> dict[Expr, float]:
+    """Return the values of the trees and of nodes below them (see `evaluate`)."""
+    store: dict[Expr, float] = {}
+    # constants keep their values: definitions that use one another are looked at one by one
+    for node in walk(roots, lambda n: () if n.value is not None else n.args):
+        if node.value is not None:
+            store[node] = node.value
+            continue
+        try:
+            store[node] = _value(node, [store[arg] for arg in node.args], values)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            store[node] = _NAN
+        if not node.symbols:
+            object.__setattr__(node, "value", store[node])
+    return store
+
+
+def _value(node: Expr, args: list[float], values: Mapping[str, float]) -> float:
+    op = node.op
+    if op == "number":
+        return float(node.payload)
+    if op == "constant":
+        return math.pi if node.payload == "pi" else math.e
+    if op == "symbol":
+        return values[node.payload]
+    if op == "add":
+        return args[0] + args[1]
+    if op == "mul":
+        return args[0] * args[1]
+    if op == "neg":
+        return -args[0]
+    if op == "div":
+        return args[0] / args[1]
+    if op == "pow":
+        result = args[0] ** args[1]
+        return result if isinstance(result, float) else _NAN
+    if op == "pieces":
+        return _piece_value(node, args)
+    return (_SPECIAL.get(op) or getattr(math, op))(*args)
+
+
+def _piece_value(node: Expr, args: list[float]) -> float:
+    breaks, width, _, closed = node.payload
+    t, flat = args[0], args[1:]
+    first, last = float(breaks[0]), float(breaks[-1])
+    if closed and not first <= t <= last:
+        t = (t - first) % (last - first) + first
+    index = max((i for i in range(len(breaks) - 1) if float(breaks[i]) <= t), default=0)
+    value = 0.0
+    for coefficient in reversed(flat[index * width : (index + 1) * width]):
+        value = value * (t - float(breaks[index])) + coefficient
+    return value

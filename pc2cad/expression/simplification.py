@@ -1,0 +1,409 @@
+"""Square roots and quotients that cancel: lengths that turn out constant, unit vectors of them.
+
+|KN| of a circle is a root of squares of sines and cosines; its normal form is a constant. Here
+roots of constants and of perfect squares are taken, and quotients whose denominator divides what
+stands above it are carried out, all in exact arithmetic: what does not cancel stays as it is.
+|KN| of any section does not depend on the frame, whose vectors are of length 1 and at right
+angles: parameters on which a root turns out not to depend are taken out of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from functools import lru_cache
+
+from pc2cad.expression.identity import ROUNDING, seems_constant
+from pc2cad.expression.linear_terms import cancel_terms
+from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, ordered, tree_of
+from pc2cad.expression.scalar import evaluate, evaluate_all
+from pc2cad.expression.separable_sums import product_of, products
+from pc2cad.expression.tree import (
+    ONE,
+    ZERO,
+    Expr,
+    call,
+    div,
+    number,
+    power,
+    rebuild,
+    rewrite,
+    symbol,
+    walk,
+)
+
+#: forms with more terms than this are left alone
+LARGEST = 150
+#: and so are trees with more operations, unless samples find them constant
+MOST_NODES = 80
+#: roots of squares with more terms are not looked for
+LONGEST_ROOT = 12
+
+_Rank = tuple[int, int, list[int]]
+
+
+@lru_cache(maxsize=8)
+def simplified(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return equal trees without the terms, roots and quotients that cancel (see `cancel`)."""
+    return cancel(cancel_terms(roots))
+
+
+def cancel(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return equal trees without the roots and quotients that cancel.
+
+    Every symbol is a local parameter and runs from 0 to 1: a root of a square is taken only where
+    the sign of what was squared is certain over that box.
+    """
+    roots = _constant_sums(roots)
+    ops = {node.op for node in walk(roots) if node.symbols}
+    if "sqrt" in ops:
+        roots = rewrite(roots, "sqrt", _root)
+    return tuple(_divided(root) for root in roots) if "div" in ops else roots
+
+
+def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return equal trees with the sums that turn out constant as constants.
+
+    N'·N' of a helix is one, and so is N''·N', which is 0.
+    """
+    names = sorted(frozenset().union(*(root.symbols for root in roots)))
+    places = ({n: x + 0.11 * i for i, n in enumerate(names)} for x in (0.13, 0.37, 0.58))
+    tables = [evaluate_all(roots, place) for place in places]
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots):
+        args = tuple(done[arg] for arg in node.args)
+        done[node] = node if args == node.args else rebuild(node, args)
+        if node.op != "add" or not done[node].symbols:
+            continue
+        first, *others = (table[node] for table in tables)
+        size = max(abs(table[arg]) for table in tables for arg in node.args)
+        if all(abs(value - first) <= ROUNDING * size for value in others):
+            form = _form(done[node])
+            if form is not None and not any(a.symbols for m in form for a, _ in m):
+                done[node] = tree_of(form)
+    return tuple(done[root] for root in roots)
+
+
+def _root(node: Expr) -> Expr:
+    radicand = without_idle(node.args[0])
+    node = call("sqrt", radicand)
+    if node.op != "sqrt":
+        return node
+    # algebra is dear: a few values tell whether there is a constant to be proved
+    steady = bool(node.symbols) and seems_constant(radicand, _value(radicand))
+    if not node.symbols or not (steady or _is_short(radicand)):
+        return node
+    form = _form(radicand)
+    if form is None:
+        return node
+    if all(not atom.symbols for monomial in form for atom, _ in monomial):
+        return call("sqrt", tree_of(form))
+    return _root_of_square(form) or node
+
+
+def without_idle(root: Expr) -> Expr:
+    """Return an equal tree without the parameters on which it does not depend, where proved."""
+    if len(root.symbols) < 2:
+        return root
+    for name in sorted(root.symbols):
+        if not _seems_idle(root, name):
+            continue
+        sums = products((root,), name)
+        steady = sums and {f: _constant(c) for f, c in sums[0].items()}
+        if steady and all(c is not None for c in steady.values()):
+            terms = (product_of(f) * c for f, c in steady.items() if c is not None)
+            return without_idle(sum(terms, start=ZERO))
+    return root
+
+
+def _seems_idle(root: Expr, name: str) -> bool:
+    """Say whether values at a few places hide a parameter."""
+    rest = {other: 0.37 + 0.11 * i for i, other in enumerate(sorted(root.symbols))}
+    first, *others = (evaluate(root, {**rest, name: x}) for x in (0.21, 0.47, 0.88))
+    return all(abs(value - first) <= ROUNDING * abs(first) for value in others)
+
+
+def _constant(coefficient: Expr) -> Expr | None:
+    """Return the constant that a tree in one parameter is, or None.
+
+    Vectors of unknown direction are enough to know that unit vectors are of length 1, and that a
+    vector is at right angles to its products with others.
+    """
+    if not coefficient.symbols:
+        return coefficient
+    if not seems_constant(coefficient, _value(coefficient)):
+        return None
+    form = _form(_with_unknown_vectors(coefficient))
+    if form is None or any(atom.symbols for monomial in form for atom, _ in monomial):
+        return None
+    return tree_of(form)
+
+
+def _with_unknown_vectors(root: Expr) -> Expr:
+    """Return the tree with symbols for what is squared under its roots, and for what holds none."""
+    nodes = list(walk((root,)))
+    squared = {
+        base
+        for node in nodes
+        if node.op == "sqrt"
+        for base in _squared(node.args[0])
+        if base.symbols
+    }
+    inner = {b for b in squared if squared.isdisjoint(n for n in walk((b,)) if n is not b)}
+    if not inner:
+        return root
+    holds = set(inner)
+    for node in nodes:
+        if not holds.isdisjoint(node.args):
+            holds.add(node)
+    done: dict[Expr, Expr] = {}
+    for node in walk((root,), lambda n: () if n in inner or n not in holds else n.args):
+        if node in inner or node not in holds:
+            # values of unknown vectors need no names that could meet the equation's own
+            done[node] = symbol(f"{len(done)}") if node.symbols else node
+        else:
+            done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
+    return done[root]
+
+
+def _squared(radicand: Expr) -> list[Expr]:
+    """Return the trees whose squares a radicand adds up."""
+    if radicand.op == "add":
+        return [base for arg in radicand.args for base in _squared(arg)]
+    if radicand.op == "pow" and radicand.args[1].op == "number" and radicand.args[1].payload == 2:
+        return [radicand.args[0]]
+    if radicand.op == "mul" and radicand.args[0] is radicand.args[1]:
+        return [radicand.args[0]]
+    return []
+
+
+def _divided(root: Expr) -> Expr:
+    quotients = any(node.op == "div" and node.args[1].symbols for node in walk((root,)))
+    if not quotients or not _is_short(root):
+        return root
+    plain, form = normal_form(root, LARGEST), _form(root)
+    return root if form is None or form == plain else tree_of(form)
+
+
+def _value(root: Expr) -> float:
+    """Return the value at one place."""
+    return evaluate(root, {name: 0.37 + 0.11 * i for i, name in enumerate(sorted(root.symbols))})
+
+
+def _is_short(root: Expr) -> bool:
+    return sum(1 for node in walk((root,)) if node.args) <= MOST_NODES
+
+
+# -- normal forms in which things cancel -----------------------------------------------------------
+
+
+def _form(root: Expr) -> NormalForm | None:
+    """Return the normal form with squares of roots and exact quotients carried out."""
+    form = normal_form(root, LARGEST)
+    while form is not None:
+        changed = _without_squares(form)
+        if changed is None:
+            changed = _without_quotient(form)
+        if changed is None:
+            return form
+        form = changed if len(changed) <= LARGEST else None
+    return None
+
+
+def _without_squares(form: NormalForm) -> NormalForm | None:
+    """Replace the square of one root (or of the reciprocal of one); None if there is none."""
+    for monomial in form:
+        for atom, exponent in monomial:
+            if exponent < 2:
+                continue
+            if atom.op == "sqrt":
+                return _replaced(form, atom, atom.args[0])
+            if atom.op == "div" and atom.args[0] is ONE and atom.args[1].op == "sqrt":
+                return _replaced(form, atom, div(ONE, atom.args[1].args[0]))
+    return None
+
+
+def _replaced(form: NormalForm, atom: Expr, square: Expr) -> NormalForm | None:
+    total = ZERO
+    for monomial, coefficient in form.items():
+        term = number(coefficient)
+        for a, exponent in monomial:
+            pairs, rest = divmod(exponent, 2) if a is atom else (0, exponent)
+            term = term * power(square, number(pairs)) * power(a, number(rest))
+        total = total + term
+    return normal_form(total, LARGEST)
+
+
+def _without_quotient(form: NormalForm) -> NormalForm | None:
+    """Carry out one exact division; None where no denominator divides what stands above it."""
+    atoms = {atom: None for monomial in form for atom, _ in monomial if atom.op == "div"}
+    for atom in atoms:
+        divisor = normal_form(atom.args[1], LARGEST)
+        if not divisor:
+            continue
+        highest = max(e for monomial in form for a, e in monomial if a is atom)
+        above = {_less(m, atom, highest): c for m, c in form.items() if (atom, highest) in m}
+        quotient = _quotient(above, divisor)
+        if quotient is None:
+            continue
+        rest = {m: c for m, c in form.items() if (atom, highest) not in m}
+        lower = power(atom, number(highest - 1))
+        return normal_form(tree_of(rest) + tree_of(quotient) * lower, LARGEST)
+    return None
+
+
+def _quotient(above: NormalForm, divisor: NormalForm) -> NormalForm | None:
+    """Return the polynomial quotient if the division leaves nothing, else None."""
+    order = _order(above, divisor)
+    lead = max(divisor, key=order)
+    rest, result = dict(above), dict[Monomial, Fraction]()
+    for _ in range(2 * LARGEST):
+        if not rest:
+            return result
+        top = max(rest, key=order)
+        share = _over(top, lead)
+        if share is None:
+            return None
+        factor = rest[top] / divisor[lead]
+        result[share] = factor
+        for monomial, coefficient in divisor.items():
+            place = _times(monomial, share)
+            left = rest.get(place, Fraction(0)) - factor * coefficient
+            if left:
+                rest[place] = left
+            else:
+                rest.pop(place, None)
+    return None
+
+
+# -- roots of perfect squares ----------------------------------------------------------------------
+
+
+def _root_of_square(form: NormalForm) -> Expr | None:
+    """Return the root of a perfect square of known sign, or None."""
+    for write in (lambda f: f, _in_sines):
+        square = write(form)
+        order = _order(square)
+        lead = max(square, key=order)
+        content = square[lead]
+        half = _halved(lead)
+        if half is None or content < 0:
+            continue
+        root = _completed(square, half, content, order, write)
+        if root is None:
+            continue
+        low, high = _bounds(root)
+        if low > 0 or high < 0:
+            tree = tree_of(root)
+            return call("sqrt", number(content)) * (tree if low > 0 else -tree)
+    return None
+
+
+def _completed(
+    square: NormalForm,
+    half: Monomial,
+    content: Fraction,
+    order: Callable[[Monomial], _Rank],
+    write: Callable[[NormalForm], NormalForm],
+) -> NormalForm | None:
+    """Return g with content · g² = square, its leading term `half`, term by term."""
+    root: NormalForm = {half: Fraction(1)}
+    while len(root) <= LONGEST_ROOT:
+        tree = tree_of(root)
+        form = normal_form(tree_of(square) - number(content) * tree * tree, 4 * LARGEST)
+        if form is None:
+            return None
+        rest = write(form)
+        if not rest:
+            return root
+        top = max(rest, key=order)
+        share = _over(top, half)
+        if share is None or share in root:
+            return None
+        root[share] = rest[top] / (2 * content)
+    return None
+
+
+def _in_sines(form: NormalForm) -> NormalForm:
+    """Write squares of cosines as 1 - sin², where normal forms do the reverse."""
+    result: NormalForm = {}
+    stack = list(form.items())
+    while stack:
+        monomial, coefficient = stack.pop()
+        cosine = next((a for a, e in monomial if a.op == "cos" and e > 1), None)
+        if cosine is None:
+            total = result.get(monomial, Fraction(0)) + coefficient
+            if total:
+                result[monomial] = total
+            else:
+                result.pop(monomial, None)
+            continue
+        lower = _less(monomial, cosine, 2)
+        sine = ((call("sin", cosine.args[0]), 2),)
+        stack += [(lower, coefficient), (_times(lower, sine), -coefficient)]
+    return result
+
+
+def _bounds(form: NormalForm) -> tuple[float, float]:
+    """Return what a polynomial lies between while symbols run from 0 to 1, term by term."""
+    low = high = 0.0
+    for monomial, coefficient in form.items():
+        a = b = float(coefficient)
+        for atom, exponent in monomial:
+            if not atom.symbols:
+                ends = [evaluate(atom, {}) ** exponent] * 2
+            elif atom.op == "symbol":
+                ends = [0.0, 1.0]
+            elif atom.op in ("sin", "cos"):
+                ends = [0.0 if exponent % 2 == 0 else -1.0, 1.0]
+            else:
+                return -float("inf"), float("inf")
+            products = [x * y for x in (a, b) for y in ends]
+            a, b = min(products), max(products)
+        low, high = low + a, high + b
+    margin = 1e-12 * sum(abs(float(c)) for c in form.values())
+    return low - margin, high + margin
+
+
+# -- monomials -------------------------------------------------------------------------------------
+
+
+def _order(*forms: NormalForm) -> Callable[[Monomial], _Rank]:
+    """Return a key that orders monomials: by degree, then by the exponents of their atoms."""
+    found = {a for form in forms for m in form for a, _ in m if a.op != "number"}
+    atoms = sorted(found, key=lambda a: (not a.symbols, a.rank))
+
+    def key(monomial: Monomial) -> _Rank:
+        exponents = dict(monomial)
+        moving = sum(e for a, e in monomial if a.symbols)
+        return moving, sum(exponents.values()), [exponents.get(a, 0) for a in atoms]
+
+    return key
+
+
+def _times(a: Monomial, b: Monomial) -> Monomial:
+    powers = dict(a)
+    for atom, exponent in b:
+        powers[atom] = powers.get(atom, 0) + exponent
+    return ordered(powers)
+
+
+def _less(monomial: Monomial, atom: Expr, exponent: int) -> Monomial:
+    powers = dict(monomial)
+    powers[atom] -= exponent
+    return ordered(powers)
+
+
+def _over(top: Monomial, bottom: Monomial) -> Monomial | None:
+    powers = dict(top)
+    for atom, exponent in bottom:
+        if powers.get(atom, 0) < exponent:
+            return None
+        powers[atom] -= exponent
+    return ordered(powers)
+
+
+def _halved(monomial: Monomial) -> Monomial | None:
+    if any(exponent % 2 for _, exponent in monomial):
+        return None
+    return ordered({atom: exponent // 2 for atom, exponent in monomial})

@@ -1,0 +1,399 @@
+"""Frozen, interned expression trees over the reals.
+
+Equal trees are the same object, so that identity decides structural equality, common
+sub-expressions are stored (and evaluated) once, and a proof such as M(u,0,w) = M(u,1,w) is often a
+comparison of two references. Numbers are exact fractions; nothing is rounded in this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from typing import Any, Final, NamedTuple
+from weakref import WeakValueDictionary
+from zlib import crc32
+
+from pc2cad.expression.budget import spend
+from pc2cad.expression.exact import ValueDomainError as ValueDomainError
+from pc2cad.expression.exact import exact
+
+Number = int | float | Fraction
+
+#: Constants must stay where floating point has room on both sides.
+LARGEST_CONSTANT: Final = Fraction(10) ** 60
+#: Powers of numbers are folded exactly only while they stay this small.
+LARGEST_FOLDED_BITS: Final = 512
+LARGEST_EXPONENT: Final = 1000
+_SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
+#: Exact numbers are no longer than this: sums and products of sums double their length each time.
+LARGEST_BITS: Final = 4096
+
+_interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
+
+
+#: order of continuity of what is one analytic function but for rounding: its breaks do not count
+ANALYTIC: Final = 99
+
+
+class Layout(NamedTuple):
+    """The payload of a ``pieces`` node: everything but the argument and the coefficients."""
+
+    breaks: tuple[Fraction, ...]
+    #: coefficients per piece
+    width: int
+    #: order of continuity at the breaks; `ANALYTIC` where nothing changes there
+    smoothness: int
+    #: repeats with the period breaks[-1] - breaks[0]; else the end pieces go on
+    closed: bool
+
+
+class Expr:
+    """A node: an operation, its operands, and a payload for leaves.
+
+    ``op`` is ``"number"`` (payload: Fraction), ``"constant"`` (payload: ``pi`` or ``e``),
+    ``"symbol"`` (payload: name), one of ``add mul div pow neg``, a function name, or ``"pieces"``
+    (a piecewise polynomial, see `pieces`). Build nodes with the functions below, never directly.
+    """
+
+    __slots__ = ("__weakref__", "args", "op", "payload", "rank", "symbols", "value")
+
+    op: str
+    args: tuple[Expr, ...]
+    payload: Any
+    #: what orders nodes: from the content alone, so that every process sums and multiplies in the
+    #: same order and rounds the same way; addresses would not
+    rank: int
+    symbols: frozenset[str]
+    #: of a tree without symbols, once `scalar.evaluate` has found it: its value as a float
+    value: float | None
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError("expression trees are frozen")
+
+    def __deepcopy__(self, _: object) -> Expr:
+        return self  # equal trees are one object
+
+    def __reduce__(self) -> tuple[Callable[..., Expr], tuple[Any, ...]]:
+        from pc2cad.expression.storing import stored
+
+        return stored(self)
+
+    def __add__(self, other: Expr | Number) -> Expr:
+        return add(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __radd__(self, other: Number) -> Expr:
+        return add(as_expr(other), self)
+
+    def __sub__(self, other: Expr | Number) -> Expr:
+        return add(self, neg(as_expr(other))) if _is_scalar(other) else NotImplemented
+
+    def __rsub__(self, other: Number) -> Expr:
+        return add(as_expr(other), neg(self))
+
+    def __mul__(self, other: Expr | Number) -> Expr:
+        return mul(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __rmul__(self, other: Number) -> Expr:
+        return mul(as_expr(other), self)
+
+    def __truediv__(self, other: Expr | Number) -> Expr:
+        return div(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __rtruediv__(self, other: Number) -> Expr:
+        return div(as_expr(other), self)
+
+    def __pow__(self, other: Expr | Number) -> Expr:
+        return power(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+
+    def __rpow__(self, other: Number) -> Expr:
+        return power(as_expr(other), self)
+
+    def __neg__(self) -> Expr:
+        return neg(self)
+
+    def __abs__(self) -> Expr:
+        return call("abs", self)
+
+    def __repr__(self) -> str:
+        from pc2cad.expression.printing import as_text
+
+        return as_text(self)
+
+
+def _is_scalar(value: object) -> bool:
+    return isinstance(value, (Expr, int, float, Fraction)) and not isinstance(value, bool)
+
+
+def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
+    """Return the one node of this content as it is, nothing folded."""
+    key = (op, args, payload)
+    node = _interned.get(key)
+    spend(len(args))
+    if node is None:
+        node = object.__new__(Expr)
+        symbols: frozenset[str] = frozenset((payload,)) if op == "symbol" else frozenset()
+        for arg in args:
+            if not arg.symbols <= symbols:
+                symbols |= arg.symbols
+        rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
+        for name, value in (
+            ("op", op), ("args", args), ("payload", payload), ("rank", rank),
+            ("symbols", symbols), ("value", None),
+        ):  # fmt: skip
+            object.__setattr__(node, name, value)
+        _interned[key] = node
+    return node
+
+
+def number(value: Number) -> Expr:
+    """Return the exact number; a float means the decimal it prints as (0.1 is 1/10)."""
+    if type(value) is not Fraction:
+        value = exact(value)
+    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
+    if bits < _SAFE_BITS:  # nearly all numbers are short, and comparing fractions is slow
+        return intern("number", (), value)
+    if abs(value) > LARGEST_CONSTANT or 0 < abs(value) < 1 / LARGEST_CONSTANT:
+        raise ValueDomainError("a constant is outside the range 1e-60 to 1e60")
+    if bits > LARGEST_BITS:
+        raise ValueDomainError(
+            f"an exact constant has over {LARGEST_BITS * 3 // 10} digits; round it to a decimal"
+        )
+    return intern("number", (), value)
+
+
+def as_expr(value: Expr | Number) -> Expr:
+    """Return `value` as a tree; numbers become exact constants."""
+    return value if isinstance(value, Expr) else number(value)
+
+
+def symbol(name: str) -> Expr:
+    """Return the symbol `name` (a parameter of the box or of the template)."""
+    return intern("symbol", (), name)
+
+
+PI: Final = intern("constant", (), "pi")
+E: Final = intern("constant", (), "e")
+ZERO: Final = number(0)
+ONE: Final = number(1)
+
+
+def add(a: Expr, b: Expr) -> Expr:
+    """Return a + b."""
+    if a is ZERO:
+        return b
+    if b is ZERO:
+        return a
+    if a.op == "number" and b.op == "number":
+        return number(a.payload + b.payload)
+    if (b.op == "neg" and b.args[0] is a) or (a.op == "neg" and a.args[0] is b):
+        return ZERO
+    return intern("add", (a, b))
+
+
+def neg(a: Expr) -> Expr:
+    """Return -a."""
+    if a.op == "number":
+        return number(-a.payload)
+    if a.op == "neg":
+        return a.args[0]
+    return intern("neg", (a,))
+
+
+def mul(a: Expr, b: Expr) -> Expr:
+    """Return a·b."""
+    if a is ZERO or b is ZERO:
+        return ZERO
+    if a is ONE:
+        return b
+    if b is ONE:
+        return a
+    if a.op == "number" and b.op == "number":
+        return number(a.payload * b.payload)
+    if _is_negative(a):
+        return neg(mul(neg(a), b))
+    if _is_negative(b):
+        return neg(mul(a, neg(b)))
+    return intern("mul", (a, b))
+
+
+def _is_negative(a: Expr) -> bool:
+    """Say whether a sign stands before the term: signs are kept outside products and quotients."""
+    return a.op == "neg" or (a.op == "number" and a.payload < 0)
+
+
+def div(a: Expr, b: Expr) -> Expr:
+    """Return a/b; division by the constant 0 raises ValueDomainError."""
+    if b is ZERO:
+        raise ValueDomainError("division by zero")
+    if a is ZERO or b is ONE:
+        return a
+    if b.op == "number":
+        if a.op == "number":
+            return number(a.payload / b.payload)
+        return mul(number(1 / b.payload), a)
+    if _is_negative(a):
+        return neg(div(neg(a), b))
+    if _is_negative(b):
+        return neg(div(a, neg(b)))
+    return intern("div", (a, b))
+
+
+def power(a: Expr, b: Expr) -> Expr:
+    """Return a**b; 0**0 is 1 only for an exponent written as the constant 0."""
+    if b.op == "number":
+        exponent: Fraction = b.payload
+        if abs(exponent) > LARGEST_EXPONENT:
+            raise ValueDomainError(f"the exponent {exponent} is larger than {LARGEST_EXPONENT}")
+        if exponent == 0:
+            return ONE
+        if exponent == 1:
+            return a
+        if exponent == Fraction(1, 2):
+            return call("sqrt", a)
+        if a.op == "number":
+            return _power_of_number(a, exponent, b)
+    return intern("pow", (a, b))
+
+
+def _power_of_number(a: Expr, exponent: Fraction, b: Expr) -> Expr:
+    base: Fraction = a.payload
+    if base == 0:
+        if exponent < 0:
+            raise ValueDomainError("division by zero")
+        return ZERO
+    if base < 0 and exponent.denominator != 1:
+        raise ValueDomainError(f"({base})**({exponent}) is not a real number")
+    bits = max(abs(base.numerator).bit_length(), base.denominator.bit_length())
+    if exponent.denominator == 1 and bits * abs(exponent.numerator) <= LARGEST_FOLDED_BITS:
+        return number(base**exponent.numerator)
+    return intern("pow", (a, b))
+
+
+def call(name: str, *args: Expr) -> Expr:
+    """Return the function `name` of `functions.FUNCTIONS` applied to `args`."""
+    from pc2cad.expression.functions import fold
+
+    folded = fold(name, args)
+    return folded if isinstance(folded, Expr) else intern(name, folded)
+
+
+def pieces(
+    arg: Expr,
+    breaks: tuple[Fraction, ...],
+    rows: tuple[tuple[Expr, ...], ...],
+    smoothness: int,
+    closed: bool = True,
+) -> Expr:
+    """Return a piecewise polynomial of `arg`.
+
+    ``rows[i]`` holds the ascending coefficients on [breaks[i], breaks[i+1]] in the local variable
+    arg - breaks[i]; all rows have one length. Coefficients may be functions themselves: rows of
+    one are the pieces of any piecewise function. `smoothness` is the order of continuity (0: value,
+    1: first derivative, -1: not even the value) at every break. A closed one has the period
+    breaks[-1] - breaks[0], and its smoothness at the closing break as well; an open one goes on
+    with its end pieces.
+    """
+    width = len(rows[0])
+    if all(c is rows[0][0] for (c, *_) in rows) and all(c is ZERO for row in rows for c in row[1:]):
+        return rows[0][0]
+    if arg.op == "number":
+        t = arg.payload
+        if closed:
+            t = (t - breaks[0]) % (breaks[-1] - breaks[0]) + breaks[0]
+        index = max((i for i in range(len(rows)) if breaks[i] <= t), default=0)
+        value = ZERO
+        for coefficient in reversed(rows[index]):
+            value = value * (t - breaks[index]) + coefficient
+        return value
+    flat = tuple(c for row in rows for c in row)
+    spend(4 * len(flat))
+    return intern("pieces", (arg, *flat), Layout(breaks, width, smoothness, closed))
+
+
+def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
+    """Return the coefficient rows of a ``pieces`` node."""
+    width = node.payload.width
+    flat = node.args[1:]
+    return tuple(flat[i : i + width] for i in range(0, len(flat), width))
+
+
+def operands(node: Expr) -> tuple[Expr, ...]:
+    """Return what a program has to work out before the node.
+
+    Coefficients of pieces are none of it where all are constant: they make a table.
+    """
+    table = node.op == "pieces" and not any(c.symbols for c in node.args[1:])
+    return node.args[:1] if table else node.args
+
+
+def program(roots: tuple[Expr, ...]) -> list[Expr]:
+    """Return the nodes below the roots, operands first, without those that make tables."""
+    return list(walk(roots, operands))
+
+
+def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
+    """Return the node's operation applied to other operands, folded anew."""
+    build = _BUILDERS.get(node.op)
+    if build is not None:
+        return build(*args)
+    if node.op == "pieces":
+        breaks, width, smoothness, closed = node.payload
+        rows = tuple(args[1 + i : 1 + i + width] for i in range(0, len(args) - 1, width))
+        return pieces(args[0], breaks, rows, smoothness, closed)
+    return call(node.op, *args)
+
+
+_BUILDERS: Final[dict[str, Callable[..., Expr]]] = {
+    "add": add, "mul": mul, "div": div, "pow": power, "neg": neg,
+}  # fmt: skip
+
+
+def walk(
+    roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] | None = None
+) -> Iterator[Expr]:
+    """Yield every node below `roots` once, operands before the node that uses them.
+
+    `below` gives the operands of a node to go on with, if these are not all.
+    """
+    seen: set[Expr] = set()
+    stack = list(reversed(roots))
+    while stack:
+        node = stack[-1]
+        if node not in seen:
+            args = node.args if below is None else below(node)
+            size = len(stack)
+            for arg in reversed(args):
+                if arg not in seen:
+                    stack.append(arg)
+            if len(stack) > size:
+                continue
+            seen.add(node)
+            yield node
+        stack.pop()
+
+
+def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:
+    """Return the trees with symbols replaced and everything folded anew."""
+    found = frozenset[str]().union(*(root.symbols for root in roots))
+    names = frozenset(name for name in found & values.keys() if values[name] is not symbol(name))
+    if not names:
+        return roots
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots, lambda n: () if n.symbols.isdisjoint(names) else n.args):
+        if node.symbols.isdisjoint(names):
+            done[node] = node
+        elif node.op == "symbol":
+            done[node] = values[node.payload]
+        else:
+            done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
+    return tuple(done[root] for root in roots)
+
+
+def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> tuple[Expr, ...]:
+    """Return the trees with every node of one operation changed, operands first."""
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots):
+        args = tuple(done[arg] for arg in node.args)
+        moved = node if args == node.args else rebuild(node, args)
+        done[node] = change(moved) if moved.op == op else moved
+    return tuple(done[root] for root in roots)

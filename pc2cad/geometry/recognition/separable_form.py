@@ -1,0 +1,244 @@
+"""How a point of a face depends on each of its parameters: sums of products of one-parameter terms.
+
+The normal form of a coordinate is a sum of monomials. Where no atom of it depends on two parameters
+at once, every monomial is a product of functions of one parameter each, and the point is a sum of
+such products times constant vectors. Along each axis these functions are powers of the parameter,
+or waves cos kθ and sin kθ of one angle θ, or else whatever the equation holds. The split is exact;
+only the vectors are rounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.expression.angle_multiples import common_unit, ratio
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, walk
+
+#: coefficients below this share of the largest one are rounding
+ROUNDING = 1e-13
+#: normal forms of a coordinate that are larger are not looked at
+LARGEST_FORM = 400
+#: waves of a higher order than this are no rational carrier any more
+LARGEST_ORDER = 12
+
+
+@dataclass(frozen=True)
+class Term:
+    """A function of one parameter: a power of it, a wave of its angle, or some other product."""
+
+    kind: Literal["power", "cos", "sin", "other"]
+    order: int = 0
+    factor: Monomial = ()
+
+
+CONSTANT: Final = Term("power")
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """One parameter of a cell and the kind of functions in which the point depends on it."""
+
+    name: str
+    kind: Literal["power", "wave", "other"]
+    #: of waves: the angle θ as a tree without constant part, in radians
+    angle: Expr = ZERO
+
+    def turn(self, multiple: int, t: Array) -> Array:
+        """Return a multiple of the angle θ at parameters t."""
+        values = Program((self.angle,))({self.name: t})[0]
+        return np.asarray(multiple * np.broadcast_to(values, np.shape(t)))
+
+    def values(self, term: Term, t: Array) -> Array:
+        """Return a term's values at parameters t."""
+        if term.kind == "other":
+            tree = ONE
+            for atom, exponent in term.factor:
+                tree = tree * power(atom, number(exponent))
+            return np.asarray(np.broadcast_to(Program((tree,))({self.name: t})[0], np.shape(t)))
+        if term.kind == "power":
+            return np.asarray(np.asarray(t, dtype=float) ** term.order)
+        wave = np.cos if term.kind == "cos" else np.sin
+        return np.asarray(wave(self.turn(term.order, t)))
+
+    @property
+    def is_linear(self) -> bool:
+        """True where the angle is a multiple of the parameter."""
+        form = normal_form(self.angle, largest=12)
+        if form is None:
+            return False
+        free = [[(a, e) for a, e in monomial if a.symbols] for monomial in form]
+        return all(len(f) == 1 and f[0][1] == 1 and f[0][0].op == "symbol" for f in free)
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """A point as Σ vector · product of one term per axis; terms of no size are left out."""
+
+    axes: tuple[Axis, ...]
+    vectors: Mapping[tuple[Term, ...], Array]
+
+    @property
+    def scale(self) -> float:
+        """Size of the largest vector that something varies with."""
+        moving = [v for key, v in self.vectors.items() if any(t != CONSTANT for t in key)]
+        return max((float(np.linalg.norm(v)) for v in moving), default=0.0)
+
+    @property
+    def centre(self) -> Array:
+        """The vector that does not vary."""
+        return np.asarray(self.vectors.get((CONSTANT,) * len(self.axes), np.zeros(3)))
+
+    def terms(self, axis: int) -> list[Term]:
+        """Return the different terms along one axis."""
+        return list(dict.fromkeys(key[axis] for key in self.vectors))
+
+    def order(self, axis: int) -> int:
+        """Return the highest power or wave along an axis."""
+        return max((term.order for term in self.terms(axis)), default=0)
+
+
+def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
+    """Return the trees as a sum of products of functions of one parameter each, or None."""
+    trees = _parted(tuple(roots))
+    if any(len(node.symbols) > 1 and not _is_sum_of_products(node) for node in walk(trees)):
+        return None
+    forms = []
+    for root in trees:
+        form = normal_form(root, LARGEST_FORM, _is_constant)
+        if form is None or any(len(atom.symbols) > 1 for m in form for atom, _ in m):
+            return None
+        forms.append(form)
+    axes = tuple(_axis(forms, name) for name in names)
+    vectors: dict[tuple[Term, ...], Array] = {}
+    for column, form in enumerate(forms):
+        for monomial, coefficient in form.items():
+            for terms, value in _products(monomial, float(coefficient), axes):
+                vectors.setdefault(terms, np.zeros(len(forms)))[column] += value
+    every = Separation(axes, vectors)
+    kept = {
+        key: v
+        for key, v in vectors.items()
+        if set(key) == {CONSTANT} or np.linalg.norm(v) > ROUNDING * every.scale
+    }
+    return Separation(axes, kept)
+
+
+def _is_constant(node: Expr) -> bool:
+    """Say whether a tree is a constant to be worked out: only its value counts."""
+    return not node.symbols and node.op != "number"
+
+
+def _is_sum_of_products(node: Expr) -> bool:
+    if node.op == "div":
+        return len(node.args[1].symbols) <= 1
+    whole = node.op == "pow" and node.args[1].op == "number" and node.args[1].payload > 0
+    return node.op in ("add", "neg", "mul") or (whole and node.args[1].payload.denominator == 1)
+
+
+# -- sines of sums ---------------------------------------------------------------------------------
+
+
+def _parted(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return the trees with sines and cosines of sums written out, parameter by parameter."""
+    return rewrite(rewrite(roots, "sin", _sum_apart), "cos", _sum_apart)
+
+
+def _sum_apart(node: Expr) -> Expr:
+    parts = _parts(node.args[0])
+    if parts is None or len(parts) < 2:
+        return node
+    sine, cosine = ZERO, ONE
+    for part in parts:
+        s, c = call("sin", part), call("cos", part)
+        sine, cosine = sine * c + cosine * s, cosine * c - sine * s
+    return sine if node.op == "sin" else cosine
+
+
+def _parts(argument: Expr) -> list[Expr] | None:
+    """Return the argument's parts, one per parameter and the constant; None if it has mixed terms.
+
+    Whole parts only: a part in u may hold any function of u.
+    """
+    form = normal_form(argument, largest=24)
+    if form is None:
+        return None
+    parts: dict[str, Expr] = {}
+    for monomial in sorted(form, key=repr):
+        names = frozenset().union(*(atom.symbols for atom, _ in monomial))
+        if len(names) > 1:
+            return None
+        term = number(form[monomial])
+        for atom, exponent in sorted(monomial, key=repr):
+            term = term * power(atom, number(exponent))
+        key = next(iter(names), "")
+        parts[key] = parts.get(key, ZERO) + term
+    return list(parts.values())
+
+
+# -- the kind of an axis ---------------------------------------------------------------------------
+
+
+def _axis(forms: Iterable[NormalForm], name: str) -> Axis:
+    # a dictionary, not a set: which argument is the first must not depend on addresses
+    atoms = {atom: None for form in forms for m in form for atom, _ in m if name in atom.symbols}
+    if all(atom.op == "symbol" for atom in atoms):
+        return Axis(name, "power")
+    if all(atom.op in ("sin", "cos") for atom in atoms):
+        angle = common_unit([atom.args[0] for atom in atoms], LARGEST_ORDER)
+        if angle is not None:
+            return Axis(name, "wave", angle)
+    return Axis(name, "other")
+
+
+# -- monomials as products of terms ----------------------------------------------------------------
+
+
+def _products(
+    monomial: Monomial, value: float, axes: tuple[Axis, ...]
+) -> list[tuple[tuple[Term, ...], float]]:
+    for atom, exponent in monomial:
+        if not atom.symbols:
+            value *= evaluate(atom, {}) ** exponent
+    result: list[tuple[tuple[Term, ...], float]] = [((), value)]
+    for axis in axes:
+        factor = tuple((a, e) for a, e in monomial if axis.name in a.symbols)
+        along = _terms(factor, axis)
+        result = [((*terms, t), v * w) for terms, v in result for t, w in along]
+    return result
+
+
+def _terms(factor: Monomial, axis: Axis) -> list[tuple[Term, float]]:
+    if not factor:
+        return [(CONSTANT, 1.0)]
+    if axis.kind == "power":
+        return [(Term("power", sum(e for _, e in factor)), 1.0)]
+    if axis.kind == "other":
+        return [(Term("other", 0, factor), 1.0)]
+    return _waves(factor, axis)
+
+
+def _waves(factor: Monomial, axis: Axis) -> list[tuple[Term, float]]:
+    """Return a product of sines and cosines as a sum of waves, by complex exponentials."""
+    spectrum: dict[int, complex] = {0: 1.0}
+    for atom, exponent in factor:
+        multiple = ratio(atom.args[0], axis.angle)
+        k = int(multiple) if multiple is not None else 0
+        pair = {k: 0.5, -k: 0.5} if atom.op == "cos" else {k: -0.5j, -k: 0.5j}
+        for _ in range(exponent):
+            product: dict[int, complex] = {}
+            for i, a in spectrum.items():
+                for j, b in pair.items():
+                    product[i + j] = product.get(i + j, 0.0) + a * b
+            spectrum = product
+    result: list[tuple[Term, float]] = [(CONSTANT, spectrum.get(0, 0.0).real)]
+    for k in sorted(k for k in spectrum if k > 0):
+        result += [(Term("cos", k), 2 * spectrum[k].real), (Term("sin", k), -2 * spectrum[k].imag)]
+    return [(term, v) for term, v in result if v]

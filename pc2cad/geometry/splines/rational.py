@@ -1,0 +1,157 @@
+"""How faces, edges and volumes run along a direction, and fits of them.
+
+Where a direction is run through in arcs (`arcs`), every face and edge that varies along it takes
+their parameter, so that neighbours still agree. Multiplied by the denominator a function is a
+polynomial on each arc, and interpolation in a spline space that holds it is exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.arrays.linear import solve
+from pc2cad.geometry.splines.adaptive_knots import Sampler, check_places
+from pc2cad.geometry.splines.arcs import Arcs
+from pc2cad.geometry.splines.spline_space import SplineSpace
+from pc2cad.geometry.splines.tensor import (
+    Deviation,
+    GridSampler,
+    curve_deviation,
+    fit_surface,
+    surface_deviation,
+)
+
+
+class PiecewiseSpace(SplineSpace):
+    """Polynomials on every arc that are only continuous, interpolated at Chebyshev's places."""
+
+    def __init__(self, degree: int, points: Array) -> None:
+        super().__init__(degree, points, [degree] * (len(points) - 2))
+
+    @property
+    def sites(self) -> Array:
+        """Interpolation sites: as many as the space has degrees of freedom."""
+        a, b = self.points[:-1, None], self.points[1:, None]
+        inner = (a + (b - a) * _chebyshev(self.degree)[:-1]).ravel()
+        return np.append(inner, 1.0)
+
+    def fit(self, values: Array) -> Array:
+        """Return the poles of the interpolant: values (sites, …) to poles (size, …)."""
+        p, count = self.degree, len(self.points) - 1
+        pieces = p * np.arange(count)[:, None] + np.arange(p + 1)
+        flat = values.reshape(len(values), -1)[pieces]
+        poles = np.empty((p * count + 1, flat.shape[-1]))
+        columns = flat.transpose(1, 0, 2).reshape(p + 1, -1)
+        solved = solve(_collocation(p), columns).reshape(p + 1, count, -1)
+        poles[pieces] = solved.transpose(1, 0, 2)
+        # Chebyshev's places include the ends, where poles are values
+        poles[::p] = values.reshape(len(values), -1)[::p]
+        return poles.reshape(len(poles), *values.shape[1:])
+
+
+def _chebyshev(degree: int) -> Array:
+    return np.asarray((1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2)
+
+
+def _collocation(degree: int) -> Array:
+    """Return the Bernstein polynomials at Chebyshev's places."""
+    x, i = _chebyshev(degree)[:, None], np.arange(degree + 1)
+    binomials = np.array([comb(degree, int(k)) for k in i], dtype=float)
+    return np.asarray(binomials * x**i * (1 - x) ** (degree - i))
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """How all cells run along one direction: spline space, parameter and denominators."""
+
+    space: SplineSpace
+    #: None where the spline's parameter is the equation's own
+    arcs: Arcs | None = None
+    #: power of the arcs' denominator; 0: not rational
+    order: int = 0
+    #: whether the space holds the function, rather than come near it
+    exact: bool = False
+
+    def places(self, x: Array) -> Array:
+        """Return the equation's own local parameter at the spline parameter x."""
+        return x if self.arcs is None else self.arcs.places(x)
+
+    def weight(self, x: Array) -> Array:
+        """Return the denominator at x."""
+        if self.arcs is None or not self.order:
+            return np.ones(np.shape(x))
+        return np.asarray(self.arcs.weight(x) ** self.order)
+
+    @property
+    def lowest(self) -> float:
+        """The smallest value of the denominator."""
+        if self.arcs is None:
+            return 1.0
+        return float(self.arcs.weight(np.array([0.5 / self.arcs.count]))[0] ** self.order)
+
+    @cached_property
+    def weights(self) -> Array:
+        """The denominator's coefficients in the space, all positive."""
+        if self.arcs is None or not self.order:
+            return np.ones(self.space.size)
+        return self.space.fit(self.weight(self.space.sites)[:, None])[:, 0]
+
+
+def rational_course(arcs: Arcs, order: int) -> Course:
+    """Return the course that holds trigonometric polynomials of an order exactly."""
+    return Course(PiecewiseSpace(2 * order, arcs.points), arcs, order, exact=True)
+
+
+def homogeneous(sample: GridSampler, s: Course, t: Course) -> GridSampler:
+    """Return the function times its denominator over the spline parameters."""
+
+    def values(x: Array, y: Array) -> Array:
+        weight = s.weight(x)[:, None, None] * t.weight(y)[None, :, None]
+        return np.asarray(sample(s.places(x), t.places(y)) * weight)
+
+    return values
+
+
+def fit_face(sample: GridSampler, s: Course, t: Course) -> tuple[Array, Array | None]:
+    """Return poles (n, m, 3) and weights (n, m) of the tensor-product interpolant."""
+    poles = fit_surface(homogeneous(sample, s, t), s.space, t.space)
+    if not (s.order or t.order):
+        return poles, None
+    weights = np.outer(s.weights, t.weights)
+    return poles / weights[..., None], weights
+
+
+def face_deviation(
+    sample: GridSampler, s: Course, t: Course, poles: Array, weights: Array | None
+) -> Deviation:
+    """Return the largest distance at equal parameters over a grid off the sites."""
+    if weights is None:
+        return surface_deviation(homogeneous(sample, s, t), s.space, t.space, poles)
+    numerator = poles * weights[..., None]
+    seen = surface_deviation(homogeneous(sample, s, t), s.space, t.space, numerator)
+    return Deviation(seen.largest / (s.lowest * t.lowest), seen.samples)
+
+
+def edge_deviation(
+    sample: Sampler, course: Course, poles: Array, weights: Array | None
+) -> Deviation:
+    """Return the largest distance at equal parameters at places off the sites."""
+    x = check_places(course.space)
+    numerator = poles if weights is None else poles * weights[:, None]
+    values = sample(course.places(x)) * course.weight(x)[:, None]
+    seen = curve_deviation(values, course.space, numerator)
+    return Deviation(seen.largest / course.lowest, seen.samples)
+
+
+def fit_edge(values: Array, course: Course) -> tuple[Array, Array | None]:
+    """Return poles (n, 3) and weights (n) of a curve with values at the course's sites."""
+    space = course.space
+    poles = space.fit(values * course.weight(space.sites)[:, None])
+    if not course.order:
+        return poles, None
+    return poles / course.weights[:, None], course.weights

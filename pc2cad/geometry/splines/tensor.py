@@ -1,0 +1,49 @@
+"""Tensor-product fits and their deviation from the function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.geometry.splines.adaptive_knots import check_places
+from pc2cad.geometry.splines.spline_space import SplineSpace
+
+#: values on the product of two parameter arrays: shape (len(s), len(t), 3)
+GridSampler = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """The largest distance seen between a fit and its function, and how many places were seen."""
+
+    largest: float
+    samples: int
+
+
+def fit_surface(sample: GridSampler, s: SplineSpace, t: SplineSpace) -> Array:
+    """Return the poles (s.size, t.size, 3) of the tensor-product interpolant."""
+    values = sample(s.sites, t.sites)
+    along_s = s.fit(values)
+    return t.fit(along_s.transpose(1, 0, 2)).transpose(1, 0, 2)
+
+
+def surface_deviation(
+    sample: GridSampler, s: SplineSpace, t: SplineSpace, poles: Array
+) -> Deviation:
+    """Return the largest distance at equal parameters over a grid off the sites."""
+    places_s, places_t = check_places(s), check_places(t)
+    truth = sample(places_s, places_t)
+    rows = s.basis(places_s) @ poles.reshape(s.size, -1)
+    rows = rows.reshape(len(places_s), t.size, 3).transpose(1, 0, 2).reshape(t.size, -1)
+    values = (t.basis(places_t) @ rows).reshape(len(places_t), len(places_s), 3)
+    gap = values.transpose(1, 0, 2) - truth
+    return Deviation(float(np.sqrt((gap * gap).sum(axis=-1)).max()), gap.shape[0] * gap.shape[1])
+
+
+def curve_deviation(truth: Array, space: SplineSpace, poles: Array) -> Deviation:
+    """Return the largest distance to the values (at `check_places`) of a curve."""
+    gap = space.basis(check_places(space)) @ poles - truth
+    return Deviation(float(np.sqrt((gap * gap).sum(axis=-1)).max()), len(gap))

@@ -1,0 +1,153 @@
+"""Integrals of polynomial maps in closed form, over the rationals.
+
+det J of a polynomial map is a polynomial: volume and centroid are sums of fractions. The area of a
+plane polynomial face is the length of the integral of M_s × M_t, whose direction does not change.
+Everything is exact until the last rounding to a float.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+from math import lcm, prod, sqrt
+
+from pc2cad.domain.analysis import Analysis
+from pc2cad.expression.normal_form import normal_form
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import Expr, walk
+from pc2cad.topology.cells import Cell, directions_of, normal_direction
+
+#: powers of u, v and w to integer coefficients
+_Polynomial = dict[tuple[int, int, int], int]
+#: what a polynomial is made of; normal forms say whether it is one
+_POLYNOMIAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
+#: products of coefficients beyond which quadrature is quicker
+MOST_PRODUCTS = 300_000
+
+
+@dataclass(frozen=True)
+class ExactIntegrals:
+    """Volume (without its sign), centroid, and the areas of faces (None: not plane)."""
+
+    volume: Fraction
+    centroid: tuple[Fraction, Fraction, Fraction]
+    face_areas: tuple[float | None, ...]
+
+
+def exact_integrals(analysis: Analysis) -> ExactIntegrals | None:
+    """Return the integrals of a map that is polynomial with rational coefficients, or None."""
+    coordinates = analysis.map.coordinates
+    if not {node.op for node in walk(coordinates)} <= _POLYNOMIAL:
+        return None  # functions that would cancel are not worth a long expansion
+    tables = [_table(tree) for tree in coordinates]
+    known = [table for table in tables if table is not None]
+    if len(known) < 3 or prod(max(1, len(table)) for table in known) > MOST_PRODUCTS:
+        return None
+    scale = lcm(*(c.denominator for table in known for c in table.values()))
+    x, y, z = ({p: int(c * scale) for p, c in table.items()} for table in known)
+    tangents = [[_derivative(f, d) for f in (x, y, z)] for d in range(3)]
+    determinant = _sum(
+        _product(f, g) for f, g in zip(tangents[0], _cross(*tangents[1:]), strict=True)
+    )
+    volume = _integral(determinant)
+    if not volume:
+        return None
+    first, second, third = (_integral(_product(f, determinant)) / volume / scale for f in (x, y, z))
+    areas = [_plane_area(analysis, face.patch, tangents, scale) for face in analysis.boundary.faces]
+    return ExactIntegrals(abs(volume) / scale**3, (first, second, third), tuple(areas))
+
+
+def _table(tree: Expr) -> dict[tuple[int, int, int], Fraction] | None:
+    """Return a tree's coefficients by powers, or None where it is no rational polynomial."""
+    form = normal_form(tree, largest=400)
+    if form is None:
+        return None
+    table = {}
+    for monomial, coefficient in form.items():
+        powers = [0, 0, 0]
+        for atom, exponent in monomial:
+            if atom.op != "symbol":
+                return None
+            powers[PARAMETERS.index(atom.payload)] = exponent
+        table[(powers[0], powers[1], powers[2])] = coefficient
+    return table
+
+
+def _derivative(f: _Polynomial, direction: int) -> _Polynomial:
+    result: _Polynomial = {}
+    for powers, c in f.items():
+        if powers[direction]:
+            lower = list(powers)
+            lower[direction] -= 1
+            result[(lower[0], lower[1], lower[2])] = c * powers[direction]
+    return result
+
+
+def _product(f: _Polynomial, g: _Polynomial) -> _Polynomial:
+    result: _Polynomial = {}
+    for (a, b, c), p in f.items():
+        for (i, j, k), q in g.items():
+            powers = (a + i, b + j, c + k)
+            result[powers] = result.get(powers, 0) + p * q
+    return result
+
+
+def _sum(terms: Iterable[_Polynomial], sign: int = 1) -> _Polynomial:
+    result: _Polynomial = {}
+    factor = 1
+    for term in terms:
+        for powers, c in term.items():
+            result[powers] = result.get(powers, 0) + factor * c
+        factor *= sign
+    return result
+
+
+def _cross(a: list[_Polynomial], b: list[_Polynomial]) -> list[_Polynomial]:
+    return [
+        _sum((_product(a[i], b[j]), _product(a[j], b[i])), sign=-1)
+        for i, j in ((1, 2), (2, 0), (0, 1))
+    ]
+
+
+def _integral(f: _Polynomial) -> Fraction:
+    """Return the integral over the unit box."""
+    total = Fraction(0)
+    for powers, c in f.items():
+        total += Fraction(c, prod(n + 1 for n in powers))
+    return total
+
+
+def _plane_area(
+    analysis: Analysis, patch: Cell, tangents: list[list[_Polynomial]], scale: int
+) -> float | None:
+    """Return the area of a plane face, or None where M_s × M_t turns."""
+    d = normal_direction(patch)
+    limit = patch[d] // 2
+    if len(analysis.bounds[d]) != 2:
+        return None
+    s, t = directions_of(patch)
+    along = [[_restricted(f, d, limit) for f in tangents[axis]] for axis in (s, t)]
+    normal = _cross(*along)
+    vectors = [[f.get(powers, 0) for f in normal] for powers in set().union(*normal)]
+    first = next((v for v in vectors if any(v)), None)
+    if first is None:
+        return None
+    for v, (i, j) in product(vectors, ((0, 1), (1, 2), (2, 0))):
+        if v[i] * first[j] != v[j] * first[i]:
+            return None
+    square = sum(_integral(f) ** 2 for f in normal)
+    return sqrt(square / scale**4)
+
+
+def _restricted(f: _Polynomial, direction: int, limit: int) -> _Polynomial:
+    """Return the polynomial at 0 or 1 of one direction."""
+    result: _Polynomial = {}
+    for powers, c in f.items():
+        if limit or not powers[direction]:
+            rest = list(powers)
+            rest[direction] = 0
+            key = (rest[0], rest[1], rest[2])
+            result[key] = result.get(key, 0) + c
+    return result

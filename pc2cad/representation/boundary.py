@@ -1,0 +1,299 @@
+"""The represent stage: every face and edge of the boundary complex gets one carrier.
+
+Input: CheckedMap. Output: BoundaryModel. This is the
+one place where topology meets geometry: an edge is carried once, and every face that uses it takes
+its poles, so that there is nothing to sew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.bounds.taylor_evaluation import Known
+from pc2cad.checked import CheckedMap, resolve_tolerance
+from pc2cad.domain.restrictions import SAFE_DEGREE, CellFunction
+from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.geometry.carriers import (
+    AnalyticSurface,
+    Evidence,
+    Line,
+    PCurve,
+    SplineCurve,
+    SplineSurface,
+)
+from pc2cad.geometry.recognition.from_points import Fitted, irrational
+from pc2cad.geometry.recognition.from_separable_form import Laid
+from pc2cad.geometry.splines.bernstein import bernstein, bezier_knots
+from pc2cad.geometry.splines.rational import (
+    Course,
+    edge_deviation,
+    face_deviation,
+    fit_edge,
+    fit_face,
+)
+from pc2cad.geometry.splines.spline_profile import spline_profile
+from pc2cad.options import DEFAULTS, CompileOptions
+from pc2cad.representation.boundary_model import BoundaryModel, Layer, ModelEdge, ModelFace
+from pc2cad.representation.deviation_proof import Side, prove_edge, prove_face
+from pc2cad.representation.parametrisation import Courses, Strand
+from pc2cad.representation.plan import Cells, Plan, plan_of, settle
+from pc2cad.representation.plane_faces import coplanar_groups, join_straight_edges, plane_face
+from pc2cad.representation.tightening import Attempt, tighten
+from pc2cad.representation.trimming import sides_of_fitted, sides_on, whole_square
+from pc2cad.topology.complex import EdgeUse, Shell
+
+#: share of the tolerance that one direction's fit aims at: half of what a face may deviate by
+DIRECTION_SHARE = 0.24
+#: what sampled deviations may use of the tolerance
+SAMPLED_SHARE = 0.5
+
+
+def represent(
+    checked: CheckedMap, options: CompileOptions = DEFAULTS, *, prove: bool = True
+) -> BoundaryModel:
+    """Return the boundary model within the options' tolerance of the equation.
+
+    Without `prove` deviations stay sampled, which shows what the proofs cost. Raises
+    ToleranceNotReachedError.
+    """
+    analysis, tolerance = checked.analysis, resolve_tolerance(checked, options)
+    cells = Cells(checked, spline_profile(options))
+    vertices = np.array([
+        CellFunction(analysis, vertex.corners[0])() for vertex in cells.boundary.vertices
+    ])  # fmt: skip
+    edges, faces = _carriers(
+        _Work(cells, vertices, tolerance, analysis.scale.evaluation_noise, Known(), prove)
+    )
+    shells = [_faces_of(shell, faces) for shell in cells.boundary.shells]
+    shells.insert(0, shells.pop(checked.solidity.outer_shell))
+    layers = tuple(
+        _layer(name, index, cells, faces) for index, name in enumerate(analysis.equation.layers)
+    )
+    return BoundaryModel(
+        cells.boundary, vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
+        analysis.size, layers,
+    )  # fmt: skip
+
+
+def _faces_of(shell: Shell, faces: list[ModelFace]) -> tuple[int, ...]:
+    return tuple(i for i, face in enumerate(faces) if face.cells[0] in shell.faces)
+
+
+def _layer(name: str, index: int, cells: Cells, faces: list[ModelFace]) -> Layer:
+    """Return a layer: the widest of its shells is the outer one."""
+    boundary = cells.boundary
+    shells = sorted(
+        boundary.layers[index], key=lambda shell: -max(_extent(cells.faces[f]) for f in shell.faces)
+    )
+    # a face between two layers is made as the upper side of the lower one
+    upside_down = [
+        face.cells[0] in boundary.enclosed and boundary.faces[face.cells[0]].patch[2] == 2 * index
+        for face in faces
+    ]
+    members = tuple(tuple((i, upside_down[i]) for i in _faces_of(shell, faces)) for shell in shells)
+    return Layer(name, members, sum(shell.euler for shell in shells))
+
+
+def _extent(face: CellFunction) -> float:
+    """Return the diagonal of the box round samples of a face."""
+    nodes = irrational(9)
+    return float(np.linalg.norm(np.ptp(face(nodes, nodes), axis=(0, 1))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What one call of `represent` is given."""
+
+    cells: Cells
+    #: points of the vertices (n, 3)
+    vertices: Array
+    #: lengths (model units): the tolerance, and what rounding leaves open of a value of M
+    tolerance: float
+    rounding: float
+    known: Known
+    prove: bool
+
+
+_Carriers = tuple[list[ModelEdge], list[ModelFace]]
+
+
+def _carriers(work: _Work) -> _Carriers:
+    """Return all edges and faces; raise ToleranceNotReachedError."""
+    plan = plan_of(work.cells)
+    while True:
+        found = tighten(
+            partial(_attempt, work, plan), DIRECTION_SHARE * work.tolerance,
+            "the faces deviate", work.tolerance,
+        )  # fmt: skip
+        if not isinstance(found, int):
+            return join_straight_edges(work.cells.boundary, *found)
+        plan = settle(plan.without(frozenset([found])))
+
+
+def _attempt(work: _Work, plan: Plan, target: float) -> Attempt[_Carriers | int]:
+    """Return edges and faces from fits that aim at a length, or a face that has to be a spline.
+
+    Deviations are proved only where the seen ones leave room for that.
+    """
+    fits = _Fits(work, plan, plan.courses.resolved(target, work.rounding))
+    boundary, planes = work.cells.boundary, work.cells.planes
+    edges = [fits.edge(i) for i in range(len(boundary.edges))]
+    faces = []
+    for group in coplanar_groups(boundary, [p and p[0] for p in planes]):
+        face = fits.face(group, edges)
+        if face is None:
+            return Attempt(group[0], 0.0, 0.0)
+        faces.append(face)
+    worst, share = _worst(edges, faces), SAMPLED_SHARE * work.tolerance
+    if worst > share or not work.prove:
+        return Attempt((edges, faces), worst, share)
+    edges, faces = fits.proved(edges, faces)
+    worst = _worst(edges, faces)
+    return Attempt((edges, faces), worst, work.tolerance if worst <= work.tolerance else share)
+
+
+def _worst(edges: list[ModelEdge], faces: list[ModelFace]) -> float:
+    return max([e.deviation for e in edges] + [f.deviation for f in faces])
+
+
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """Makes the edges and faces of one attempt."""
+
+    work: _Work
+    plan: Plan
+    courses: Courses
+
+    def proved(self, edges: list[ModelEdge], faces: list[ModelFace]) -> _Carriers:
+        """Return edges and faces with proved deviations where those can be had."""
+        proved_faces, sides = [], []
+        for face in faces:
+            proved, own = self._proved_face(face) if face.evidence == "sampled" else (face, [])
+            proved_faces.append(proved)
+            sides += own
+        functions = zip(edges, self.work.cells.edges, self.plan.bound, strict=True)
+        return [
+            prove_edge(edge, f, self.courses.course(Strand(f, 0, bound)), sides, self.work.known)
+            if edge.evidence == "sampled"
+            else edge
+            for edge, f, bound in functions
+        ], proved_faces
+
+    def _proved_face(self, face: ModelFace) -> tuple[ModelFace, list[Side]]:
+        functions = [self.work.cells.faces[i] for i in face.cells]
+        courses = []
+        if isinstance(face.carrier, SplineSurface):
+            courses = [self.courses.course(Strand(functions[0], axis)) for axis in (0, 1)]
+        return prove_face(face, functions, courses, self.work.rounding, self.work.known)
+
+    # -- edges ---------------------------------------------------------------------------------
+
+    def edge(self, index: int) -> ModelEdge:
+        """Return the carrier of an edge."""
+        function, edge = self.work.cells.edges[index], self.work.cells.boundary.edges[index]
+        ends = self.work.vertices[edge.start], self.work.vertices[edge.end]
+        if not self.plan.bound[index]:
+            simple = self.work.cells.simple(index)
+            if simple is not None:
+                carrier = Line(*ends) if isinstance(simple, Line) else simple
+                return ModelEdge(carrier, edge.start, edge.end, "exact", 0.0)
+        course = self.courses.course(Strand(function, 0, self.plan.bound[index]))
+        exact = None if course.arcs else bernstein(*function.trees)
+        if exact is not None and len(exact) <= 1 + self._highest(course):
+            exact[0], exact[-1] = ends
+            bezier = Line(*ends) if len(exact) == 2 else _bezier(exact)
+            return ModelEdge(bezier, edge.start, edge.end, "exact", 0.0)
+        poles, weights = fit_edge(function(course.places(course.space.sites)), course)
+        poles[0], poles[-1] = ends
+        seen = edge_deviation(function, course, poles, weights).largest
+        curve = SplineCurve(course.space.degree, course.space.knots, poles, weights)
+        evidence: Evidence = "exact" if course.exact else "sampled"
+        return ModelEdge(curve, edge.start, edge.end, evidence, seen)
+
+    # -- faces ---------------------------------------------------------------------------------
+
+    def face(self, group: tuple[int, ...], edges: list[ModelEdge]) -> ModelFace | None:
+        """Return the carrier of faces in one plane, or of a single one.
+
+        None for a face with a side that is no smooth curve on the surface that it is planned on.
+        """
+        index, cells = group[0], self.work.cells
+        function, cell = cells.faces[index], cells.boundary.faces[index]
+        name = cells.boundary.name(cell.patch)
+        inward = cells.sign(cell.patch) < 0
+        flat, laid = cells.planes[index], self.plan.laid[index]
+        if flat is not None:
+            return plane_face(group, flat, cells.boundary, inward, edges)
+        if laid is not None:
+            on_surface = self._on_surface(laid, index, edges)
+            if on_surface is None:
+                return None
+            surface, sides = on_surface
+            return ModelFace(name, (index,), surface, cell.uses, (), sides, laid.turned,
+                             inward != laid.turned, "exact", 0.0, 0)  # fmt: skip
+        square = whole_square(cell.uses)
+        s, t = (self.courses.course(Strand(function, axis)) for axis in (0, 1))
+        exact = None if s.arcs or t.arcs else bernstein(*function.trees)
+        if exact is not None and all(
+            n <= 1 + self._highest(course) for n, course in zip(exact.shape, (s, t), strict=False)
+        ):
+            degrees = (exact.shape[0] - 1, exact.shape[1] - 1)
+            knots = (bezier_knots(degrees[0]), bezier_knots(degrees[1]))
+            return ModelFace(name, (index,), SplineSurface(degrees, knots, exact), cell.uses, (),
+                             square, False, inward, "exact", 0.0, 0)  # fmt: skip
+        poles, weights = fit_face(function, s, t)
+        self._take_edges(poles, cell.uses, edges)
+        seen = face_deviation(function, s, t, poles, weights)
+        carrier = SplineSurface(
+            (s.space.degree, t.space.degree), (s.space.knots, t.space.knots), poles, weights
+        )
+        evidence: Evidence = "exact" if s.exact and t.exact else "sampled"
+        return ModelFace(name, (index,), carrier, cell.uses, (), square, False, inward, evidence,
+                         seen.largest, seen.samples)  # fmt: skip
+
+    def _on_surface(
+        self, laid: Laid | Fitted, index: int, edges: list[ModelEdge]
+    ) -> tuple[AnalyticSurface, tuple[PCurve | None, ...]] | None:
+        """Return the surface of a laid face, and the face's four sides there; None without them."""
+        cells = self.work.cells
+        function, uses = cells.faces[index], cells.boundary.faces[index].uses
+        if isinstance(laid, Fitted):
+            try:
+                return laid.carrier, sides_of_fitted(laid, uses, edges, self.work.vertices)
+            except ToleranceNotReachedError:
+                return None
+        arcs = [self.courses.arcs(piece) for piece in function.pieces]
+        surface = laid.carrier(lambda axis, level: self._iso_curve(function, axis, level))
+        return surface, sides_on(laid, uses, edges, arcs)
+
+    def _highest(self, course: Course) -> int:
+        """Return the highest degree of an exact form that runs as a course does."""
+        exact = self.work.cells.profile.exact
+        return exact if course.exact else min(exact, SAFE_DEGREE)
+
+    def _iso_curve(self, function: CellFunction, axis: int, level: float) -> SplineCurve:
+        """Return the curve along one axis of a face, the other parameter fixed."""
+        course = self.courses.course(Strand(function, axis))
+        along, across = course.places(course.space.sites), np.array([level])
+        values = function(along, across)[:, 0] if axis == 0 else function(across, along)[0]
+        poles, weights = fit_edge(values, course)
+        return SplineCurve(course.space.degree, course.space.knots, poles, weights)
+
+    def _take_edges(self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]) -> None:
+        """Put the poles of the edges (and collapsed vertices) into the rows of a face."""
+        rows = (poles[:, 0], poles[-1], poles[:, -1], poles[0])
+        for row, use, anticlockwise in zip(rows, uses, (True, True, False, False), strict=True):
+            if use.edge is None:
+                row[...] = self.work.vertices[use.vertex]
+                continue
+            carrier = edges[use.edge].carrier
+            if isinstance(carrier, SplineCurve) and len(carrier.poles) == len(row):
+                row[...] = carrier.poles if use.forward == anticlockwise else carrier.poles[::-1]
+
+
+def _bezier(poles: Array) -> SplineCurve:
+    return SplineCurve(len(poles) - 1, bezier_knots(len(poles) - 1), poles)

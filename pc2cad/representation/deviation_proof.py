@@ -1,0 +1,343 @@
+"""Proved deviations in place of sampled ones, for faces, edges and volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import comb
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.arrays.linear import vectors
+from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
+from pc2cad.bounds.slices import between
+from pc2cad.bounds.taylor_evaluation import Known
+from pc2cad.domain.restrictions import CellFunction
+from pc2cad.expression.breaks import BreaksNotAlignedError
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, pieces, substitute, symbol
+from pc2cad.geometry.carriers import Evidence, Plane, SplineCurve, SplineSurface
+from pc2cad.geometry.splines.arcs import Arcs
+from pc2cad.geometry.splines.bernstein import bezier_knots, degree_in
+from pc2cad.geometry.splines.rational import Course
+from pc2cad.geometry.splines.trivariate import SplineVolume
+from pc2cad.representation.boundary_model import ModelEdge, ModelFace
+from pc2cad.topology.cells import Cell
+
+#: share of the distance that may be added between slices of a volume
+_BETWEEN = 0.05
+#: degree in which the distance from a plane, which is zero, is looked at
+_FLAT_DEGREE = 7
+
+
+#: a bound on a side of a face that is wider of the samples is not as good as an edge's own
+_WIDEST = 1.9
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A side of a proved face: its cell, knots and poles, and how far it is from the equation."""
+
+    cell: Cell
+    knots: Array
+    poles: Array
+    bound: Bound
+
+    def carries(self, cell: Cell, carrier: SplineCurve) -> bool:
+        """Say whether it is an edge, pole for pole, and known about as well as that could be."""
+        return (
+            cell == self.cell
+            and carrier.weights is None
+            and np.array_equal(carrier.knots, self.knots)
+            and np.array_equal(carrier.poles, self.poles)
+            and self.bound.largest <= _WIDEST * self.bound.sampled
+        )
+
+
+def _sides_of(face: ModelFace, function: CellFunction, bound: Bound) -> list[Side]:
+    """Return the sides of a face that are bounded with it."""
+    surface = face.carrier
+    if not isinstance(surface, SplineSurface) or surface.weights is not None:
+        return []
+    rows = (surface.poles[0], surface.poles[-1], surface.poles[:, 0], surface.poles[:, -1])
+    found = []
+    for k, (row, part) in enumerate(zip(rows, bound.sides, strict=False)):
+        direction, position = function.pieces[k // 2]
+        cell = list(function.cell)
+        cell[direction] = position + (1 if k % 2 else -1)
+        found.append(Side((cell[0], cell[1], cell[2]), surface.knots[1 - k // 2], row, part))
+    return found
+
+
+def prove_edge(
+    edge: ModelEdge,
+    function: CellFunction,
+    course: Course,
+    sides: Sequence[Side],
+    known: Known,
+) -> ModelEdge:
+    """Return the edge with a proved deviation, where one can be had; it is no exact one.
+
+    `sides` are those of proved faces: where the edge is one of them, it is proved with the face.
+    What is `known` of the equation's parts is used, and added to.
+    """
+    carrier = edge.carrier
+    if not isinstance(carrier, SplineCurve):
+        return edge
+    bound = next((s.bound for s in sides if s.carries(function.cell, carrier)), None)
+    try:
+        if bound is None:
+            bound = _bound_spline(*function.trees, carrier, (course,), known)
+    except BreaksNotAlignedError:
+        return replace(edge, sampled=edge.deviation, open=((0.0, 1.0),))
+    evidence, deviation = _judge(bound)
+    return replace(
+        edge, evidence=evidence, deviation=deviation, sampled=bound.sampled, open=bound.open
+    )
+
+
+def prove_face(
+    face: ModelFace,
+    functions: Sequence[CellFunction],
+    courses: Sequence[Course],
+    rounding: float,
+    known: Known,
+) -> tuple[ModelFace, list[Side]]:
+    """Return the face with a proved deviation, where one can be had; it is no exact one.
+
+    With it come its sides, as far as they are bounded. `functions` are those of the patches that it
+    covers, `courses` those along a spline's axes, and `rounding` is the length below which places
+    of the part cannot be told apart.
+    """
+    try:
+        if isinstance(face.carrier, Plane):
+            bounds = [_from_plane(function, face.carrier, rounding) for function in functions]
+        elif isinstance(face.carrier, SplineSurface):
+            bounds = [_bound_spline(*functions[0].trees, face.carrier, courses, known)]
+        else:
+            return face, []
+    except BreaksNotAlignedError:
+        return replace(face, sampled=face.deviation, open=((0.0, 1.0), (0.0, 1.0))), []
+    bound = max(bounds, key=lambda b: b.largest)
+    evidence, deviation = _judge(bound)
+    proved = replace(
+        face, evidence=evidence, deviation=deviation, sampled=bound.sampled,
+        samples=sum(b.samples for b in bounds), open=bound.open,
+    )  # fmt: skip
+    return proved, _sides_of(face, functions[0], bound)
+
+
+def bound_volume(
+    function: CellFunction, volume: SplineVolume, directions: Sequence[int]
+) -> Bound | None:
+    """Bound the distance of M from a trivariate spline, None where no way to is known.
+
+    `directions` are those of u, v, w (0, 1, 2) along the spline's axes.
+    """
+    trees, names = function.trees
+    along = [names[d] for d in directions]
+    ruled = next((k for k in range(3) if _is_bernstein(volume.axes[k], trees, along[k])), None)
+    try:
+        if ruled is None:
+            bound = _bound_slices(trees, along, volume)
+        else:
+            bound = _bound_ruled(trees, along, volume, ruled)
+    except BreaksNotAlignedError:
+        return None
+    if bound is None:
+        return None
+    # rounding of the sums of poles that slices and control surfaces are
+    size = float(np.sqrt((volume.poles**2).sum(axis=-1)).max())
+    terms = max(volume.degrees) + 4
+    return replace(bound, largest=bound.largest + 4 * terms * 2.0**-53 * size)
+
+
+def _bound_slices(
+    trees: tuple[Expr, ...], along: Sequence[str], volume: SplineVolume
+) -> Bound | None:
+    """Bound the distance from those of slices (see `enclosure.between`)."""
+    # slices as few as can be; the weights do not change from slice to slice
+    axis = min((k for k in range(3) if volume.axes[k].arcs is None),
+               key=lambda k: len(volume.axes[k].space.points))  # fmt: skip
+    others = [k for k in range(3) if k != axis]
+    courses = [volume.axes[k] for k in others]
+    names = [along[k] for k in others]
+    known, space = Known(), volume.axes[axis].space
+
+    def bound_at(place: float) -> Bound:
+        section = substitute(trees, {along[axis]: number(Fraction(place))})
+        shares = space.basis(np.array([place])).toarray()[0]
+        return _bound_spline(section, names, _combined(volume, axis, shares), courses, known)
+
+    first = max(bound_at(place).sampled for place in (0.0, 0.3, 0.6, 1.0))
+    rows = between(trees, along, volume.knots, volume.degrees, axis, _BETWEEN * first)
+    if rows is None:
+        return None
+    found = [bound_at(float(place)) for place in rows.places()]
+    largest = rows.largest(np.array([bound.largest for bound in found]))
+    return Bound(
+        largest, max(bound.sampled for bound in found), sum(bound.samples for bound in found)
+    )
+
+
+def _bound_ruled(
+    trees: tuple[Expr, ...], along: Sequence[str], volume: SplineVolume, ruled: int
+) -> Bound:
+    """Bound the distance where M and S are polynomials of one Bernstein basis B_k along an axis.
+
+    M - S = Σ B_k (C_k - S_k), and since the basis is positive and sums to 1, the distance is at
+    most the largest of those of the surfaces C_k, S_k.
+    """
+    others = [k for k in range(3) if k != ruled]
+    places = [
+        substitute(trees, {along[ruled]: number(Fraction(j, max(volume.degrees[ruled], 1)))})
+        for j in range(volume.degrees[ruled] + 1)
+    ]
+    known, bounds = Known(), []
+    for k, shares in enumerate(_to_bernstein(volume.degrees[ruled])):
+        control = tuple(
+            sum((c * row[i] for c, row in zip(shares, places, strict=True) if c), ZERO)
+            for i in range(3)
+        )
+        surface = _combined(volume, ruled, np.eye(volume.degrees[ruled] + 1)[k])
+        courses = [volume.axes[axis] for axis in others]
+        bounds.append(
+            _bound_spline(control, [along[axis] for axis in others], surface, courses, known)
+        )
+    return max(bounds, key=lambda bound: bound.largest)
+
+
+def _is_bernstein(axis: Course, trees: Sequence[Expr], name: str) -> bool:
+    """Say whether the spline's basis along an axis is one Bernstein basis, which holds M too."""
+    if axis.arcs is not None or len(axis.space.points) > 2:
+        return False
+    degree = degree_in(trees, name)
+    return degree is not None and degree <= axis.space.degree
+
+
+def _combined(volume: SplineVolume, axis: int, shares: Array) -> SplineSurface:
+    """Return the surface whose poles are a sum of a volume's along an axis, by shares."""
+    first, second = (k for k in range(3) if k != axis)
+    weights, poles = None, vectors(shares, np.moveaxis(volume.poles, axis, 0))
+    if volume.weights is not None:
+        weights = vectors(shares, np.moveaxis(volume.weights, axis, 0))
+        weighted = volume.poles * volume.weights[..., None]
+        poles = vectors(shares, np.moveaxis(weighted, axis, 0)) / weights[..., None]
+    return SplineSurface(
+        (volume.degrees[first], volume.degrees[second]),
+        (volume.knots[first], volume.knots[second]), poles, weights,
+    )  # fmt: skip
+
+
+def _to_bernstein(degree: int) -> list[list[Fraction]]:
+    """Return the shares of values at even places in each Bernstein coefficient, exactly."""
+    n = max(degree, 1)
+    table = [[Fraction(comb(degree, k)) * Fraction(j, n) ** k * Fraction(n - j, n) ** (degree - k)
+              for k in range(degree + 1)] for j in range(degree + 1)]  # fmt: skip
+    size = degree + 1
+    rows = [[*row, *(Fraction(int(i == j)) for j in range(size))] for i, row in enumerate(table)]
+    for i in range(size):
+        pivot = next(r for r in range(i, size) if rows[r][i])
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [x / rows[i][i] for x in rows[i]]
+        for r in range(size):
+            if r != i and rows[r][i]:
+                rows[r] = [x - rows[r][i] * y for x, y in zip(rows[r], rows[i], strict=True)]
+    return [row[size:] for row in rows]
+
+
+def _bound_spline(
+    trees: tuple[Expr, ...],
+    names: Sequence[str],
+    carrier: SplineCurve | SplineSurface,
+    courses: Sequence[Course],
+    known: Known,
+) -> Bound:
+    """Bound the distance of a function from its spline, rational ones included.
+
+    With the denominator W as a tree, ω as the spline of the weights and N = ω S, all over the
+    spline's parameters, |M - S| = |ω M - N|/ω is at most (|W M - N| + |M| |W - ω|) / (W - |W - ω|).
+    """
+    weight = ONE
+    lowest, amiss = 1.0, 0.0
+    for name, course in zip(names, courses, strict=True):
+        if course.arcs is None:
+            continue
+        trees = substitute(trees, {name: _path(course.arcs, symbol(name))})
+        if course.order:
+            factor = _denominator(course.arcs, symbol(name)) ** course.order
+            weight = weight * factor
+            lowest *= course.lowest * (1 - 1e-12)
+            space = course.space
+            poles = np.zeros((space.size, 3))
+            poles[:, 0] = course.weights
+            column = SplineCurve(space.degree, space.knots, poles)
+            gap = bound_curve((factor, ZERO, ZERO), name, column).largest
+            amiss = amiss + gap + amiss * gap
+    if weight is not ONE:
+        trees = tuple(weight * tree for tree in trees)
+    poles = carrier.poles if carrier.weights is None else _numerators(carrier)
+    numerator = replace(carrier, poles=poles, weights=None)
+    if isinstance(numerator, SplineCurve):
+        bound = bound_curve(trees, names[0], numerator, known)
+    else:
+        bound = bound_surface(trees, names, numerator, known=known)
+    if weight is ONE:
+        return bound
+    # rounding of the products of poles and weights, and of the places
+    size = float(np.sqrt((carrier.poles**2).sum(axis=-1)).max())
+    extra = (size + bound.largest) * (amiss + 1e-15)
+    return replace(bound, largest=(bound.largest + extra) / (lowest - amiss), sides=())
+
+
+def _numerators(carrier: SplineCurve | SplineSurface) -> Array:
+    assert carrier.weights is not None
+    return np.asarray(carrier.poles * carrier.weights[..., None])
+
+
+def _path(arcs: Arcs, x: Expr) -> Expr:
+    """Return the equation's own parameter as a tree of the spline's, x (see `Arcs.places`)."""
+    half = arcs.extent / arcs.count / 4
+    rows = [
+        (k + Fraction(1, 2) + call("atan", number(arcs.tangent) * y) * number(1 / (2 * half)))
+        / arcs.count
+        for k, y in enumerate(_within(arcs, x))
+    ]
+    return _joined(arcs, x, rows)
+
+
+def _denominator(arcs: Arcs, x: Expr) -> Expr:
+    """Return the denominator of order 1 as a tree (see `Arcs.weight`)."""
+    square = number(arcs.tangent) ** 2
+    return _joined(arcs, x, [(1 + square * y**2) / (1 + square) for y in _within(arcs, x)])
+
+
+def _within(arcs: Arcs, x: Expr) -> list[Expr]:
+    """Return the place on each arc, from -1 to 1."""
+    return [2 * (x * arcs.count - k) - 1 for k in range(arcs.count)]
+
+
+def _joined(arcs: Arcs, x: Expr, rows: list[Expr]) -> Expr:
+    breaks = tuple(Fraction(k, arcs.count) for k in range(arcs.count + 1))
+    return pieces(x, breaks, tuple((row,) for row in rows), 0, closed=False)
+
+
+def _judge(bound: Bound) -> tuple[Evidence, float]:
+    if np.isfinite(bound.largest):
+        return "bounded", bound.largest
+    return "sampled", bound.sampled
+
+
+def _from_plane(function: CellFunction, plane: Plane, rounding: float) -> Bound:
+    """Bound the distance of a patch from a plane: that of (n·(M - o), 0, 0) from zero."""
+    trees, names = function.trees
+    height: Expr = ZERO
+    for tree, origin, normal in zip(trees, plane.origin, plane.normal, strict=True):
+        height = height + number(float(normal)) * (tree - number(float(origin)))
+    flat = SplineSurface(
+        (_FLAT_DEGREE, _FLAT_DEGREE),
+        (bezier_knots(_FLAT_DEGREE), bezier_knots(_FLAT_DEGREE)),
+        np.zeros((_FLAT_DEGREE + 1, _FLAT_DEGREE + 1, 3)),
+    )
+    return bound_surface((height, ZERO, ZERO), names, flat, rounding)

@@ -1,0 +1,164 @@
+"""What carries each face, and which parameter each edge has to keep: decided before any fit.
+
+Each face may lie in a plane, on an analytic surface, or on a spline, which its neighbours have a
+say in: it stays on an analytic surface only if no edge of it has to be approximated. A plan is what
+all faces lie on; `settle` takes faces off their surfaces until that holds everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from pc2cad.checked import CheckedMap
+from pc2cad.domain.restrictions import CellFunction, DirectionClasses
+from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, Evidence, Plane, spline_traits
+from pc2cad.geometry.recognition.from_points import Fitted
+from pc2cad.geometry.recognition.from_separable_form import Laid
+from pc2cad.geometry.splines.spline_profile import SplineProfile
+from pc2cad.representation.face_carriers import laid_of, on_line, plane_of, simple_curve
+from pc2cad.representation.parametrisation import Courses, Strand
+from pc2cad.representation.trimming import axis_of
+from pc2cad.topology.cells import Cell, outward_sign
+from pc2cad.topology.complex import BoundaryComplex
+
+
+class Cells:
+    """The faces and edges of a map, and what each of them is by itself."""
+
+    def __init__(self, checked: CheckedMap, profile: SplineProfile) -> None:
+        analysis = checked.analysis
+        self.boundary: BoundaryComplex = analysis.complex
+        self.profile = profile
+        self.classes = DirectionClasses(analysis, profile.degrees)
+        self.faces = [
+            CellFunction(analysis, face.patch, profile.exact) for face in self.boundary.faces
+        ]
+        self.edges = [
+            CellFunction(analysis, edge.cell, profile.exact) for edge in self.boundary.edges
+        ]
+        self._sign = checked.orientation.sign
+        self._slack = analysis.scale.carrier_noise
+        self._simple: dict[int, CurveCarrier | None] = {}
+        self.planes: list[tuple[Plane, Evidence] | None] = [
+            plane_of(function, self.sign(function.cell), self._slack) for function in self.faces
+        ]
+
+    def sign(self, patch: Cell) -> int:
+        """Return +1 where M_s × M_t points out of the solid on a side, -1 where it points in."""
+        return outward_sign(patch) * self._sign
+
+    def simple(self, edge: int) -> CurveCarrier | None:
+        """Return the line or conic that an edge is, whatever its parameter, or None."""
+        if edge not in self._simple:
+            found = simple_curve(self.edges[edge], self._slack)
+            self._simple[edge] = found if found is not None and self._allows(found) else None
+        return self._simple[edge]
+
+    def lay(self, face: int) -> Laid | Fitted | None:
+        """Return a face on an analytic surface that the receiver takes, or None."""
+        if self.planes[face] is not None:
+            return None
+        laid = laid_of(self.faces[face], self._slack)
+        if laid is None:
+            return None
+        if isinstance(laid, Fitted):
+            return laid if self._allows(laid.carrier) else None
+        bases = [axis for axis in (0, 1) if laid.follows(axis)]
+        allowed = all(self._takes(Strand(self.faces[face], axis)) for axis in bases)
+        return laid if allowed else None
+
+    def _allows(self, carrier: CurveCarrier | AnalyticSurface) -> bool:
+        degree, rational = spline_traits(carrier)
+        return degree <= self.profile.exact and (self.profile.rational or not rational)
+
+    def _takes(self, strand: Strand) -> bool:
+        """Say whether the profile allows the exact form of a strand."""
+        if strand.wave is not None:
+            return self.profile.allows(strand.wave)
+        form = strand.function.form
+        return form is not None and form.order(strand.axis) <= self.profile.exact
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Which faces lie on analytic surfaces, and what follows from that."""
+
+    cells: Cells
+    #: of each face: on what analytic surface it lies; None in a plane or on a spline
+    laid: tuple[Laid | Fitted | None, ...] = field(repr=False)
+
+    def without(self, faces: frozenset[int]) -> Plan:
+        """Return the plan with some faces on no analytic surface any more."""
+        left = (None if i in faces else laid for i, laid in enumerate(self.laid))
+        return Plan(self.cells, tuple(left))
+
+    @cached_property
+    def bound(self) -> tuple[bool, ...]:
+        """Of each edge: whether a face at it asks for the equation's parameter along it."""
+        boundary = self.cells.boundary
+        uses = boundary.edge_uses()
+        return tuple(
+            any(
+                self._is_parametric(face, axis_of(boundary.faces[face].uses.index(use)))
+                for face, use in uses[edge]
+            )
+            for edge in range(len(self.cells.edges))
+        )
+
+    @cached_property
+    def courses(self) -> Courses:
+        """The courses of all that runs along the directions, without spaces of fits."""
+        return Courses(self.cells.classes, self._strands(), self.cells.profile)
+
+    @cached_property
+    def rough(self) -> frozenset[int]:
+        """The faces on analytic surfaces that have an edge which must be approximated."""
+        found: set[int] = set()
+        for edge, uses in self.cells.boundary.edge_uses().items():
+            laid = {face for face, _ in uses if self.laid[face] is not None}
+            if laid and not self._holds(edge):
+                found |= laid
+        return frozenset(found)
+
+    def _is_parametric(self, face: int, axis: int) -> bool:
+        """Say whether a face's own parameter along an axis is that of its carrier."""
+        if self.cells.planes[face] is not None:
+            return False
+        laid = self.laid[face]
+        return laid is None or laid.follows(axis)
+
+    def _holds(self, edge: int) -> bool:
+        """Say whether an edge is exact, or straight, or on a conic and free in its parameter."""
+        function, bound = self.cells.edges[edge], self.bound[edge]
+        return (
+            on_line(function)
+            or (not bound and self.cells.simple(edge) is not None)
+            or self.courses.exact(Strand(function, 0, bound)) is not None
+        )
+
+    def _strands(self) -> list[Strand]:
+        cells, uses = self.cells, self.cells.boundary.edge_uses()
+        edges = [
+            Strand(function, 0, self.bound[i], any(self.laid[face] for face, _ in uses[i]))
+            for i, function in enumerate(cells.edges)
+            if self.bound[i] or cells.simple(i) is None
+        ]
+        return edges + [
+            Strand(function, axis, laid=self.laid[face] is not None)
+            for face, function in enumerate(cells.faces)
+            for axis in (0, 1)
+            if self._is_parametric(face, axis)
+        ]
+
+
+def plan_of(cells: Cells) -> Plan:
+    """Return the plan with as many faces as can be on analytic surfaces."""
+    return settle(Plan(cells, tuple(cells.lay(face) for face in range(len(cells.faces)))))
+
+
+def settle(plan: Plan) -> Plan:
+    """Return the plan with as few faces less on analytic surfaces as its edges ask for."""
+    while plan.rough:
+        plan = plan.without(plan.rough)
+    return plan

@@ -1,0 +1,219 @@
+"""The faces cut into cells: what the global test looks at.
+
+Glued directions get equal numbers of cells, so that the cells of all faces make one closed mesh;
+nodes that edges, seams or poles join carry one number. The numbers of cells follow from second
+differences at uneven places, which see a wave of any length, and bound how far a face leaves the
+chords of its cells and how far it turns within one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pc2cad.arrays import Array, Integers
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.restrictions import CellFunction, DirectionClasses, Piece
+from pc2cad.expression.tree import walk
+from pc2cad.geometry.carriers import fit_plane
+from pc2cad.solidity.winding_number import ray_frame
+from pc2cad.topology.cells import outward_sign
+
+#: largest distance of a face from the chords of its cells, as a share of the part's size
+CHORD = 2e-3
+#: how far a face may turn along one cell (radians), where this many cells of a face do for it
+TURN, MOST_FOR_TURN = 0.5, 65536
+FEWEST, MOST = 4, 2048
+#: a step for second differences, and how many places they are taken at along a direction: of any
+#: map, and of a polynomial of low degree, which has no waves
+_STEP, _PLACES, _FEW_PLACES = 1e-3, 24, 7
+_LOW_DEGREE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A face cut into n × m cells at equal steps of its own parameters."""
+
+    function: CellFunction
+    #: points at the corners, at the middles of the edges and amid the cells, (2n+1, 2m+1, 3)
+    samples: Array
+    #: numbers of the corners, (n+1, m+1): one number, one place of the boundary
+    nodes: Integers
+    shell: int
+    #: it lies in a plane
+    flat: bool
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of cells along s and t."""
+        return self.nodes.shape[0] - 1, self.nodes.shape[1] - 1
+
+    def boxes(self, seed: int) -> tuple[Array, Array]:
+        """Return limits of each cell across the rays of a direction, (cells, 2) each."""
+        return self._boxes if seed == 0 else self._boxes_across(seed)
+
+    @cached_property
+    def _boxes(self) -> tuple[Array, Array]:
+        return self._boxes_across(0)
+
+    def _boxes_across(self, seed: int) -> tuple[Array, Array]:
+        corners = (self.cells().reshape(-1, 4, 3) @ ray_frame(seed))[..., :2]
+        return corners.min(axis=1), corners.max(axis=1)
+
+    def cells(self) -> Array:
+        """Return the corners of all cells, (cells, 2, 2, 3)."""
+        g = self.samples[::2, ::2]
+        pairs = np.stack((np.stack((g[:-1, :-1], g[:-1, 1:]), 2),
+                          np.stack((g[1:, :-1], g[1:, 1:]), 2)), 2)  # fmt: skip
+        return pairs.reshape(-1, 2, 2, 3)
+
+    def refined(self, chosen: Integers, count: int) -> Array:
+        """Return the corners of the count² parts of some cells, (cells·count², 2, 2, 3)."""
+        n, m = self.shape
+        inner = np.linspace(0.0, 1.0, count + 1)
+        s = ((chosen // m)[:, None, None] + inner[:, None]) / n
+        t = ((chosen % m)[:, None, None] + inner) / m
+        g = self.function.at(s, t)
+        pairs = np.stack((np.stack((g[:, :-1, :-1], g[:, :-1, 1:]), 3),
+                          np.stack((g[:, 1:, :-1], g[:, 1:, 1:]), 3)), 3)  # fmt: skip
+        return pairs.reshape(-1, 2, 2, 3)
+
+    def halves(self, cells: Array, sign: int) -> Array:
+        """Return two outward triangles per cell, (2·cells, 3, 3); `sign` is that of det J."""
+        a, b, c, d = cells[:, 0, 0], cells[:, 1, 0], cells[:, 1, 1], cells[:, 0, 1]
+        both = np.concatenate((np.stack((a, b, c), 1), np.stack((a, c, d), 1)))
+        return both[:, ::-1] if outward_sign(self.function.cell) * sign < 0 else both
+
+    @cached_property
+    def error(self) -> float:
+        """The largest distance of the middles of cells and edges from their chords."""
+        g = self.samples
+        corners = g[::2, ::2]
+        along = g[1::2, ::2] - (corners[:-1] + corners[1:]) / 2
+        across = g[::2, 1::2] - (corners[:, :-1] + corners[:, 1:]) / 2
+        amid = g[1::2, 1::2] - (corners[:-1, :-1] + corners[1:, 1:]) / 2
+        return max(float(np.sqrt((gap * gap).sum(axis=-1).max())) for gap in (along, across, amid))
+
+
+def cut(analysis: Analysis) -> tuple[Sheet, ...]:
+    """Cut all faces into cells."""
+    functions = [CellFunction(analysis, face.patch) for face in analysis.boundary.faces]
+    counts = _counts(analysis, functions)
+    numbers = _numbers(analysis, counts)
+    shell_of = {f: i for i, shell in enumerate(analysis.boundary.shells) for f in shell.faces}
+    sheets = []
+    for index, function in enumerate(functions):
+        s, t = (np.linspace(0, 1, 2 * counts[piece] + 1) for piece in function.pieces)
+        samples = function(s, t)
+        flat = fit_plane(samples.reshape(-1, 3), analysis.scale.same_point) is not None
+        sheets.append(Sheet(function, samples, numbers[index], shell_of[index], flat))
+    return tuple(sheets)
+
+
+def _counts(analysis: Analysis, functions: list[CellFunction]) -> dict[Piece, int]:
+    """Return the number of cells along each piece of a direction."""
+    classes = DirectionClasses(analysis, degrees=(1,))
+    pieces = [(d, p) for d in range(3) for p in range(1, 2 * len(analysis.bounds[d]) - 1, 2)]
+    wanted = dict.fromkeys(pieces, float(FEWEST))
+    twists = []
+    count = _FEW_PLACES if _is_plain(analysis) else _PLACES
+    for function in functions:
+        along_s, along_t, twist = _wanted(function, CHORD * analysis.size, count)
+        s, t = (classes.owner(piece) for piece in function.pieces)
+        wanted[s], wanted[t] = max(wanted[s], along_s), max(wanted[t], along_t)
+        twists.append((s, t, twist))
+    for s, t, twist in twists:
+        # a twisted face, whose parameter lines may be straight, needs more along both directions
+        short = max(1.0, twist / (wanted[s] * wanted[t]))
+        wanted[s], wanted[t] = (wanted[x] * short**0.5 for x in (s, t))
+    return {p: int(np.ceil(min(wanted[classes.owner(p)], MOST))) for p in pieces}
+
+
+def _is_plain(analysis: Analysis) -> bool:
+    """Say whether M is made of sums, products, quotients and low powers only."""
+    return all(
+        node.op in ("number", "constant", "symbol", "add", "mul", "neg", "div")
+        or (
+            node.op == "pow" and node.args[1].op == "number" and node.args[1].payload <= _LOW_DEGREE
+        )
+        for node in walk(analysis.map.coordinates)
+    )
+
+
+def _wanted(function: CellFunction, bound: float, count: int) -> tuple[float, float, float]:
+    """Return how many cells a face wants along s, along t, and as the product of both.
+
+    Only the offset across the face counts: uneven speed moves points within it.
+    """
+    k = np.arange(count)
+    # as far from even as places can be, and close to both ends
+    places = (k + 0.05 + 0.9 * np.modf((k + 1) * 0.6180339887498949)[0]) / count
+    places[[0, -1]] = _STEP, 1 - _STEP
+    nodes = (places[:, None] + _STEP * np.array([-1.0, 0.0, 1.0])).ravel()
+    g = function(nodes, nodes).reshape(count, 3, count, 3, 3)
+    along_s = (g[:, 2, :, 1] - g[:, 0, :, 1]) / (2 * _STEP)
+    along_t = (g[:, 1, :, 2] - g[:, 1, :, 0]) / (2 * _STEP)
+    normal = np.cross(along_s, along_t)
+    length = np.sqrt(np.einsum("...i,...i->...", normal, normal))
+    normal /= np.where(length > 0, length, 1.0)[..., None]
+    middle = g[:, 1, :, 1]
+    # what rounding leaves of second differences is no bow
+    noise = 8 * np.finfo(float).eps * float(np.abs(g).max()) / _STEP**2
+    ss, tt, st = (
+        np.where(np.abs(second) > noise * _STEP**2, second, 0.0) / _STEP**2
+        for second in (
+            (g[:, 0, :, 1] - 2 * middle + g[:, 2, :, 1]),
+            (g[:, 1, :, 0] - 2 * middle + g[:, 1, :, 2]),
+            (g[:, 0, :, 0] - g[:, 0, :, 2] - g[:, 2, :, 0] + g[:, 2, :, 2]) / 4,
+        )
+    )
+    bows = [float(np.abs(np.einsum("...i,...i->...", x, normal)).max()) for x in (ss, tt, st)]
+    n, m = (bows[0] / (8 * bound)) ** 0.5, (bows[1] / (8 * bound)) ** 0.5
+    if max(bows) > 0:
+        turns = (
+            max(_turns(ss, along_s), _turns(st, along_t)),
+            max(_turns(tt, along_t), _turns(st, along_s)),
+        )
+        ease = min(1.0, (MOST_FOR_TURN / (max(turns[0], FEWEST) * max(turns[1], FEWEST))) ** 0.5)
+        n, m = max(n, turns[0] * ease), max(m, turns[1] * ease)
+    return n, m, bows[2] / (4 * bound)
+
+
+def _turns(second: Array, tangents: Array) -> float:
+    """Return how many cells it takes so that tangents turn by no more than TURN in one."""
+    speed = np.einsum("...i,...i->...", tangents, tangents)
+    along = np.einsum("...i,...i->...", second, tangents)
+    # |a × b|² = |a|²|b|² - (a·b)²
+    square = np.einsum("...i,...i->...", second, second) * speed - along * along
+    turn = np.sqrt(np.maximum(square, 0.0))
+    moving = speed > 1e-18 * speed.max()
+    return float((turn[moving] / speed[moving]).max(initial=0.0)) / TURN
+
+
+def _numbers(analysis: Analysis, counts: dict[Piece, int]) -> list[Integers]:
+    """Return the numbers of each face's corners of cells, (n+1, m+1)."""
+    boundary = analysis.boundary
+    start = len(boundary.vertices)
+    rows = []
+    for edge in boundary.edges:
+        ((d, position),) = [(d, p) for d, p in enumerate(edge.cell) if p % 2]
+        inner = counts[d, position] - 1
+        rows.append(np.array([edge.start, *range(start, start + inner), edge.end]))
+        start += inner
+    result: list[Integers] = []
+    for face in boundary.faces:
+        n, m = (counts[d, p] for d, p in enumerate(face.patch) if p % 2)
+        numbers = np.arange(start, start + (n + 1) * (m + 1)).reshape(n + 1, m + 1)
+        start += numbers.size
+        sides = (numbers[:, 0], numbers[-1], numbers[:, -1], numbers[0])
+        for row, use, anticlockwise in zip(
+            sides, face.uses, (True, True, False, False), strict=True
+        ):
+            if use.edge is None:
+                row[...] = use.vertex
+            else:
+                row[...] = rows[use.edge] if use.forward == anticlockwise else rows[use.edge][::-1]
+        result.append(numbers)
+    return result

@@ -1,0 +1,318 @@
+"""The global test: does the map cover any place of space more than once.
+
+det J of one sign does not exclude that distant parts overlap, and no volume shows it (spec 4.2).
+Two things together do: the boundary nowhere meets itself (see `contact`), and it winds exactly
+once about images M(u,v,w) of inner points, once outside for each void. Where the first holds, the
+winding number can change only from shell to shell, so that images throughout the box and the
+nesting of the shells decide the second. The boundary is meshed coarsely; where that contradicts,
+the few cells that the ray meets are refined before it is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.domain.analysis import Analysis, analyse
+from pc2cad.domain.map import open_grid
+from pc2cad.errors import NotASolidError
+from pc2cad.expression.normal_form import split_turns
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
+from pc2cad.solidity.continuity import check_continuous
+from pc2cad.solidity.face_mesh import Sheet, cut
+from pc2cad.solidity.self_intersection import Contact, find_contact
+from pc2cad.solidity.winding_number import ray_frame, winding_numbers
+
+#: subdivisions of a contradicting cell before the contradiction is believed, and points at a time
+REFINEMENTS = ((4, 60), (16, 12), (64, 2))
+#: contradicting images that are looked into
+MOST_DOUBTS = 12
+#: halvings in the search for the valid part of a domain, and the largest mesh it is tried on
+SHORTENINGS, LARGEST_TRIED = 7, 4000
+#: what counts as touching in that search, as a share of the part's size
+ROUGHLY = 1e-4
+
+
+class OverlappingMapError(NotASolidError):
+    """Different parameters give the same inner point: the solid covers itself."""
+
+
+class ShellsNotNestedError(NotASolidError):
+    """The shells are not one outer shell with voids inside it."""
+
+
+@dataclass(frozen=True)
+class Injectivity:
+    """How the global test was done."""
+
+    #: inner images about which the boundary winds once
+    images: int
+    #: parts of the boundary that are further apart than this were told from touching (model units)
+    apart: float
+    #: index of the outer shell in the boundary complex
+    outer_shell: int
+
+
+def check_injective(analysis: Analysis, sign: int) -> Injectivity:
+    """Return how injectivity was checked; raise a NotASolidError where it fails.
+
+    `sign` is that of det J: it says on which side of the boundary the image is.
+    """
+    sheets = cut(analysis)
+    check_continuous(analysis, sheets)
+    found = find_contact(analysis, sheets)
+    if isinstance(found, Contact):
+        raise OverlappingMapError(_met(analysis, sheets, found))
+    mesh = _Mesh(sheets, sign)
+    images = _check_images(analysis, mesh)
+    return Injectivity(images, found, _outer_shell(analysis, mesh))
+
+
+def _check_images(analysis: Analysis, mesh: _Mesh) -> int:
+    """Return the number of images about which the boundary winds once; raise at any other."""
+    nodes = [_inner_nodes(mesh.sheets, d) for d in range(3)]
+    images = analysis.map.points(*open_grid(*nodes))
+    flat = images.reshape(-1, 3)
+    doubtful = np.flatnonzero(winding_numbers(flat, mesh.triangles) != 1)
+    # a wall thinner than the mesh is good for makes every image doubtful: look into some
+    some = doubtful[:: -(-len(doubtful) // MOST_DOUBTS) or 1]
+    wrong = mesh.first_contradiction(flat[some], 1)
+    if wrong is not None:
+        index = int(some[wrong[0]])
+        where = np.unravel_index(index, images.shape[:3])
+        place = [float(row[i]) for row, i in zip(nodes, where, strict=True)]
+        _refuse(analysis, place, flat[index], wrong[1])
+    return len(flat) - len(doubtful) + len(some)
+
+
+def _inner_nodes(sheets: Sequence[Sheet], direction: int) -> Array:
+    """Return local coordinates of images: as many as the faces' cells ask for."""
+    cells = [
+        sheet.shape[axis]
+        for sheet in sheets
+        for axis, piece in enumerate(sheet.function.pieces)
+        if piece[0] == direction
+    ]
+    count = int(np.clip(max(cells, default=0) // 4, 5, 24))
+    return (np.arange(count) + 0.5) / count
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """A closed mesh of the boundary that can be refined where a ray meets it."""
+
+    sheets: Sequence[Sheet]
+    #: of det J
+    sign: int
+
+    @cached_property
+    def triangles(self) -> Array:
+        return np.concatenate([sheet.halves(sheet.cells(), self.sign) for sheet in self.sheets])
+
+    @cached_property
+    def error(self) -> float:
+        """Largest distance seen between the mesh and the faces."""
+        return max(sheet.error for sheet in self.sheets)
+
+    def first_contradiction(self, points: Array, expected: int) -> tuple[int, int] | None:
+        """Return the first point whose winding number is not as expected, and that number.
+
+        A ray that runs along an edge of the mesh crosses neither of its triangles, so that rays of
+        a second direction have to agree.
+        """
+        first = self._contradiction(points, expected, seed=0)
+        if first is None:
+            return None
+        again = self._contradiction(points[first[0] :], expected, seed=1)
+        return None if again is None else (first[0] + again[0], again[1])
+
+    def _contradiction(
+        self, points: Array, expected: int, seed: int, level: int = 0
+    ) -> tuple[int, int] | None:
+        """Return the first contradiction of rays of one direction.
+
+        The cells that its ray may meet are refined, level by level, before that is believed; the
+        finer the level, the fewer points at a time.
+        """
+        count, batch = REFINEMENTS[level]
+        for start in range(0, len(points), batch):
+            part = points[start : start + batch]
+            numbers = winding_numbers(part, self._local(part, count, seed), seed)
+            left = np.flatnonzero(numbers != expected)
+            if len(left) == 0:
+                continue
+            if level + 1 == len(REFINEMENTS):
+                return start + int(left[0]), int(numbers[left[0]])
+            deeper = self._contradiction(part[left], expected, seed, level + 1)
+            if deeper is not None:
+                return start + int(left[deeper[0]]), deeper[1]
+        return None
+
+    def _local(self, points: Array, count: int, seed: int) -> Array:
+        """Return triangles of the refined cells that lie near the points' rays."""
+        places = (points @ ray_frame(seed))[:, :2]
+        result = []
+        for sheet in self.sheets:
+            low, high = sheet.boxes(seed)
+            # a face may leave the box of its corners: by the mesh's error, or within itself
+            pad = 2 * self.error + 0.25 * (high - low)
+            low, high = low - pad, high + pad
+            met = np.zeros(len(low), dtype=bool)
+            for x, y in places:
+                met |= (low[:, 0] <= x) & (x <= high[:, 0]) & (low[:, 1] <= y) & (y <= high[:, 1])
+            chosen = np.flatnonzero(met)
+            if len(chosen):
+                result.append(sheet.halves(sheet.refined(chosen, count), self.sign))
+        return np.concatenate(result) if result else np.empty((0, 3, 3))
+
+
+def _met(analysis: Analysis, sheets: Sequence[Sheet], contact: Contact) -> str:
+    """Say where the boundary meets itself, and what would mend it."""
+    places = [
+        sheets[face].function.shown(*local)
+        for face, local in zip(contact.faces, contact.places, strict=True)
+    ]
+    point = ", ".join(f"{x:.6g}" for x in contact.point)
+    first, second = (sheets[face] for face in contact.faces)
+    return (
+        f"the map covers itself, or touches: {places[0]} and {places[1]} both lie at ({point}); "
+        f"{_missed_seam(analysis, first, second) or _advice(analysis)}"
+    )
+
+
+def _missed_seam(analysis: Analysis, one: Sheet, other: Sheet) -> str:
+    """Say what two ends of one parameter lack to be a seam, where they nearly are one."""
+    first, second = one.function, other.function
+    apart = [d for d in range(3) if first.cell[d] != second.cell[d]]
+    if len(apart) != 1 or {first.cell[apart[0]], second.cell[apart[0]]} != {
+        0, 2 * len(analysis.bounds[apart[0]]) - 2,
+    }:  # fmt: skip
+        return ""
+    nodes = np.linspace(0.0, 1.0, 17)
+    gap = np.linalg.norm(first(nodes, nodes) - second(nodes, nodes), axis=-1)
+    if gap.max() > 0.25 * analysis.size:
+        return ""
+    names = [analysis.boundary.name(function.cell) for function in (first, second)]
+    return (
+        f"the sides {' and '.join(names)} nearly close, {gap.min():.3g} to {gap.max():.3g} apart "
+        f"at equal parameters: if they are to be one seam, {PARAMETERS[apart[0]]} has to end where "
+        "it began, after a whole period (of a wave: a whole number of them)"
+    )
+
+
+def _refuse(analysis: Analysis, place: list[float], point: Array, number: int) -> None:
+    shown = analysis.map.shown(place)
+    kind = "lies outside its own boundary" if number == 0 else f"is covered {abs(number)} times"
+    raise OverlappingMapError(
+        f"the map covers itself: the image ({', '.join(f'{x:.6g}' for x in point)}) of {shown} "
+        f"{kind} (winding number {number}); {_advice(analysis)}"
+    )
+
+
+def _advice(analysis: Analysis) -> str:
+    """Say what would mend an overlap: the period where a direction runs beyond it."""
+    for d, name in enumerate(PARAMETERS):
+        low, high = analysis.equation.limits[d]
+        period = _period(analysis, d)
+        if period is not None and period < 1 - 1e-9:
+            return (
+                f"M repeats itself in {name} with the period {period * (high - low):.6g}: shorten "
+                f"the domain of {name} to [{low:g}, {low + period * (high - low):.6g}] at most"
+            )
+    shorter = [text for d in (2, 1, 0) if (text := _shorter(analysis, d))]
+    general = "a larger pitch or distance between strands"
+    if shorter:
+        return f"it does not for {' or for '.join(shorter)}; {general} may do as well"
+    return f"a thinner wall or smaller section, {general}, or a shorter domain would part them"
+
+
+def _shorter(analysis: Analysis, direction: int) -> str:
+    """Say how far a parameter can run before the boundary meets itself, where that mends it."""
+    if sum(sheet.nodes.size for sheet in cut(analysis)) > LARGEST_TRIED:
+        return ""
+    name, (low, high) = PARAMETERS[direction], analysis.equation.domain[direction]
+    for upper in (True, False):
+        if not _holds(analysis, direction, Fraction(1, 2), upper):
+            continue
+        reach, step = Fraction(1, 2), Fraction(1, 4)
+        for _ in range(SHORTENINGS):
+            if _holds(analysis, direction, reach + step, upper):
+                reach += step
+            step /= 2
+        share = float(reach if upper else 1 - reach)
+        limit = evaluate(low, {}) + share * (evaluate(high, {}) - evaluate(low, {}))
+        return f"{name} {'up to' if upper else 'from'} about {limit:.3g}"
+    return ""
+
+
+def _holds(analysis: Analysis, direction: int, share: Fraction, upper: bool) -> bool:
+    """Say whether the boundary of a part of the box, a share of one direction, meets itself not."""
+    equation = analysis.equation
+    domain = list(equation.domain)
+    low, high = domain[direction]
+    kept = number(share) * (high - low)
+    domain[direction] = (low, low + kept) if upper else (high - kept, high)
+    try:
+        part = analyse(replace(equation, domain=(domain[0], domain[1], domain[2])))
+        return not isinstance(find_contact(part, cut(part), ROUGHLY), Contact)
+    except NotASolidError:
+        return False
+
+
+def _period(analysis: Analysis, direction: int) -> float | None:
+    """Return the period of M in one direction (of length 1), where one is found."""
+    name = PARAMETERS[direction]
+    found: list[float] = []
+    for node in walk(analysis.map.coordinates):
+        if node.op in ("sin", "cos") and name in node.symbols:
+            step = _turn_rate(node.args[0], name)
+            if step:
+                found.append(2 / step)
+    for period in sorted(found, reverse=True):
+        grid = [np.linspace(0.05, 0.95, 5)] * 3
+        here = analysis.map.points(*open_grid(*grid))
+        grid[direction] = grid[direction] + period
+        if np.abs(analysis.map.points(*open_grid(*grid)) - here).max() <= 1e-9 * analysis.size:
+            return period
+    return None
+
+
+def _turn_rate(argument: Expr, name: str) -> float:
+    """Return r where the argument grows by r·pi per unit of the symbol (0 where it does not)."""
+    (shifted,) = substitute((argument,), {name: symbol(name) + 1})
+    turns, rest = split_turns(shifted - argument)
+    return abs(float(turns)) if not rest.symbols and rest.op == "number" else 0.0
+
+
+def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
+    """Return the one shell of positive volume; the others have to be voids inside it."""
+    count = len(analysis.boundary.shells)
+    if count == 1:
+        return 0
+    parts = [
+        np.concatenate([s.halves(s.cells(), mesh.sign) for s in mesh.sheets if s.shell == i])
+        for i in range(count)
+    ]
+    centre = mesh.triangles.mean(axis=(0, 1))
+    volumes = [float(np.linalg.det(part - centre).sum()) for part in parts]
+    outer = [i for i, volume in enumerate(volumes) if volume > 0]
+    if len(outer) != 1:
+        raise ShellsNotNestedError(
+            f"{len(outer)} of {count} shells enclose material; one solid has one outer shell and "
+            "otherwise voids"
+        )
+    hull = _Mesh([s for s in mesh.sheets if s.shell == outer[0]], mesh.sign)
+    for i, part in enumerate(parts):
+        places = part[:: max(1, len(part) // 50), 0]
+        if i != outer[0]:
+            doubtful = places[winding_numbers(places, hull.triangles) != 1]
+            if hull.first_contradiction(doubtful, 1) is not None:
+                raise ShellsNotNestedError("a void is not inside the outer shell")
+    return outer[0]

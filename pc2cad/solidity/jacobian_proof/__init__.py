@@ -1,0 +1,17 @@
+"""Proof that det J keeps one sign: from factors, Bernstein coefficients, products, enclosures."""
+
+from pc2cad.domain.map import Mapping3
+from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
+from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
+from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
+from pc2cad.solidity.jacobian_proof.separable import sign_from_products
+
+
+def proved_sign(mapping: Mapping3) -> int:
+    """Return the sign of det J where it is proved to be one inside the box, else 0."""
+    return (
+        sign_from_factors(mapping)
+        or sign_from_coefficients(mapping)
+        or sign_from_products(mapping)
+        or sign_from_enclosures(mapping)
+    )

@@ -1,0 +1,412 @@
+"""Proof that det J keeps one sign, from interval enclosures of its columns (spec 4.5).
+
+A matrix of intervals holds no singular matrix when it is near enough to its middle: with B the
+inverse of the middle, |1 - B·J| as a bound has a spectral radius below 1 (Rump's test). Boxes where
+this fails are split, along the direction that is to blame, until a stated effort is spent.
+
+On a side that collapses, a tangent vanishes and det J with it. Such a factor is positive inside and
+is divided out: where M_j vanishes to the order k at p = 0, M_j/p^k lies in the range of its k-th
+derivative over k!, taken from the side to the far end of the box. That it vanishes is proved from
+the trees.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+
+from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.domain.map import Mapping3, open_grid
+from pc2cad.expression.breaks import find_breaks, resolve_pieces
+from pc2cad.expression.centred import Centred, CentredProgram
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.intervals import ULP, Interval
+from pc2cad.expression.normal_form import is_identically_zero
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import (
+    ONE,
+    ZERO,
+    Expr,
+    ValueDomainError,
+    number,
+    substitute,
+    symbol,
+    walk,
+)
+from pc2cad.solidity.jacobian_proof.determinant import determinant
+
+#: a direction and the end of it (0 or 1): one side of the box
+_Side = tuple[int, int]
+_Sides = tuple[_Side, ...]
+
+#: operations on one box at which the proof is given up: some tenths of a second
+MOST_OPERATIONS = 4e7
+#: boxes looked at together
+MOST_BOXES = 20_000
+#: parts per direction at the start, and the largest split of one
+MOST_PARTS = 4
+#: parts into which a box is split per unit of the blame that a direction has
+SPLIT = 2.0
+#: places per direction where J is sampled, and how many boxes take up its change between two
+PLACES = 13
+SAFETY = 3.0
+#: boxes of the first round
+MOST_FIRST = 4000
+#: J of unit columns is given up where its inverse has entries beyond this
+SINGULAR = 1e8
+#: highest order of a zero on a side
+HIGHEST_ORDER = 9
+#: a derivative this small on a side, against its size inside, is worth a proof that it vanishes
+SUSPECT = 1e-10
+
+
+def sign_from_enclosures(mapping: Mapping3) -> int:
+    """Return the sign of det J where it is proved to be one inside the box, else 0.
+
+    A map with creases, or with pieces that are functions, is taken cell by cell.
+    """
+    signs: set[int] = set()
+    cells = list(_cells(mapping))
+    for cell in cells:
+        signs.add(_sign_in_cell(cell, MOST_OPERATIONS / len(cells)))
+        if len(signs) > 1 or 0 in signs:
+            return 0
+    return signs.pop()
+
+
+def _cells(mapping: Mapping3) -> Iterator[Mapping3]:
+    """Yield the map between its creases, each part over a unit box of its own."""
+    moving = any(
+        coefficient.symbols
+        for node in walk(mapping.coordinates)
+        if node.op == "pieces"
+        for coefficient in node.args[1:]
+    )
+    axes = [
+        [0.0, *(b.position for b in row if (moving or b.smoothness < 1) and 0 < b.position < 1), 1]
+        for row in find_breaks(mapping.coordinates)
+    ]
+    if all(len(axis) == 2 for axis in axes):
+        yield mapping
+        return
+    for spans in product(*(pairwise(axis) for axis in axes)):
+        change = {
+            name: number(low) + number(high - low) * symbol(name)
+            for name, (low, high) in zip(PARAMETERS, spans, strict=True)
+        }
+        x, y, z = resolve_pieces(substitute(mapping.coordinates, change))
+        yield Mapping3((x, y, z), mapping.parameters)
+
+
+def _sign_in_cell(mapping: Mapping3, effort: float) -> int:
+    # where the tangents are parallel on a side, det J as a whole may still have a factor
+    for matrix in (mapping.derivatives, ((determinant(mapping.derivatives),),)):
+        columns = _columns(matrix)
+        counts = columns and columns.counts()
+        if columns and counts:
+            return _sign_in_boxes(columns, _first_boxes(mapping, counts), effort)
+    return 0
+
+
+def _sign_in_boxes(columns: _Columns, boxes: tuple[Array, Array], effort: float) -> int:
+    low, high = boxes
+    signs: set[int] = set()
+    while len(low) and len(signs) < 2:
+        if columns.spent > effort or len(low) > MOST_BOXES:
+            return 0
+        regular, blame, sign = columns.test(low, high)
+        signs |= set(sign[regular])
+        low, high = _split(low[~regular], high[~regular], blame[~regular])
+    return signs.pop() if len(signs) == 1 else 0
+
+
+def _first_boxes(mapping: Mapping3, counts: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return boxes, so many per direction and bounded by its breaks: their corners (n, 3)."""
+    axes = []
+    for row, count in zip(find_breaks(mapping.coordinates), counts, strict=True):
+        inner = [b.position for b in row if 0 < b.position < 1]
+        even = [x for x in np.arange(1, count) / count if not any(abs(x - y) < 1e-3 for y in inner)]
+        axes.append(np.array(sorted([0.0, *inner, *even, 1.0])))
+    low, high = (
+        np.stack(np.meshgrid(*corners, indexing="ij"), axis=-1).reshape(-1, 3)
+        for corners in ([a[:-1] for a in axes], [a[1:] for a in axes])
+    )
+    return low, high
+
+
+def _split(low: Array, high: Array, blame: Array) -> tuple[Array, Array]:
+    """Split boxes (n, 3) where the blame is."""
+    wanted = np.clip(np.ceil(blame * SPLIT), 1, MOST_PARTS)
+    worst = blame.argmax(axis=1)
+    rows = np.arange(len(low))
+    # what is not to blame at all is left whole
+    wanted[blame < blame.max(axis=1, keepdims=True) / 4] = 1
+    wanted[rows, worst] = np.maximum(wanted[rows, worst], 2)
+    for d in range(3):
+        parts = wanted[:, d].astype(int)
+        index = np.repeat(np.arange(len(low)), parts)
+        place = np.concatenate([np.arange(n) for n in parts]) if len(parts) else parts
+        start, end, count = low[index, d], high[index, d], parts[index]
+        low, high, wanted = low[index], high[index], wanted[index]
+        # neighbours share their limit to the last bit
+        low[:, d] = np.where(place == 0, start, start + (end - start) * (place / count))
+        last = place + 1 == count
+        high[:, d] = np.where(last, end, start + (end - start) * ((place + 1) / count))
+    return low, high
+
+
+class _Columns:
+    """A matrix of trees (3×3 or 1×1), the factors divided out that vanish on sides of the box."""
+
+    def __init__(
+        self, matrix: tuple[tuple[Expr, ...], ...], orders: list[dict[_Side, int]]
+    ) -> None:
+        self._matrix = matrix
+        self._width = len(matrix)
+        self._orders = orders
+        self._programs: dict[tuple[tuple[int, ...], _Sides], CentredProgram] = {}
+        self._sides = sorted({side for row in orders for side in row})
+        self.spent = 0.0
+
+    def test(self, low: Array, high: Array) -> tuple[Booleans, Array, Integers]:
+        """Return where J is proved regular (n), what stops it per direction (n, 3), its sign (n).
+
+        J lies in centre + Σ slope_d·reach_d; with B near the inverse of the centre, B·J is near 1.
+        """
+        centre, slopes, reach = self._enclose(low, high)
+        with np.errstate(all="ignore"):
+            middle = centre.middle
+            inverse, sign = _inverse(middle)
+            size = np.abs(inverse)
+            bound = np.abs(inverse @ middle - np.eye(self._width))
+            bound += size @ _half(centre) + 16 * ULP * (size @ np.abs(middle) + 1)
+            changes = []
+            for d in range(3):
+                slope = slopes[d]
+                change = np.abs(inverse @ slope.middle) + size @ _half(slope)
+                change += 16 * ULP * (size @ np.abs(slope.middle))
+                changes.append(change * (1 + 16 * ULP) * reach[:, None, :, d])
+                bound += changes[d]
+            bound *= 1 + 64 * ULP
+            weights = _weights(bound)
+            radius = _quotient(bound, weights) * (1 + 64 * ULP)
+            regular = np.isfinite(bound).all(axis=(1, 2)) & (radius < 1)
+            blame = np.stack([_quotient(change, weights) for change in changes], axis=1)
+        unknown = ~np.isfinite(blame).all(axis=1)
+        shape = high - low
+        blame[unknown] = shape[unknown] / np.maximum(shape[unknown].max(axis=1), 1e-300)[:, None]
+        return regular & (sign != 0), blame, sign
+
+    def counts(self) -> tuple[int, ...] | None:
+        """Return how many boxes per direction J's changes ask for; None where it is singular.
+
+        J is only sampled here: where it is singular on the boundary, no effort would prove it.
+        """
+        axis = np.linspace(0.0, 1.0, PLACES)
+        places = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+        matrix = np.empty((len(places), self._width, self._width))
+        for rows, columns, sides in self._grouped(places, places):
+            program = Program(self._trees(columns, sides))
+            values = program({name: places[rows, d] for d, name in enumerate(PARAMETERS)})
+            for (j, i), value in zip(product(columns, range(self._width)), values, strict=True):
+                matrix[rows, i, j] = value
+        with np.errstate(all="ignore"):
+            size = np.sqrt((matrix**2).sum(axis=1, keepdims=True))
+            matrix /= size if self._width > 1 else np.median(size)
+            inverse, sign = _inverse(matrix)
+            largest = np.abs(inverse).max(axis=(1, 2))
+        regular = np.isfinite(largest).all() and largest.max() < SINGULAR
+        if not regular or abs(sign.sum()) < len(sign):
+            return None
+        grid = (PLACES,) * 3 + matrix.shape[1:]
+        matrix, inverse = matrix.reshape(grid), inverse.reshape(grid)
+        counts = []
+        for d in range(3):
+            step = np.diff(matrix, axis=d)
+            change = np.take(inverse, range(PLACES - 1), axis=d) @ step
+            size = np.sqrt((change**2).sum(axis=(-1, -2)))
+            counts.append(float(np.quantile(size, 0.8)) * (PLACES - 1) * SAFETY)
+        shrink = min(1.0, (MOST_FIRST / np.prod(np.maximum(counts, 1.0))) ** (1 / 3))
+        return tuple(max(1, math.ceil(shrink * count)) for count in counts)
+
+    def _enclose(self, low: Array, high: Array) -> tuple[Interval, list[Interval], Array]:
+        """Return the reduced J at centres, its slopes and the reach of the boxes they hold for.
+
+        J and its slopes in u, v and w are (n, coordinates, columns); each column has a box of its
+        own, and the reach from its centre is (n, columns, 3 directions).
+        """
+        shape = (len(low), self._width, self._width)
+        centre = Interval(np.empty(shape), np.empty(shape))
+        slopes = [Interval(np.zeros(shape), np.zeros(shape)) for _ in range(3)]
+        reach = np.empty((len(low), self._width, 3))
+        for rows, columns, sides in self._grouped(low, high):
+            a, b = low[rows], high[rows]
+            for d, end in sides:
+                (b if end else a)[:, d] = float(end)
+            middle = a / 2 + b / 2
+            reach[rows[:, None], columns] = np.maximum(middle - a, b - middle)[:, None] * (
+                1 + 4 * ULP
+            )
+            found = self._program(columns, sides)(
+                {name: Interval(a[:, d], b[:, d]) for d, name in enumerate(PARAMETERS)}
+            )
+            self.spent += self._program(columns, sides).size * len(rows)
+            for (j, i), entry in zip(product(columns, range(self._width)), found, strict=True):
+                steady = _without_unknown_slopes(entry)
+                _put(centre, (rows, i, j), steady.centre)
+                for d, name in enumerate(PARAMETERS):
+                    if name in steady.slopes:
+                        _put(slopes[d], (rows, i, j), steady.slopes[name])
+        return centre, slopes, reach
+
+    def _grouped(
+        self, low: Array, high: Array
+    ) -> Iterator[tuple[Integers, tuple[int, ...], _Sides]]:
+        """Yield boxes and columns together with the sides whose factors derivatives take out."""
+        patterns, group = np.unique(self._near(low, high), axis=0, return_inverse=True)
+        for index, pattern in enumerate(patterns):
+            rows = np.flatnonzero(group.ravel() == index)
+            close = [side for side, flag in zip(self._sides, pattern, strict=True) if flag]
+            taken = [tuple(s for s in close if s in self._orders[j]) for j in range(self._width)]
+            for sides in sorted(set(taken)):
+                yield rows, tuple(j for j in range(self._width) if taken[j] == sides), sides
+
+    def _near(self, low: Array, high: Array) -> Booleans:
+        """Say which boxes are so near to which sides that a quotient says less than a slope."""
+        near = np.zeros((len(low), len(self._sides)), dtype=bool)
+        for k, (d, end) in enumerate(self._sides):
+            width = high[:, d] - low[:, d]
+            near[:, k] = (1 - high[:, d] if end else low[:, d]) <= width
+            if end and (d, 0) in self._sides:
+                near[:, k] &= ~near[:, self._sides.index((d, 0))]
+        return near
+
+    def _program(self, columns: tuple[int, ...], sides: _Sides) -> CentredProgram:
+        if (columns, sides) not in self._programs:
+            self._programs[columns, sides] = CentredProgram(self._trees(columns, sides))
+        return self._programs[columns, sides]
+
+    def _trees(self, columns: tuple[int, ...], sides: _Sides) -> tuple[Expr, ...]:
+        return tuple(tree for j in columns for tree in self._reduced(j, sides))
+
+    def _reduced(self, j: int, sides: _Sides) -> tuple[Expr, ...]:
+        """Return M_j without its factors: of some sides by derivatives, of the others divided."""
+        trees: tuple[Expr, ...] = self._matrix[j]
+        divisor: Expr = ONE
+        for (d, end), order in self._orders[j].items():
+            if (d, end) in sides:
+                for _ in range(order):
+                    trees = derivatives(trees, PARAMETERS[d])
+                divisor = divisor * ((-1) ** (order * end) * math.factorial(order))
+            else:
+                t = symbol(PARAMETERS[d])
+                divisor = divisor * (1 - t if end else t) ** order
+        return tuple(tree / divisor for tree in trees)
+
+
+def _without_unknown_slopes(entry: Centred) -> Centred:
+    """Return the values themselves as centres where a slope is not known: at jumps."""
+    unknown = np.zeros(len(entry.value.lower), dtype=bool)
+    for slope in entry.slopes.values():
+        unknown |= ~(np.isfinite(slope.lower) & np.isfinite(slope.upper))
+    if not unknown.any():
+        return entry
+    slopes = {
+        name: Interval(np.where(unknown, 0.0, s.lower), np.where(unknown, 0.0, s.upper))
+        for name, s in entry.slopes.items()
+    }
+    centre = Interval(
+        np.where(unknown, entry.value.lower, entry.centre.lower),
+        np.where(unknown, entry.value.upper, entry.centre.upper),
+    )
+    return Centred(entry.value, centre, slopes)
+
+
+def _put(target: Interval, where: tuple[Any, ...], value: Interval) -> None:
+    target.lower[where], target.upper[where] = value.lower, value.upper
+
+
+def _half(x: Interval) -> Array:
+    """Return how far an interval reaches from its middle."""
+    return np.asarray(np.maximum(x.upper - x.middle, x.middle - x.lower) * (1 + 4 * ULP))
+
+
+def _columns(matrix: tuple[tuple[Expr, ...], ...]) -> _Columns | None:
+    """Return columns with the orders of their zeros on sides, None where one is not proved."""
+    orders: list[dict[_Side, int]] = []
+    for trees in matrix:
+        found: dict[_Side, int] = {}
+        for d in range(3):
+            for end in (0, 1):
+                order = _order(trees, d, end)
+                if order is None:
+                    return None
+                if order:
+                    found[d, end] = order
+        orders.append(found)
+    return _Columns(matrix, orders)
+
+
+def _order(trees: tuple[Expr, ...], d: int, end: int) -> int | None:
+    """Return the order of the zero of a tangent on a side; None where it is only suspected."""
+    for order in range(HIGHEST_ORDER + 1):
+        program = Program(trees)
+        inner = np.array([0.1732, 0.4142, 0.7071, 0.8541])
+        axes = [inner] * 3
+        size = _largest(program, axes)
+        axes[d] = np.array([float(end)])
+        here = _largest(program, axes)
+        if not math.isfinite(here):
+            return None
+        if here > SUSPECT * size or not size:
+            return order
+        try:
+            at_side = substitute(trees, {PARAMETERS[d]: ONE if end else ZERO})
+        except ValueDomainError:
+            return None
+        if not all(is_identically_zero(tree) for tree in at_side):
+            return None
+        trees = derivatives(trees, PARAMETERS[d])
+    return None
+
+
+def _largest(program: Program, axes: Iterable[Array]) -> float:
+    values = program(dict(zip(PARAMETERS, open_grid(*axes), strict=True)))
+    return max(float(np.max(np.abs(value))) for value in values)
+
+
+def _inverse(matrix: Array) -> tuple[Array, Integers]:
+    """Return the inverses of matrices (n, m, m) and the sign of their determinants, 0 if unsure."""
+    if matrix.shape[-1] == 1:
+        return 1 / matrix, np.sign(matrix[:, 0, 0]).astype(int)
+    rows = matrix.transpose(1, 0, 2)
+    cofactors = np.stack([np.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)], axis=1)
+    determinant = (matrix[:, 0] * cofactors[:, 0]).sum(axis=1)
+    x, y, z = np.abs(matrix).transpose(1, 0, 2)
+    terms = (
+        x[:, 0] * (y[:, 1] * z[:, 2] + y[:, 2] * z[:, 1])
+        + x[:, 1] * (y[:, 0] * z[:, 2] + y[:, 2] * z[:, 0])
+        + x[:, 2] * (y[:, 0] * z[:, 1] + y[:, 1] * z[:, 0])
+    )
+    sure = np.abs(determinant) > 16 * ULP * terms
+    sign = np.where(sure, np.sign(determinant), 0).astype(int)
+    return cofactors.transpose(0, 2, 1) / determinant[:, None, None], sign
+
+
+def _weights(bound: Array) -> Array:
+    """Return positive vectors (n, m, 1) near the first eigenvectors of non-negative matrices."""
+    x = np.ones((*bound.shape[:2], 1))
+    for _ in range(4):
+        x = x + bound @ x
+        x = x / x.max(axis=1, keepdims=True)
+    return x
+
+
+def _quotient(bound: Array, x: Array) -> Array:
+    """Return max (bound x)_i / x_i, which is no less than the spectral radius (Collatz)."""
+    return np.asarray(((bound @ x) / x).max(axis=(1, 2)))

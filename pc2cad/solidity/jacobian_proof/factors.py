@@ -1,0 +1,178 @@
+"""Proof that det J keeps one sign, from its exact normal form.
+
+det J is a polynomial in atoms: parameters, sines and cosines, roots, constants (see `normal_form`).
+Atoms that all terms share are taken out, where they keep a sign inside the box: sin(pi v) between
+its zeros, a power of the parameter in which a side collapses. In what is left each atom is a
+variable in the range that it has over the box. A polynomial lies in the convex hull of its
+Bernstein coefficients there, and these are taken in whole numbers, without any rounding; where some
+have the other sign, the ranges are halved a few times.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from itertools import islice
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from pc2cad.domain.map import Mapping3
+from pc2cad.expression.intervals import IntervalProgram, interval
+from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import PI, Expr, walk
+from pc2cad.solidity.jacobian_proof.determinant import determinant
+from pc2cad.solidity.jacobian_proof.integer_bernstein import Wholes, sign_inside
+
+Range = tuple[Fraction, Fraction]
+
+#: nodes of the derivatives, terms of det J, Bernstein coefficients, and halvings beyond which the
+#: proof is left to others
+MOST_NODES = 200
+MOST_TERMS = 60
+MOST_COEFFICIENTS = 500
+DEEPEST = 4
+MOST_BOXES = 64
+
+
+def sign_from_factors(mapping: Mapping3) -> int:
+    """Return the sign of det J where it is proved to be one inside the box, else 0."""
+    if len(list(islice(walk(sum(mapping.derivatives, ())), MOST_NODES + 1))) > MOST_NODES:
+        return 0
+    form = normal_form(determinant(mapping.derivatives), MOST_TERMS)
+    if not form:
+        return 0
+    sign, rest = _without_factors(form)
+    atoms = sorted({atom for monomial in rest for atom, _ in monomial}, key=repr)
+    degrees = [max(dict(m).get(atom, 0) for m in rest) for atom in atoms]
+    if math.prod(n + 1 for n in degrees) > MOST_COEFFICIENTS:
+        return 0
+    ranges = [_range(atom) for atom in atoms]
+    if not all(ranges):
+        return 0
+    control = _bernstein(rest, atoms, degrees, [r for r in ranges if r is not None])
+    # inside the box parameters stay clear of their limits; other atoms may be at theirs
+    clear = tuple(axis for axis, atom in enumerate(atoms) if atom.op == "symbol")
+    return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * MOST_COEFFICIENTS)
+
+
+def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
+    """Divide out the factors of a sign that all terms share; return their sign and the rest."""
+    powers = [dict(monomial) for monomial in form]
+    sign, taken = 1, {}
+    for atom in set.intersection(*(set(row) for row in powers)):
+        of_atom = _sign_inside(atom)
+        if of_atom:
+            taken[atom] = min(row[atom] for row in powers)
+            sign *= of_atom ** taken[atom]
+    rest: NormalForm = {}
+    for row, coefficient in zip(powers, form.values(), strict=True):
+        left = ((atom, n - taken.get(atom, 0)) for atom, n in row.items())
+        rest[tuple((atom, n) for atom, n in left if n)] = coefficient
+    return sign, rest
+
+
+def _sign_inside(atom: Expr) -> int:
+    """Return the sign that an atom has everywhere inside the box, 0 where it is not known."""
+    if atom.op == "symbol":
+        return 1
+    if atom.op == "sqrt" or (atom.op == "pow" and atom.args[1].op == "number"):
+        return max(_sign_inside(atom.args[0]), 0) or _sign_of(_enclosure(atom))
+    turns = _half_turns(atom)
+    if turns is not None and math.ceil(turns[1]) - math.floor(turns[0]) == 1:
+        return -1 if math.floor(turns[0]) % 2 else 1
+    return _sign_of(_enclosure(atom))
+
+
+def _sign_of(limits: Range | None) -> int:
+    if limits is None:
+        return 0
+    return 1 if limits[0] > 0 else -1 if limits[1] < 0 else 0
+
+
+def _range(atom: Expr) -> Range | None:
+    """Return limits of an atom over the box, None where there are none."""
+    if atom.op == "symbol":
+        return Fraction(0), Fraction(1)
+    turns = _half_turns(atom)
+    limits = _enclosure(atom)
+    if turns is None or limits is None:
+        return limits
+    # a sine of whole half turns is 0, which no enclosure in floating point says
+    low, high = turns
+    inside = any(n.denominator == 1 for n in turns)
+    if inside and math.ceil(high) - math.floor(low) == 1:
+        return (min(limits[0], Fraction(0)), Fraction(0)) if math.floor(low) % 2 else (
+            Fraction(0), max(limits[1], Fraction(0))
+        )  # fmt: skip
+    return limits
+
+
+def _half_turns(atom: Expr) -> Range | None:
+    """Return a and b where an atom is sin(πx) and x runs evenly from a to b, None elsewhere."""
+    if atom.op not in ("sin", "cos"):
+        return None
+    form = normal_form(atom.args[0], 4)
+    if form is None:
+        return None
+    start, step = Fraction(0), Fraction(0)
+    for monomial, coefficient in form.items():
+        powers = dict(monomial)
+        if powers.pop(PI, 0) != 1 or any(a.op != "symbol" or n != 1 for a, n in powers.items()):
+            return None
+        if len(powers) > 1 or (powers and step):
+            return None
+        start, step = (start, coefficient) if powers else (coefficient, step)
+    start += Fraction(atom.op == "cos", 2)
+    return min(start, start + step), max(start, start + step)
+
+
+def _enclosure(atom: Expr) -> Range | None:
+    whole = {name: interval([0.0], [1.0]) for name in PARAMETERS}
+    (found,) = IntervalProgram((atom,))(whole)
+    low, high = float(found.lower.item()), float(found.upper.item())
+    return (Fraction(low), Fraction(high)) if math.isfinite(low) and math.isfinite(high) else None
+
+
+def _bernstein(
+    form: NormalForm, atoms: list[Expr], degrees: list[int], ranges: list[Range]
+) -> Wholes:
+    """Return the coefficients over the ranges (see `wholes`), times a positive number."""
+    rows = [_powers(degree, limits) for degree, limits in zip(degrees, ranges, strict=True)]
+    common = math.lcm(*(c.denominator for c in form.values()))
+    total: Any = np.zeros([n + 1 for n in degrees], dtype=object)
+    for monomial, coefficient in form.items():
+        term: Any = np.array(int(coefficient * common), dtype=object)
+        powers = _exponents(monomial, atoms)
+        for row, power in zip(rows, powers, strict=True):
+            term = np.multiply.outer(term, row[power])
+        total = total + term
+    return np.asarray(total, dtype=object)
+
+
+def _exponents(monomial: Monomial, atoms: list[Expr]) -> list[int]:
+    powers = dict(monomial)
+    return [powers.get(atom, 0) for atom in atoms]
+
+
+def _powers(degree: int, limits: Range) -> list[Wholes]:
+    """Return the coefficients of 1, x … x^degree over limits, all times one whole number.
+
+    On them x is high·t + low·(1-t); its powers are raised by those of t + (1-t).
+    """
+    low, high = limits
+    rows = [
+        [
+            sum(
+                (comb(k, j) * high**j * low ** (k - j) * comb(degree - k, i - j)
+                 for j in range(max(0, k + i - degree), min(i, k) + 1)),
+                start=Fraction(0),
+            )
+            for i in range(degree + 1)
+        ]
+        for k in range(degree + 1)
+    ]  # fmt: skip
+    common = math.lcm(*(x.denominator for row in rows for x in row))
+    return [np.array([int(x * common) for x in row], dtype=object) for row in rows]

@@ -1,0 +1,309 @@
+"""Does the boundary meet itself: the sharp half of the global test.
+
+A map whose det J keeps its sign and whose boundary nowhere meets itself is injective inside: the
+number of preimages is the boundary's winding number, which changes by one across one sheet. So all
+pairs of cells of the boundary are compared, from whole faces down to cells and on to ever smaller
+parts, and a pair is done with as soon as something parts it:
+
+- `blocks` says what parts blocks of cells, an axis of one of two cells may part them;
+- across a wall M's tangents do.
+
+Samples bound a cell together with what its own bow leaves between them. What cannot be parted when
+the parts are a billionth of the solid is contact or overlap, and both are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.domain.analysis import Analysis
+from pc2cad.solidity.bounding_volumes import (
+    BETWEEN,
+    Cones,
+    Level,
+    adjoining,
+    bow,
+    cannot_return,
+    children,
+    independent,
+    meet,
+    opposite_faces,
+    pyramid,
+    spread,
+    unit,
+)
+from pc2cad.solidity.face_mesh import Sheet
+
+#: parts nearer than this share of the part's size count as touching
+TOUCHING = 1e-9
+#: halvings of the cells, pairs that are followed at once, and of those some first to the end
+DEEPEST, MOST_PAIRS, FIRST = 48, 400_000, 64
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two places of the boundary that are one place of space."""
+
+    #: faces (indices in the boundary complex) and their own parameters
+    faces: tuple[int, int]
+    places: tuple[tuple[float, float], tuple[float, float]]
+    point: tuple[float, float, float]
+
+
+def find_contact(
+    analysis: Analysis, sheets: Sequence[Sheet], share: float = TOUCHING
+) -> Contact | float:
+    """Return a place where the boundary meets itself, or the distance that was told from that.
+
+    `share` of the part's size is what counts as touching.
+    """
+    opposite = opposite_faces(sheets)
+    levels = pyramid(sheets, opposite)
+    top = levels[-1].start
+    # a plane face is injective where its edges are, and those belong to other faces too
+    pairs = np.array([
+        (top[a], top[b])
+        for a, sheet in enumerate(sheets)
+        for b in range(a, len(sheets))
+        if a != b or not sheet.flat
+    ])  # fmt: skip
+    for level, coarser in zip(reversed(levels), [None, *reversed(levels)], strict=False):
+        if coarser is not None:
+            pairs = children(level, coarser, pairs)
+        pairs = pairs[meet(level, pairs)]
+        pairs = pairs[~cannot_return(level, pairs, opposite)]
+    leaf = levels[0]
+    pairs = pairs[~adjoining(sheets, leaf, pairs)]
+    rounding = analysis.scale.sampling_noise
+    touching = share * analysis.size + rounding
+    return _Descent(sheets, opposite, touching, rounding).follow(leaf, pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Parts of cells by their face and its own parameters, with nine samples each."""
+
+    face: Integers
+    #: lowest parameters and extents along s and t, (N, 2) each
+    low: Array
+    step: Array
+    samples: Array  # (N, 3, 3, 3)
+
+    def take(self, rows: Integers) -> _Parts:
+        return _Parts(self.face[rows], self.low[rows], self.step[rows], self.samples[rows])
+
+    def cones(self) -> Cones:
+        """Return the unit tangents along s and t (N, 2, 3), and how far any is from its axis."""
+        g = self.samples
+        along = unit(g[:, 1:] - g[:, :-1]).reshape(-1, 6, 3)
+        across = unit(g[:, :, 1:] - g[:, :, :-1]).reshape(-1, 6, 3)
+        return spread(np.stack((along, across), axis=1))
+
+
+@dataclass(frozen=True)
+class _Descent:
+    """Follows pairs of cells that nothing has parted into ever smaller parts."""
+
+    sheets: Sequence[Sheet]
+    opposite: Integers
+    #: lengths (model units): what counts as touching, and rounding
+    touching: float
+    rounding: float
+
+    def follow(self, leaf: Level, pairs: Integers) -> Contact | float:
+        """Return a contact of paired cells, or the distance that all were told apart by."""
+        if len(pairs) == 0:
+            return self.touching
+        rows, pairs = np.unique(pairs, return_inverse=True)
+        pairs = pairs.reshape(-1, 2)
+        parts = self._cells(leaf, rows)
+        for depth in range(DEEPEST):
+            pairs = self._unparted(parts, pairs)
+            if len(pairs) == 0:
+                break
+            if len(pairs) <= 4 * FIRST or depth % 3 == 0:
+                contact, all_parted = self._dive(parts, pairs)
+                if contact is not None:
+                    return contact
+                if all_parted:
+                    break
+            if len(pairs) > MOST_PAIRS or depth + 1 == DEEPEST:
+                return float(self._distances(parts, pairs).max())
+            parts, pairs = self._finer(parts, pairs)
+        return self.touching
+
+    def _dive(self, parts: _Parts, pairs: Integers) -> tuple[Contact | None, bool]:
+        """Follow the nearest pairs to the end; say whether that parted all there were."""
+        complete = True
+        for _ in range(DEEPEST):
+            if len(pairs) > 4 * FIRST:
+                complete = False
+                pairs = pairs[np.argsort(self._distances(parts, pairs))[:FIRST]]
+            extent = np.abs(parts.samples - parts.samples[:, 1:2, 1:2]).max(axis=(1, 2, 3))
+            small = extent[pairs].max(axis=1) <= self.touching
+            if small.any():
+                return self._contact(parts, pairs[small.argmax()]), False
+            parts, pairs = self._finer(parts, pairs)
+            pairs = self._unparted(parts, pairs)
+            if len(pairs) == 0:
+                return None, complete
+        return None, False
+
+    def _contact(self, parts: _Parts, pair: Integers) -> Contact:
+        a, b = (int(x) for x in pair)
+        middle = parts.low + parts.step / 2
+        x, y, z = (parts.samples[a, 1, 1] + parts.samples[b, 1, 1]) / 2
+        return Contact(
+            (int(parts.face[a]), int(parts.face[b])),
+            (
+                (float(middle[a, 0]), float(middle[a, 1])),
+                (float(middle[b, 0]), float(middle[b, 1])),
+            ),
+            (float(x), float(y), float(z)),
+        )
+
+    def _cells(self, leaf: Level, rows: Integers) -> _Parts:
+        face, place = leaf.face[rows], leaf.place[rows]
+        shape = leaf.shape[face]
+        samples = np.empty((len(rows), 3, 3, 3))
+        for f, sheet in enumerate(self.sheets):
+            here = np.flatnonzero(face == f)
+            i, j = 2 * place[here].T
+            for k in range(3):
+                for m in range(3):
+                    samples[here, k, m] = sheet.samples[i + k, j + m]
+        return _Parts(face, place / shape, 1.0 / shape, samples)
+
+    def _finer(self, parts: _Parts, pairs: Integers) -> tuple[_Parts, Integers]:
+        """Cut the larger parts of all pairs in two along their longer side, or both sides."""
+        extent = np.abs(parts.samples - parts.samples[:, 1:2, 1:2]).max(axis=(1, 2, 3))[pairs]
+        # of a large and a small part only the large one is cut
+        cut = extent >= 0.5 * extent[:, ::-1]
+        whole, chosen = np.unique(pairs[~cut]), np.unique(pairs[cut])
+        finer, children = self._cut(parts.take(chosen))
+        row = np.full((len(parts.face), 4), -1)
+        row[chosen] = np.where(children >= 0, children + len(whole), -1)
+        kept = np.full((len(parts.face), 4), -1)
+        kept[whole, 0] = np.arange(len(whole))
+        options = [np.where(cut[:, k, None], row[pairs[:, k]], kept[pairs[:, k]]) for k in (0, 1)]
+        blocks = []
+        for i in range(4):
+            for j in range(4):
+                both = np.stack((options[0][:, i], options[1][:, j]), axis=1)
+                blocks.append(both[(both >= 0).all(axis=1)])
+        return _joined([parts.take(whole), finer]), np.concatenate(blocks)
+
+    def _cut(self, parts: _Parts) -> tuple[_Parts, Integers]:
+        """Return the parts of parts, and the rows of each one's (-1 where it has fewer than 4)."""
+        g = parts.samples
+        lengths = [
+            np.sqrt(((g[:, 2] - g[:, 0]) ** 2).sum(axis=-1)).max(axis=1),
+            np.sqrt(((g[:, :, 2] - g[:, :, 0]) ** 2).sum(axis=-1)).max(axis=1),
+        ]
+        cut = np.stack((lengths[0] >= 0.6 * lengths[1], lengths[1] >= 0.6 * lengths[0]), axis=1)
+        children = np.full((len(g), 4), -1)
+        pieces: list[_Parts] = []
+        count = 0
+        for f in np.unique(parts.face):
+            for along, across in ((True, True), (True, False), (False, True)):
+                rows = np.flatnonzero(
+                    (parts.face == f) & (cut[:, 0] == along) & (cut[:, 1] == across)
+                )
+                if len(rows) == 0:
+                    continue
+                n, m = 1 + along, 1 + across
+                grid = self._evaluate(int(f), parts.low[rows], parts.step[rows], n, m)
+                for i in range(n):
+                    for j in range(m):
+                        step = parts.step[rows] / (n, m)
+                        pieces.append(
+                            _Parts(
+                                parts.face[rows],
+                                parts.low[rows] + step * (i, j),
+                                step,
+                                grid[:, 2 * i : 2 * i + 3, 2 * j : 2 * j + 3],
+                            )
+                        )
+                        children[rows, i * m + j] = count + np.arange(len(rows))
+                        count += len(rows)
+        return _joined(pieces), children
+
+    def _evaluate(self, face: int, low: Array, step: Array, n: int, m: int) -> Array:
+        s = low[:, 0, None, None] + step[:, 0, None, None] * np.linspace(0, 1, 2 * n + 1)[:, None]
+        t = low[:, 1, None, None] + step[:, 1, None, None] * np.linspace(0, 1, 2 * m + 1)
+        return self.sheets[face].function.at(s, t)
+
+    def _distances(self, parts: _Parts, pairs: Integers) -> Array:
+        g = parts.samples
+        gap = g[pairs[:, 0], 1, 1] - g[pairs[:, 1], 1, 1]
+        return np.asarray(np.sqrt(np.einsum("...i,...i->...", gap, gap)))
+
+    def _unparted(self, parts: _Parts, pairs: Integers) -> Integers:
+        """Return the pairs that neither balls, nor axes, nor the wall between them part."""
+        g = parts.samples.reshape(-1, 9, 3)
+        centre = g[:, 4]
+        slack = BETWEEN * bow(parts.samples)[:, 0, 0] + self.rounding
+        radius = slack + np.sqrt(((g - centre[:, None]) ** 2).sum(axis=-1).max(axis=1))
+        reach = radius[pairs].sum(axis=1)
+        pairs = pairs[self._distances(parts, pairs) <= reach]
+        if len(pairs) == 0:
+            return pairs
+        axes, radii = parts.cones()
+        normal = unit(np.cross(axes[:, 0], axes[:, 1]))
+        a, b = pairs[:, 0], pairs[:, 1]
+        tries = [normal[a], normal[b], unit(centre[a] - centre[b])]
+        tries += [axes[k, d] for k in (a, b) for d in (0, 1)]
+        tries += [unit(np.cross(axes[a, i], axes[b, j])) for i in (0, 1) for j in (0, 1)]
+        left = np.arange(len(pairs))
+        gap = slack[a] + slack[b]
+        for axis in tries:
+            low_a, high_a = _extent(g[a[left]], axis[left])
+            low_b, high_b = _extent(g[b[left]], axis[left])
+            parted = (low_b - high_a > gap[left]) | (low_a - high_b > gap[left])
+            left = left[~parted]
+        pairs = pairs[left]
+        return pairs[~self._walled(parts, (axes, radii), pairs)]
+
+    def _walled(self, parts: _Parts, cones: Cones, pairs: Integers) -> Booleans:
+        """Say which pairs lie on two sides of a wall that M's tangents cannot cross back."""
+        result = np.zeros(len(pairs), dtype=bool)
+        a, b = pairs[:, 0], pairs[:, 1]
+        steps = (parts.low[b] - parts.low[a]) / parts.step[a]
+        near = (np.abs(steps) < 1.5).all(axis=1)
+        near &= (np.abs(parts.step[b] / parts.step[a] - 1) < 1e-6).all(axis=1)
+        rows = np.flatnonzero(near & (self.opposite[parts.face[a]] == parts.face[b]))
+        if len(rows) == 0:
+            return result
+        a, b = a[rows], b[rows]
+        # both have a sample at one place of their parameters: the way across the wall
+        i, j = np.rint(steps[rows]).astype(np.int64).T
+        across = parts.samples[b, 1 - i, 1 - j] - parts.samples[a, 1 + i, 1 + j]
+        wall = unit(across)[:, None]
+        axes, radii = cones
+        first, second = (
+            (
+                np.concatenate((axes[k], wall), axis=1),
+                np.concatenate((radii[k], radii[k].max(axis=1, keepdims=True)), axis=1),
+            )
+            for k in (a, b)
+        )
+        result[rows] = independent(first, second, crossing=True)
+        return result
+
+
+def _joined(pieces: list[_Parts]) -> _Parts:
+    return _Parts(
+        np.concatenate([piece.face for piece in pieces]),
+        np.concatenate([piece.low for piece in pieces]),
+        np.concatenate([piece.step for piece in pieces]),
+        np.concatenate([piece.samples for piece in pieces]),
+    )
+
+
+def _extent(samples: Array, axis: Array) -> tuple[Array, Array]:
+    values = np.einsum("pki,pi->pk", samples, axis)
+    return values.min(axis=1), values.max(axis=1)

@@ -1,0 +1,31 @@
+"""The solidity stage: whether the image nowhere covers itself, and how surely that is known.
+
+Input: Analysis and the sign of det J (`folding`). Output: Solidity. That det J keeps its sign was
+the first question of spec section 4; the second is whether the boundary meets itself and winds
+once about every image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pc2cad.domain.analysis import Analysis
+from pc2cad.solidity.injectivity import check_injective
+
+
+@dataclass(frozen=True)
+class Solidity:
+    """The evidence that the map is injective inside its box."""
+
+    #: inner images at which the boundary's winding number is 1
+    images: int
+    #: parts of the boundary that are further apart than this were told from touching (model units)
+    apart: float
+    #: index of the outer shell in the boundary complex; the others are voids
+    outer_shell: int
+
+
+def check_solidity(analysis: Analysis, sign: int) -> Solidity:
+    """Return the evidence; raise NotASolidError (a subclass) where the image is no solid."""
+    injective = check_injective(analysis, sign)
+    return Solidity(injective.images, injective.apart, injective.outer_shell)

@@ -1,0 +1,70 @@
+"""Reading template files (TOML) strictly: every mistake is named with file, key and column."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tomllib
+from fractions import Fraction
+from pathlib import Path
+from typing import Final
+
+from pc2cad.expression.budget import bounded
+from pc2cad.templates.bodies import BodiesTemplate, read_bodies
+from pc2cad.templates.reader import read_tables
+from pc2cad.templates.scan import check_numbers, check_text
+from pc2cad.templates.template import Template, TemplateError
+from pc2cad.trust.names import clean
+
+LARGEST_FILE: Final = 256 * 1024
+
+
+def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
+    """Read a template of one solid or of several bodies; raise TemplateError for any mistake."""
+    return parse_template(read_template_text(Path(path)), Path(path).stem, str(path))
+
+
+def parse_template(text: str, name: str, file: str = "template") -> Template | BodiesTemplate:
+    """Return the template that a TOML text holds; `file` is named in messages."""
+    name = clean(name) or "unnamed"
+    check_text(text, file)
+    try:
+        # as_float keeps decimals exact: 0.1 is one tenth
+        data = tomllib.loads(text, parse_float=_decimal)
+    except tomllib.TOMLDecodeError as error:
+        raise TemplateError(f"{file}: not valid TOML: {error}") from error
+    except ValueError as error:  # Python converts no decimals of over 4300 digits
+        raise TemplateError(f"{file}: a number has thousands of digits") from error
+    except (RecursionError, MemoryError) as error:
+        raise TemplateError(f"{file}: the TOML is nested too deeply") from error
+    check_numbers(data, file)
+    with bounded():
+        if "bodies" in data or "result" in data:
+            return read_bodies(name, file, data)
+        return read_tables(name, file, data, {}, {})
+
+
+def read_template_text(path: Path) -> str:
+    """Return the text of a template file; raise TemplateError where it is no such file."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise TemplateError(f"{path}: not a regular file")
+        with path.open("rb") as stream:
+            raw = stream.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise TemplateError(f"{path}: cannot be read: {reason}") from error
+    if len(raw) > LARGEST_FILE:
+        raise TemplateError(f"{path}: larger than {LARGEST_FILE // 1024} kB")
+    try:
+        return raw.decode("utf-8").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        raise TemplateError(f"{path}: not UTF-8 (byte {error.start})") from error
+
+
+def _decimal(text: str) -> Fraction | float:
+    text = text.replace("_", "")
+    mantissa, _, exponent = text.lower().partition("e")
+    if mantissa.lstrip("+-") in ("inf", "nan") or abs(int(exponent or 0)) > 60 or len(text) > 60:
+        return float(text)
+    return Fraction(text)

@@ -1,0 +1,89 @@
+"""A look at the text of a template before it is parsed, and at what was parsed before it is read.
+
+Parsers of TOML take quadratic time and memory for keys of many parts, and a level of their own
+stack for every bracket. One pass over the text, which knows strings and comments and nothing else,
+refuses such texts first.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Final
+
+from pc2cad.expression.tree import LARGEST_CONSTANT
+from pc2cad.templates.tables import shown
+from pc2cad.templates.template import TemplateError
+
+#: parts of a key, a.b.c; brackets within brackets
+MOST_PARTS: Final = 8
+DEEPEST: Final = 32
+
+_TOKEN: Final = re.compile(
+    r"(?P<blank>[ \t]++)"
+    r"|(?P<key>[A-Za-z0-9_-]++)"
+    r"|(?P<dot>\.)"
+    r"|(?P<comment>\#[^\n]*+)"
+    r'|(?P<text>"{3}(?s:[^\\"]|\\.|"{1,2}+(?!"))*+"{3,5}'
+    r"|'{3}(?:[^']|'{1,2}+(?!'))*+'{3,5}"
+    r'|(?:"(?!"")(?:[^\\"\n]|\\.)*+"|' + r"'(?!'')[^'\n]*+'))"
+    r"|(?P<open>[\[{])"
+    r"|(?P<close>[\]}])"
+    r"|(?P<other>[^][{}.#\"'A-Za-z0-9_ \t-]++)"
+    r"|(?P<stray>[\"'])"
+)
+
+
+def check_text(text: str, file: str) -> None:
+    """Raise TemplateError for a TOML text with longer keys or more brackets than the format has.
+
+    Takes time and memory that go with the text's length. What comes after a mistake in the text is
+    not looked at: a parser does not get there either.
+    """
+    parts = depth = 0
+    dotted = False
+    for token in _TOKEN.finditer(text):
+        kind = token.lastgroup
+        if kind == "blank":
+            continue
+        if kind == "stray":  # a text without an end, where a parser ends as well
+            return
+        if kind in ("key", "text"):
+            parts = parts + 1 if dotted else 1
+            if parts > MOST_PARTS:
+                raise _at(file, text, token, f"a key has more than {MOST_PARTS} parts")
+        elif kind == "open":
+            depth += 1
+            if depth > DEEPEST:
+                raise _at(file, text, token, f"brackets are nested deeper than {DEEPEST}")
+        elif kind == "close":
+            depth -= 1
+        dotted = kind == "dot"
+
+
+def _at(file: str, text: str, token: re.Match[str], what: str) -> TemplateError:
+    line = text.count("\n", 0, token.start()) + 1
+    return TemplateError(f"{file}: line {line}: {what}: the format goes no deeper than four")
+
+
+def check_numbers(data: dict[str, Any], file: str) -> None:
+    """Raise TemplateError for a whole number that is larger than any constant may be.
+
+    They are let in as hexadecimal numbers of any length, and could not even be printed.
+    """
+    if _has_giant(data):
+        where = next(key for key, value in data.items() if _has_giant({key: value}))
+        raise TemplateError(
+            f"{file}: {shown(where)}: a whole number is larger than any constant may be, 1e60"
+        )
+
+
+def _has_giant(data: dict[str, Any]) -> bool:
+    stack: list[Any] = [data]
+    while stack:
+        value = stack.pop()
+        for inner in value.values() if isinstance(value, dict) else value:
+            if isinstance(inner, (dict, list)):
+                stack.append(inner)
+            elif isinstance(inner, int) and abs(inner) > LARGEST_CONSTANT:
+                return True
+    return False

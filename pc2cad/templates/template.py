@@ -1,0 +1,227 @@
+"""A template: one solid with parameters that a user may set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from pc2cad.equation.language import nearest, read_expression
+from pc2cad.equation.point_equation import (
+    Expectations,
+    Interval,
+    PointEquation,
+    check_point,
+    interval,
+)
+from pc2cad.equation.points import Combination, Value
+from pc2cad.errors import InputError
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import Expr, Number, as_expr
+
+if TYPE_CHECKING:
+    from pc2cad.channels.frames import Frame
+    from pc2cad.channels.guides import Guide
+
+
+class TemplateError(InputError):
+    """A template is not as the format asks; the message names file, key and column."""
+
+
+class ParameterRangeError(InputError):
+    """A parameter's value is outside the range its template allows."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A scalar that a user may set: its default, its range (None: open) and its meaning."""
+
+    name: str
+    default: Expr
+    minimum: Expr | None = None
+    maximum: Expr | None = None
+    about: str = ""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A named value of the template: its text as written and what it means."""
+
+    name: str
+    text: str
+    value: Value
+
+
+#: what may stand for a template's point: text, a point, or three coordinates
+Moved = str | Combination | Sequence[Expr | Number]
+
+
+@dataclass(frozen=True)
+class Header:
+    """What every template has: its words, its unit, its parameters and its points."""
+
+    name: str
+    title: str
+    about: str
+    source: str
+    units: str
+    parameters: tuple[Parameter, ...]
+    points: tuple[Definition, ...]
+
+    def values(self, values: Mapping[str, Any] | None) -> tuple[dict[str, Expr], dict[str, Moved]]:
+        """Return the value of every parameter and what moves points, checked as `bind` does."""
+        moved, rest = self.split(values or {})
+        given = {name: _constant(name, value) for name, value in rest.items()}
+        known = [p.name for p in self.parameters]
+        self._check_names(given, [*known, *(p.name for p in self.points)], "parameter")
+        bound = {p.name: given.get(p.name, p.default) for p in self.parameters}
+        for parameter in self.parameters:
+            _check_range(parameter, bound[parameter.name])
+        return bound, moved
+
+    def split(self, values: Mapping[str, Any]) -> tuple[dict[str, Moved], dict[str, Any]]:
+        """Return what moves points and what sets parameters, told apart by the names."""
+        points = {p.name for p in self.points}
+        moved = {name: value for name, value in values.items() if name in points}
+        return moved, {name: value for name, value in values.items() if name not in points}
+
+    def _check_names(self, given: Mapping[str, Any], known: list[str], what: str) -> None:
+        for name in given:
+            if name not in known:
+                listed = ", ".join(known) or "none"
+                raise InputError(
+                    f"{self.name} has no {what} '{name}' (it has: {listed}){nearest(name, known)}"
+                )
+
+
+@dataclass(frozen=True)
+class Template(Header):
+    """A template as read: every expression is a tree in its parameters and u, v, w."""
+
+    curves: Mapping[str, Any]
+    guide: Guide | None
+    frame: Frame | None
+    #: the points that [guide] and [frame] define: N, and R and Q
+    carried: tuple[Definition, ...]
+    #: thicknesses from w = 0 up, of a part in layers
+    layers: tuple[Definition, ...]
+    lets: tuple[Definition, ...]
+    domain: tuple[Interval, Interval, Interval]
+    #: M, or x, y and z, as written
+    solid: tuple[Definition, ...]
+    M: Combination
+    #: name of the figure -> the tree that states it (three for the centroid)
+    expected: Mapping[str, tuple[Expr, ...]]
+
+    #: reads the template again with values for its parameters and other points
+    _again: Callable[[Mapping[str, Expr], Mapping[str, Moved]], Template] = field(repr=False)
+    #: the values and points that it was read with
+    _given: tuple[Mapping[str, Expr], Mapping[str, Moved]] = field(repr=False)
+
+    def __reduce__(self) -> tuple[Callable[..., Template], tuple[Any, ...]]:
+        return self._again, self._given  # curves are functions, which do not pickle
+
+    def move(self, points: Mapping[str, Moved]) -> Template:
+        """Return the template with some of its points replaced by current points.
+
+        A point is three coordinates that may depend on u, v, w and the parameters, as text
+        (``"[4+u, 0, 0]"``, ``"A + vector(0, 0, u)"`` with the template's own A), as a point or as
+        a sequence. The equation stays as it is; derivatives in it see the moving point. What
+        [expect] states of the points as they were is dropped. Raises TemplateError or InputError.
+        """
+        self._check_names(points, [p.name for p in self.points], "point")
+        return self._again({}, points)
+
+    def bind(
+        self, values: Mapping[str, Number | str | Expr | Moved] | None = None
+    ) -> PointEquation:
+        """Return the point equation with these parameter values (the defaults elsewhere).
+
+        A value is a number or the text of a constant expression such as ``1/3``; the name of a
+        point takes what `move` takes. Raises InputError for an unknown name, and
+        ParameterRangeError outside min…max.
+        """
+        bound, moved = self.values(values)
+        # what has no parameters has been read with all of them already
+        whole = not (bound or moved or any(self._given))
+        read = self if whole else self._again(bound, moved)
+        return read._equation(bound, partial(self._bind_moved, values or {}))
+
+    def _bind_moved(self, values: Mapping[str, Any], points: Mapping[str, Moved]) -> PointEquation:
+        self._check_names(points, [p.name for p in self.points], "point")
+        return self.bind({**values, **points})
+
+    def _equation(
+        self, bound: dict[str, Expr], mover: Callable[[Mapping[str, Moved]], PointEquation]
+    ) -> PointEquation:
+        """Return the equation of a template that was read with all its parameters bound."""
+        M = self.frame.shifted(self.M) if self.frame else self.M
+        check_point(M)
+        u, v, w = (interval(p, d) for p, d in zip(PARAMETERS, self.domain, strict=True))
+        equation = PointEquation(
+            M.coordinates,
+            (u, v, w),
+            name=self.name,
+            title=self.title,
+            about=self.about,
+            source=self.source,
+            units=self.units,
+            parameters={name: evaluate(value, {}) for name, value in bound.items()},
+            expectations=expectations(self.expected),
+            guide=self.guide.N.coordinates if self.guide else None,
+            frame=f"{self.frame.words}; guide: {self.guide.words}"
+            if self.frame and self.guide
+            else "",
+            mover=mover,
+        )
+        return equation.layered([layer.name for layer in self.layers])
+
+
+def expectations(expected: Mapping[str, tuple[Expr, ...]]) -> Expectations:
+    """Return the figures that trees without parameters state, by their names."""
+    figures: dict[str, Any] = {}
+    for name, trees in expected.items():
+        numbers = tuple(evaluate(tree, {}) for tree in trees)
+        if name == "centroid":
+            figures[name] = numbers
+        elif name.startswith("carriers "):
+            kind = name.removeprefix("carriers ")
+            figures.setdefault("carriers", {})[kind] = round(numbers[0])
+        else:
+            whole = name not in ("volume", "area")
+            figures[name] = round(numbers[0]) if whole else numbers[0]
+    return Expectations(**figures)
+
+
+def _constant(name: str, value: Number | str | Expr) -> Expr:
+    if isinstance(value, str):
+        try:
+            read = read_expression(value, {})
+        except InputError as error:
+            raise InputError(f"the value '{value}' of parameter {name}: {error}") from error
+        if not isinstance(read, Expr):
+            raise InputError(f"the value of parameter {name} must be a number, not a point")
+        value = read
+    if isinstance(value, bool) or not isinstance(value, (int, float, Fraction, Expr)):
+        raise InputError(f"the value of parameter {name} must be a number")
+    tree = as_expr(value)
+    if tree.symbols:
+        raise InputError(f"the value of parameter {name} must be constant")
+    return tree
+
+
+def _check_range(parameter: Parameter, value: Expr) -> None:
+    number = evaluate(value, {})
+    low = evaluate(parameter.minimum, {}) if parameter.minimum else float("-inf")
+    high = evaluate(parameter.maximum, {}) if parameter.maximum else float("inf")
+    if not low <= number <= high:
+        allowed = (
+            f"from {low:g} to {high:g}" if parameter.minimum and parameter.maximum
+            else f"{low:g} or more" if parameter.minimum else f"{high:g} or less"
+        )  # fmt: skip
+        raise ParameterRangeError(
+            f"the parameter {parameter.name} = {number:g} is outside its range: {allowed}"
+        )
