@@ -25,7 +25,7 @@ import solvers  # noqa: E402
 
 from pc2cad.checked import check_map  # noqa: E402
 from pc2cad.compiler import mesh_equation  # noqa: E402
-from pc2cad.domain.restrictions import CellFunction  # noqa: E402
+from pc2cad.domain.restrictions import RestrictedMap  # noqa: E402
 from pc2cad.equation.point_equation import PointEquation  # noqa: E402
 from pc2cad.geometry.splines.rational import Course  # noqa: E402
 from pc2cad.geometry.splines.spline_space import SplineSpace  # noqa: E402
@@ -44,7 +44,7 @@ def fitted(equation: PointEquation, spans: tuple[int, int, int], degree: int) ->
     """Return M as splines of one degree over even spans along u, v and w."""
     checked = check_map(equation)
     analysis, directions = checked.analysis, checked.orientation.axes
-    function = turned(CellFunction(analysis, (1, 1, 1), degree), directions)
+    function = turned(RestrictedMap(analysis, (1, 1, 1), degree), directions)
     spaces = [SplineSpace(degree, np.linspace(0, 1, n + 1), [1] * (n - 1)) for n in spans]
     a, b, c = (Course(spaces[d]) for d in directions)
     volume = fit_volume(function, (a, b, c))

@@ -81,7 +81,7 @@ class EdgeReport:
     poles: int
     #: where bodies meet: a bound of its distance from the surfaces of its two faces at equal
     #: parameters (the largest seen, where the edge is sampled)
-    off_faces: float = 0.0
+    surface_distance: float = 0.0
 
 
 _WORDS = {
@@ -171,7 +171,7 @@ class Report(Evidence):
     #: inner images with winding number 1, and how near parts of the boundary may come to one
     #: another before they count as touching: an overlap deeper than that would have been seen
     images: int
-    told_apart: float
+    contact_clearance: float
     equation: Integrals
     solid: Integrals
     #: those of the solid's triangles, where they were asked for (`Part.triangle_integrals`)

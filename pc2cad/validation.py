@@ -234,7 +234,7 @@ def _report(
         ),
         determinant=checked.orientation.verdict.value,
         images=checked.solidity.images,
-        told_apart=checked.solidity.apart,
+        contact_clearance=checked.solidity.apart,
         equation=Integrals(
             properties.source, properties.volume, properties.area,
             properties.centroid, properties.relative_error,

@@ -16,7 +16,7 @@ from shipped import checked_of
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.checked import CheckedMap
 from pc2cad.compiler import compile_part
-from pc2cad.domain.restrictions import CellFunction
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.tree import PI, Expr, call, number, pieces, symbol
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
@@ -66,10 +66,10 @@ CHANNELS = ("channel_ellipse", "channel_contour", "channel_sine", "helical_chann
 
 def _spline_faces(
     checked: CheckedMap, tolerance: float
-) -> list[tuple[CellFunction, SplineSurface]]:
+) -> list[tuple[RestrictedMap, SplineSurface]]:
     model, analysis = represent(checked, CompileOptions(tolerance)), checked.analysis
     return [
-        (CellFunction(analysis, analysis.boundary.faces[face.cells[0]].patch), face.carrier)
+        (RestrictedMap(analysis, analysis.boundary.faces[face.cells[0]].patch), face.carrier)
         for face in model.faces
         if isinstance(face.carrier, SplineSurface)
     ]

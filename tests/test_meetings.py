@@ -27,7 +27,7 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from scipy.interpolate import BSpline
 
 import pc2cad as pc
-from pc2cad.bounds.edge_bounds import bound_meeting
+from pc2cad.bounds.edge_bounds import bound_edge
 from pc2cad.brep import to_kernel
 from pc2cad.brep.booleans import NamedEdge, edge_functions
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
@@ -105,8 +105,8 @@ def test_nothing_that_the_templates_contain_is_sampled(shipped):
             assert report.evidence == ("bounded" if "duct" in report.name else "exact")
             assert (report.deviation == 0.0) == (report.evidence == "exact")
             seen = off_faces(edge, part, 200)
-            assert seen <= report.off_faces <= 1.2 * seen + 1e-13 * part.report.size
-            assert report.off_faces <= BRep_Tool.Tolerance_s(edge.edge)
+            assert seen <= report.surface_distance <= 1.2 * seen + 1e-13 * part.report.size
+            assert report.surface_distance <= BRep_Tool.Tolerance_s(edge.edge)
         assert part.report.evidence == ("bounded" if name == "cooled_block" else "exact")
         assert not any("sampled" in words for words in part.report.statements())
 
@@ -183,7 +183,7 @@ def test_pipes_at_any_angle_and_of_any_size(turn, rise, radius, scale, moved):
         assert report.evidence == "bounded"
         assert distance <= report.deviation + rounding
         assert report.deviation <= 4 * distance + 2e-11 * scale
-        assert report.off_faces <= BRep_Tool.Tolerance_s(edge.edge)
+        assert report.surface_distance <= BRep_Tool.Tolerance_s(edge.edge)
 
 
 @pytest.mark.slow
@@ -371,7 +371,7 @@ def tangent_pair() -> EdgeFunction:
 
 
 def test_no_bound_is_had_along_a_line_of_contact():
-    found = bound_meeting(tangent_pair(), (0.0, 0.0))
+    found = bound_edge(tangent_pair(), (0.0, 0.0))
     assert max(found.off) < 1e-13
     assert found.largest == np.inf
     assert found.open == ((0.0, 2.0),)
@@ -466,7 +466,7 @@ def test_curves_that_fit_nothing_are_as_far_off_as_they_are_seen_to_be(kind, see
     traced = path_function(to_kernel.pcurve(SplinePath(3, knots, path), 0.0, 1.0))
     function = curve_function(to_kernel.curve(curve)[0], np.zeros(3))
     trace = Trace(traced, surface)
-    found = bound_meeting(EdgeFunction(function, (0.0, 1.0), (trace, trace)), (0.0, 0.0))
+    found = bound_edge(EdgeFunction(function, (0.0, 1.0), (trace, trace)), (0.0, 0.0))
     t = np.linspace(0, 1, 20_000)
     place = traced.jet(t)[0]
     gap = function.jet(t)[0] - surface.jet(place[:, 0], place[:, 1])[0]

@@ -24,13 +24,13 @@ THETA, PHI = 2 * pc.pi * U, 2 * pc.pi * V
 def contact(map_, domain=None) -> Contact | None:
     """Where the boundary meets itself; the two places are one, to a billionth of the part."""
     analysis = analyse(point_equation(map_, domain))
-    sheets = cut(analysis)
-    found = find_contact(analysis, sheets)
+    face_meshes = cut(analysis)
+    found = find_contact(analysis, face_meshes)
     if not isinstance(found, Contact):
         assert 0 < found < 1e-8 * analysis.size
         return None
     points = [
-        sheets[face].function.at(*map(np.asarray, place))
+        face_meshes[face].function.at(*map(np.asarray, place))
         for face, place in zip(found.faces, found.places, strict=True)
     ]
     assert np.abs(np.subtract(*points)).max() <= 1e-8 * analysis.size
@@ -126,7 +126,7 @@ def test_nearly_a_horn_torus():
     r = Fraction(999, 1000)
     report = pc.compile_part(torus(1, r * W)).report
     assert report.solid.volume == pytest.approx(2 * math.pi**2 * float(r) ** 2, rel=1e-7)
-    assert 0 < report.told_apart < 1e-8 * report.size
+    assert 0 < report.contact_clearance < 1e-8 * report.size
 
 
 RING = ((2 + V) * pc.cos(THETA), (2 + V) * pc.sin(THETA), 5 * W)

@@ -13,7 +13,7 @@ from shipped import LONG, checked_of, every_template
 import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.cli.main import main
-from pc2cad.domain.restrictions import CellFunction
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import InputError, NotASolidError
 from pc2cad.export.patches import interfaces
@@ -76,7 +76,7 @@ def test_a_bound_holds_everywhere_and_notices_what_is_amiss(name: str) -> None:
     index = tuple(n // 2 for n in poles.shape[:2])
     poles[index][-1, 0] += 10 * patch.deviation
     spoilt = replace(patch.volume, poles=poles)
-    bound = bound_volume(CellFunction(checked.analysis, patch.cell), spoilt, model.directions)
+    bound = bound_volume(RestrictedMap(checked.analysis, patch.cell), spoilt, model.directions)
     assert bound is not None
     assert bound.largest > 2 * patch.deviation
 
@@ -109,7 +109,7 @@ def test_what_is_a_polynomial_along_no_direction_is_bounded_by_its_slices(
     poles = patch.volume.poles.copy()
     poles[tuple(n // 2 for n in poles.shape[:3])][0] += 100 * patch.deviation
     spoilt = replace(patch.volume, poles=poles)
-    bound = bound_volume(CellFunction(checked.analysis, patch.cell), spoilt, model.directions)
+    bound = bound_volume(RestrictedMap(checked.analysis, patch.cell), spoilt, model.directions)
     assert bound is not None
     assert bound.largest > 2 * patch.deviation
 

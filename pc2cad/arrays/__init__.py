@@ -1,4 +1,4 @@
-"""The types of arrays: one name for each kind of entry, whatever its width."""
+"""Names of the array types, and products whose last bits do not depend on threads."""
 
 from __future__ import annotations
 

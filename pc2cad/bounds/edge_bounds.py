@@ -47,7 +47,7 @@ STRAIGHT = 1 / 16
 
 
 @dataclass(frozen=True)
-class Meeting:
+class EdgeBound:
     """How far an edge is from its two surfaces and from where they meet (lengths)."""
 
     #: bounds of the distances from the surfaces at equal parameters; inf where there is none
@@ -64,7 +64,7 @@ class Meeting:
     open: tuple[tuple[float, float], ...] = ()
 
 
-def bound_meeting(edge: EdgeFunction, deviations: tuple[float, float]) -> Meeting:
+def bound_edge(edge: EdgeFunction, deviations: tuple[float, float]) -> EdgeBound:
     """Bound how far an edge is from its faces.
 
     `deviations` bound how far the equations are from the two surfaces at equal parameters.
@@ -82,7 +82,7 @@ def bound_meeting(edge: EdgeFunction, deviations: tuple[float, float]) -> Meetin
             survey = _Survey(edge, survey.cells.split(blunt).points)
     lost = np.concatenate(([False], ~np.isfinite(largest), [False]))
     ends = survey.cells.points[np.flatnonzero(lost[1:] != lost[:-1])].reshape(-1, 2)
-    return Meeting(
+    return EdgeBound(
         (float(off[0].max()), float(off[1].max())),
         float(largest.max()), *seen, tuple((first, last) for first, last in ends.tolist()),
     )  # fmt: skip
@@ -251,7 +251,7 @@ class _Survey:
 
     @cached_property
     def seen(self) -> tuple[float, float, float]:
-        """The largest distances at the nodes (see `Meeting`)."""
+        """The largest distances at the nodes (see `EdgeBound`)."""
         f, g = (
             np.einsum("ni,ni->n", normal, gap)
             for normal, gap in zip(self._normals, self._gaps, strict=True)

@@ -139,7 +139,7 @@ def _edges(report: Report | BodiesReport) -> str:
     rows += [
         (
             edge.name, edge.carrier, edge.evidence, *_deviations(edge), str(edge.degree or "-"),
-            str(edge.poles or "-"), f"{edge.off_faces:.2g}",
+            str(edge.poles or "-"), f"{edge.surface_distance:.2g}",
         )
         for edge in report.curves
     ]  # fmt: skip
@@ -224,6 +224,6 @@ def _overlap(report: Report) -> str:
     if not report.images:
         return "not examined"
     return (
-        f"none deeper than {report.told_apart:.2g} {report.units}; {report.images} inner points "
-        "have winding number 1 (sampled)"
+        f"none deeper than {report.contact_clearance:.2g} {report.units}; "
+        f"{report.images} inner points have winding number 1 (sampled)"
     )

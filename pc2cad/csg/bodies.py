@@ -18,7 +18,7 @@ from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
-from pc2cad.csg.intersection_edges import BOTH, Side, prove_meetings, sides_of
+from pc2cad.csg.intersection_edges import BOTH, Side, prove_intersection_edges, sides_of
 from pc2cad.errors import KernelError, NotASolidError, PointCadError, ToleranceNotReachedError
 from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
 from pc2cad.part import SIDE_COLOURS, Part, Solid
@@ -221,19 +221,22 @@ def _report(
     for name, part in joining.parts.items():
         sides |= sides_of(name, part.model)
     meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
-    curves = tuple(prove_meetings(shape, meeting, sides, size))
+    curves = tuple(prove_intersection_edges(shape, meeting, sides, size))
     loosest = max(tolerance, KERNEL_TOLERANCE)
     for curve in curves:
-        if curve.off_faces > loosest:
+        if curve.surface_distance > loosest:
             raise ToleranceNotReachedError(
-                f"the kernel's edge {curve.name} is {curve.off_faces:.2g} {bodies.units} off its "
-                f"faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
+                f"the kernel's edge {curve.name} is {curve.surface_distance:.2g} {bodies.units} "
+                f"off its faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
             )
     findings = inspect(solids[0])
     _check(findings, size, bodies.units)
     # an edge off its faces leaves a strip open; seen from the middle it is half the size away
     strips = (
-        sum(edge.length * curve.off_faces for edge, curve in zip(meeting, curves, strict=True))
+        sum(
+            edge.length * curve.surface_distance
+            for edge, curve in zip(meeting, curves, strict=True)
+        )
         * size
         / 6
     )

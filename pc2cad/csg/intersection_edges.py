@@ -13,7 +13,7 @@ from math import isfinite
 from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineCurve
 
-from pc2cad.bounds.edge_bounds import Meeting, bound_meeting
+from pc2cad.bounds.edge_bounds import EdgeBound, bound_edge
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, loosen
 from pc2cad.brep.from_kernel import conic_terms
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
@@ -49,7 +49,7 @@ def sides_of(name: str, model: BoundaryModel) -> dict[str, Side]:
     return found
 
 
-def prove_meetings(
+def prove_intersection_edges(
     shape: NamedShape, edges: Sequence[NamedEdge], faces: Mapping[str, Side], size: float
 ) -> Iterator[EdgeReport]:
     """Yield what is known of edges between faces of different bodies.
@@ -59,7 +59,7 @@ def prove_meetings(
     """
     for edge, function in zip(edges, edge_functions(shape, edges), strict=True):
         sides = [max((faces[name] for name in names), key=_weakness) for names in edge.names]
-        found = bound_meeting(function, (sides[0].deviation, sides[1].deviation))
+        found = bound_edge(function, (sides[0].deviation, sides[1].deviation))
         off = max(found.off)
         if isfinite(off):
             loosen(edge.edge, off)
@@ -80,7 +80,7 @@ def _weakness(side: Side) -> tuple[int, float]:
 
 
 def _judged(
-    edge: NamedEdge, sides: Sequence[Side], found: Meeting, size: float
+    edge: NamedEdge, sides: Sequence[Side], found: EdgeBound, size: float
 ) -> tuple[Evidence, float, str]:
     """Return the evidence, the deviation and where no bound could be had."""
     for side, names in zip(sides, edge.names, strict=True):

@@ -41,7 +41,7 @@ SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(13)[0] + 1) /
 
 
 @dataclass(frozen=True, eq=False)
-class CellFunction:
+class RestrictedMap:
     """M restricted to a face or an edge of the box, in the cell's own coordinates on [0, 1]."""
 
     analysis: Analysis
@@ -240,7 +240,7 @@ def _piece(edge: Cell) -> Piece:
 
 
 def polynomial_space(
-    function: CellFunction, axis: int, breaks: Sequence[Break]
+    function: RestrictedMap, axis: int, breaks: Sequence[Break]
 ) -> SplineSpace | None:
     """Return a space that holds the function exactly along one of its axes, or None.
 
@@ -265,7 +265,7 @@ def polynomial_space(
     return SplineSpace(degree, points, [max(1, degree - b.smoothness) for b in inner])
 
 
-def _loss(function: CellFunction, axis: int, degree: int, span: tuple[float, float]) -> float:
+def _loss(function: RestrictedMap, axis: int, degree: int, span: tuple[float, float]) -> float:
     """Return what rounding leaves open of a polynomial that is evaluated by powers on a span."""
     places = [SECTIONS[::4]] * len(function.pieces)
     places[axis] = span[0] + (span[1] - span[0]) * chebyshev_nodes(degree)

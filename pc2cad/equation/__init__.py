@@ -1,5 +1,6 @@
-"""The equation room: text and Python expressions become one frozen tree, and nothing else does.
+"""Points and vectors of the point calculus, their language, and the point equation over its box.
 
-The tree is the only truth: NumPy evaluation, derivatives and exact polynomial forms are read off
-it. This room never sees the CAD kernel.
+`Point` carries the weight that tells points from free vectors; `syntax` and `language` turn text
+into them, and nothing is ever evaluated by Python. `PointEquation` is what the rest of the
+pipeline is given.
 """

@@ -24,7 +24,7 @@ class Verdict(Enum):
         return self is not Verdict.REFUTED
 
 
-def vanishes(root: Expr, scale: float = 1.0) -> Verdict:
+def is_zero(root: Expr, scale: float = 1.0) -> Verdict:
     """Say whether the tree is zero for all values of its symbols.
 
     Samples are taken at fixed irrational places of (0, 1); values below `ROUNDING` times `scale`
@@ -49,7 +49,7 @@ def _seems_zero(root: Expr, scale: float) -> bool:
 
 def is_constant_value(root: Expr, value: Number) -> Verdict:
     """Say whether the tree equals the constant everywhere."""
-    return vanishes(root - as_expr(value), scale=max(1.0, abs(float(value))))
+    return is_zero(root - as_expr(value), scale=max(1.0, abs(float(value))))
 
 
 def _sample(root: Expr, shift: int) -> float:

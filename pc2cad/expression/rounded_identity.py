@@ -26,7 +26,7 @@ MOST_STEPS = 24
 _MEASURE = symbol("|")
 
 
-def vanishes(root: Expr, measure: Expr) -> bool:
+def is_zero_to_rounding(root: Expr, measure: Expr) -> bool:
     """Say whether a tree is proved to be zero but for rounding, relative to another tree.
 
     Both are polynomials in the same coordinates, whose coefficients are of one size.

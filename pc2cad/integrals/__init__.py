@@ -1,1 +1,5 @@
-"""The integrals room."""
+"""Volume, area and centroid of the solid, integrated from the equation itself.
+
+`exact` for polynomial maps over the fractions, `quadrature` by adaptive Gauss rules elsewhere;
+the quadrature watches det J at every node that it sees.
+"""

@@ -24,7 +24,7 @@ from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
 from pc2cad.integrals.features import find_features
 from pc2cad.integrals.quadrature import Panels, Samples, resolve, single
-from pc2cad.solidity.orientation import Signs
+from pc2cad.solidity.orientation import JacobianWatch
 from pc2cad.topology.cells import Cell, directions_of
 
 #: points of one integral
@@ -82,8 +82,8 @@ class Properties:
 def integrate(analysis: Analysis) -> Properties:
     """Return the integrals; raise FoldedMapError where a quadrature node shows a fold."""
     centre = _centre(analysis)
-    signs = Signs(analysis.map)
-    densities = _Densities(analysis, centre, signs)
+    watch = JacobianWatch(analysis.map)
+    densities = _Densities(analysis, centre, watch)
     exact = _exact_rules(analysis)
     layers: list[Array] = []
     if exact is not None:
@@ -95,7 +95,7 @@ def integrate(analysis: Analysis) -> Properties:
         found = [_integral(densities.volume, part) for part in _layers(analysis, whole)]
         layers, errors = [m for m, _ in found], [e for _, e in found]
         moments, error = np.sum(layers, axis=0), max(errors)
-    signs.check()
+    watch.check()
     if not (np.isfinite(moments).all() and np.isfinite(error)):
         raise NotIntegrableError(
             "the equation or a derivative has no finite value inside the box: look for a division "
@@ -215,12 +215,12 @@ class _Densities:
 
     analysis: Analysis
     centre: Array
-    signs: Signs
+    watch: JacobianWatch
 
     def volume(self, u: Array, v: Array, w: Array) -> Samples:
         """Return det J and (M - centre) det J; the sign of det J is noted on the way."""
         points, *tangents = self.analysis.map.frame(u, v, w)
-        determinant, size, _ = self.signs.note(tangents, (u, v, w))
+        determinant, size, _ = self.watch.note(tangents, (u, v, w))
         values = np.empty((4, *determinant.shape))
         values[0] = determinant
         with np.errstate(all="ignore"):

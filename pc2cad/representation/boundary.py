@@ -15,7 +15,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.checked import CheckedMap, resolve_tolerance
-from pc2cad.domain.restrictions import SAFE_DEGREE, CellFunction
+from pc2cad.domain.restrictions import SAFE_DEGREE, RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
@@ -26,10 +26,10 @@ from pc2cad.geometry.carriers import (
     SplineSurface,
 )
 from pc2cad.geometry.recognition.from_points import Fitted, irrational
-from pc2cad.geometry.recognition.from_separable_form import Laid
+from pc2cad.geometry.recognition.from_separable_form import SurfacePlacement
 from pc2cad.geometry.splines.bernstein import bernstein, bezier_knots
 from pc2cad.geometry.splines.rational import (
-    Course,
+    Parametrisation,
     edge_deviation,
     face_deviation,
     fit_edge,
@@ -39,7 +39,7 @@ from pc2cad.geometry.splines.spline_profile import spline_profile
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.representation.boundary_model import BoundaryModel, Layer, ModelEdge, ModelFace
 from pc2cad.representation.deviation_proof import Side, prove_edge, prove_face
-from pc2cad.representation.parametrisation import Courses, Strand
+from pc2cad.representation.parametrisation import FaceDirection, Parametrisations
 from pc2cad.representation.plan import Cells, Plan, plan_of, settle
 from pc2cad.representation.plane_faces import coplanar_groups, join_straight_edges, plane_face
 from pc2cad.representation.tightening import Attempt, tighten
@@ -63,7 +63,7 @@ def represent(
     analysis, tolerance = checked.analysis, resolve_tolerance(checked, options)
     cells = Cells(checked, spline_profile(options))
     vertices = np.array([
-        CellFunction(analysis, vertex.corners[0])() for vertex in cells.boundary.vertices
+        RestrictedMap(analysis, vertex.corners[0])() for vertex in cells.boundary.vertices
     ])  # fmt: skip
     edges, faces = _carriers(
         _Work(cells, vertices, tolerance, analysis.scale.evaluation_noise, Known(), prove)
@@ -98,7 +98,7 @@ def _layer(name: str, index: int, cells: Cells, faces: list[ModelFace]) -> Layer
     return Layer(name, members, sum(shell.euler for shell in shells))
 
 
-def _extent(face: CellFunction) -> float:
+def _extent(face: RestrictedMap) -> float:
     """Return the diagonal of the box round samples of a face."""
     nodes = irrational(9)
     return float(np.linalg.norm(np.ptp(face(nodes, nodes), axis=(0, 1))))
@@ -139,7 +139,7 @@ def _attempt(work: _Work, plan: Plan, target: float) -> Attempt[_Carriers | int]
 
     Deviations are proved only where the seen ones leave room for that.
     """
-    fits = _Fits(work, plan, plan.courses.resolved(target, work.rounding))
+    fits = _Fits(work, plan, plan.parametrisations.resolved(target, work.rounding))
     boundary, planes = work.cells.boundary, work.cells.planes
     edges = [fits.edge(i) for i in range(len(boundary.edges))]
     faces = []
@@ -166,7 +166,7 @@ class _Fits:
 
     work: _Work
     plan: Plan
-    courses: Courses
+    parametrisations: Parametrisations
 
     def proved(self, edges: list[ModelEdge], faces: list[ModelFace]) -> _Carriers:
         """Return edges and faces with proved deviations where those can be had."""
@@ -177,7 +177,13 @@ class _Fits:
             sides += own
         functions = zip(edges, self.work.cells.edges, self.plan.bound, strict=True)
         return [
-            prove_edge(edge, f, self.courses.course(Strand(f, 0, bound)), sides, self.work.known)
+            prove_edge(
+                edge,
+                f,
+                self.parametrisations.parametrisation(FaceDirection(f, 0, bound)),
+                sides,
+                self.work.known,
+            )
             if edge.evidence == "sampled"
             else edge
             for edge, f, bound in functions
@@ -185,10 +191,13 @@ class _Fits:
 
     def _proved_face(self, face: ModelFace) -> tuple[ModelFace, list[Side]]:
         functions = [self.work.cells.faces[i] for i in face.cells]
-        courses = []
+        parametrisations = []
         if isinstance(face.carrier, SplineSurface):
-            courses = [self.courses.course(Strand(functions[0], axis)) for axis in (0, 1)]
-        return prove_face(face, functions, courses, self.work.rounding, self.work.known)
+            parametrisations = [
+                self.parametrisations.parametrisation(FaceDirection(functions[0], axis))
+                for axis in (0, 1)
+            ]
+        return prove_face(face, functions, parametrisations, self.work.rounding, self.work.known)
 
     # -- edges ---------------------------------------------------------------------------------
 
@@ -201,17 +210,23 @@ class _Fits:
             if simple is not None:
                 carrier = Line(*ends) if isinstance(simple, Line) else simple
                 return ModelEdge(carrier, edge.start, edge.end, "exact", 0.0)
-        course = self.courses.course(Strand(function, 0, self.plan.bound[index]))
-        exact = None if course.arcs else bernstein(*function.trees)
-        if exact is not None and len(exact) <= 1 + self._highest(course):
+        parametrisation = self.parametrisations.parametrisation(
+            FaceDirection(function, 0, self.plan.bound[index])
+        )
+        exact = None if parametrisation.arcs else bernstein(*function.trees)
+        if exact is not None and len(exact) <= 1 + self._highest(parametrisation):
             exact[0], exact[-1] = ends
             bezier = Line(*ends) if len(exact) == 2 else _bezier(exact)
             return ModelEdge(bezier, edge.start, edge.end, "exact", 0.0)
-        poles, weights = fit_edge(function(course.places(course.space.sites)), course)
+        poles, weights = fit_edge(
+            function(parametrisation.places(parametrisation.space.sites)), parametrisation
+        )
         poles[0], poles[-1] = ends
-        seen = edge_deviation(function, course, poles, weights).largest
-        curve = SplineCurve(course.space.degree, course.space.knots, poles, weights)
-        evidence: Evidence = "exact" if course.exact else "sampled"
+        seen = edge_deviation(function, parametrisation, poles, weights).largest
+        curve = SplineCurve(
+            parametrisation.space.degree, parametrisation.space.knots, poles, weights
+        )
+        evidence: Evidence = "exact" if parametrisation.exact else "sampled"
         return ModelEdge(curve, edge.start, edge.end, evidence, seen)
 
     # -- faces ---------------------------------------------------------------------------------
@@ -225,21 +240,24 @@ class _Fits:
         function, cell = cells.faces[index], cells.boundary.faces[index]
         name = cells.boundary.name(cell.patch)
         inward = cells.sign(cell.patch) < 0
-        flat, laid = cells.planes[index], self.plan.laid[index]
+        flat, placement = cells.planes[index], self.plan.placements[index]
         if flat is not None:
             return plane_face(group, flat, cells.boundary, inward, edges)
-        if laid is not None:
-            on_surface = self._on_surface(laid, index, edges)
+        if placement is not None:
+            on_surface = self._on_surface(placement, index, edges)
             if on_surface is None:
                 return None
             surface, sides = on_surface
-            return ModelFace(name, (index,), surface, cell.uses, (), sides, laid.turned,
-                             inward != laid.turned, "exact", 0.0, 0)  # fmt: skip
+            return ModelFace(name, (index,), surface, cell.uses, (), sides, placement.turned,
+                             inward != placement.turned, "exact", 0.0, 0)  # fmt: skip
         square = whole_square(cell.uses)
-        s, t = (self.courses.course(Strand(function, axis)) for axis in (0, 1))
+        s, t = (
+            self.parametrisations.parametrisation(FaceDirection(function, axis)) for axis in (0, 1)
+        )
         exact = None if s.arcs or t.arcs else bernstein(*function.trees)
         if exact is not None and all(
-            n <= 1 + self._highest(course) for n, course in zip(exact.shape, (s, t), strict=False)
+            n <= 1 + self._highest(parametrisation)
+            for n, parametrisation in zip(exact.shape, (s, t), strict=False)
         ):
             degrees = (exact.shape[0] - 1, exact.shape[1] - 1)
             knots = (bezier_knots(degrees[0]), bezier_knots(degrees[1]))
@@ -256,32 +274,36 @@ class _Fits:
                          seen.largest, seen.samples)  # fmt: skip
 
     def _on_surface(
-        self, laid: Laid | Fitted, index: int, edges: list[ModelEdge]
+        self, placement: SurfacePlacement | Fitted, index: int, edges: list[ModelEdge]
     ) -> tuple[AnalyticSurface, tuple[PCurve | None, ...]] | None:
-        """Return the surface of a laid face, and the face's four sides there; None without them."""
+        """Return the surface of a face that lies on one, and its four sides there, or None."""
         cells = self.work.cells
         function, uses = cells.faces[index], cells.boundary.faces[index].uses
-        if isinstance(laid, Fitted):
+        if isinstance(placement, Fitted):
             try:
-                return laid.carrier, sides_of_fitted(laid, uses, edges, self.work.vertices)
+                return placement.carrier, sides_of_fitted(
+                    placement, uses, edges, self.work.vertices
+                )
             except ToleranceNotReachedError:
                 return None
-        arcs = [self.courses.arcs(piece) for piece in function.pieces]
-        surface = laid.carrier(lambda axis, level: self._iso_curve(function, axis, level))
-        return surface, sides_on(laid, uses, edges, arcs)
+        arcs = [self.parametrisations.arcs(piece) for piece in function.pieces]
+        surface = placement.carrier(lambda axis, level: self._iso_curve(function, axis, level))
+        return surface, sides_on(placement, uses, edges, arcs)
 
-    def _highest(self, course: Course) -> int:
-        """Return the highest degree of an exact form that runs as a course does."""
+    def _highest(self, parametrisation: Parametrisation) -> int:
+        """Return the highest degree of an exact form that runs as a parametrisation does."""
         exact = self.work.cells.profile.exact
-        return exact if course.exact else min(exact, SAFE_DEGREE)
+        return exact if parametrisation.exact else min(exact, SAFE_DEGREE)
 
-    def _iso_curve(self, function: CellFunction, axis: int, level: float) -> SplineCurve:
+    def _iso_curve(self, function: RestrictedMap, axis: int, level: float) -> SplineCurve:
         """Return the curve along one axis of a face, the other parameter fixed."""
-        course = self.courses.course(Strand(function, axis))
-        along, across = course.places(course.space.sites), np.array([level])
+        parametrisation = self.parametrisations.parametrisation(FaceDirection(function, axis))
+        along, across = parametrisation.places(parametrisation.space.sites), np.array([level])
         values = function(along, across)[:, 0] if axis == 0 else function(across, along)[0]
-        poles, weights = fit_edge(values, course)
-        return SplineCurve(course.space.degree, course.space.knots, poles, weights)
+        poles, weights = fit_edge(values, parametrisation)
+        return SplineCurve(
+            parametrisation.space.degree, parametrisation.space.knots, poles, weights
+        )
 
     def _take_edges(self, poles: Array, uses: tuple[EdgeUse, ...], edges: list[ModelEdge]) -> None:
         """Put the poles of the edges (and collapsed vertices) into the rows of a face."""

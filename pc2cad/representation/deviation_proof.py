@@ -14,13 +14,13 @@ from pc2cad.arrays.linear import vectors
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.bounds.slices import between
 from pc2cad.bounds.taylor_evaluation import Known
-from pc2cad.domain.restrictions import CellFunction
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, pieces, substitute, symbol
 from pc2cad.geometry.carriers import Evidence, Plane, SplineCurve, SplineSurface
 from pc2cad.geometry.splines.arcs import Arcs
 from pc2cad.geometry.splines.bernstein import bezier_knots, degree_in
-from pc2cad.geometry.splines.rational import Course
+from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.representation.boundary_model import ModelEdge, ModelFace
 from pc2cad.topology.cells import Cell
@@ -55,7 +55,7 @@ class Side:
         )
 
 
-def _sides_of(face: ModelFace, function: CellFunction, bound: Bound) -> list[Side]:
+def _sides_of(face: ModelFace, function: RestrictedMap, bound: Bound) -> list[Side]:
     """Return the sides of a face that are bounded with it."""
     surface = face.carrier
     if not isinstance(surface, SplineSurface) or surface.weights is not None:
@@ -72,8 +72,8 @@ def _sides_of(face: ModelFace, function: CellFunction, bound: Bound) -> list[Sid
 
 def prove_edge(
     edge: ModelEdge,
-    function: CellFunction,
-    course: Course,
+    function: RestrictedMap,
+    parametrisation: Parametrisation,
     sides: Sequence[Side],
     known: Known,
 ) -> ModelEdge:
@@ -88,7 +88,7 @@ def prove_edge(
     bound = next((s.bound for s in sides if s.carries(function.cell, carrier)), None)
     try:
         if bound is None:
-            bound = _bound_spline(*function.trees, carrier, (course,), known)
+            bound = _bound_spline(*function.trees, carrier, (parametrisation,), known)
     except BreaksNotAlignedError:
         return replace(edge, sampled=edge.deviation, open=((0.0, 1.0),))
     evidence, deviation = _judge(bound)
@@ -99,22 +99,22 @@ def prove_edge(
 
 def prove_face(
     face: ModelFace,
-    functions: Sequence[CellFunction],
-    courses: Sequence[Course],
+    functions: Sequence[RestrictedMap],
+    parametrisations: Sequence[Parametrisation],
     rounding: float,
     known: Known,
 ) -> tuple[ModelFace, list[Side]]:
     """Return the face with a proved deviation, where one can be had; it is no exact one.
 
     With it come its sides, as far as they are bounded. `functions` are those of the patches that it
-    covers, `courses` those along a spline's axes, and `rounding` is the length below which places
-    of the part cannot be told apart.
+    covers, `parametrisations` those along a spline's axes, and `rounding` is the length below which
+    places of the part cannot be told apart.
     """
     try:
         if isinstance(face.carrier, Plane):
             bounds = [_from_plane(function, face.carrier, rounding) for function in functions]
         elif isinstance(face.carrier, SplineSurface):
-            bounds = [_bound_spline(*functions[0].trees, face.carrier, courses, known)]
+            bounds = [_bound_spline(*functions[0].trees, face.carrier, parametrisations, known)]
         else:
             return face, []
     except BreaksNotAlignedError:
@@ -129,7 +129,7 @@ def prove_face(
 
 
 def bound_volume(
-    function: CellFunction, volume: SplineVolume, directions: Sequence[int]
+    function: RestrictedMap, volume: SplineVolume, directions: Sequence[int]
 ) -> Bound | None:
     """Bound the distance of M from a trivariate spline, None where no way to is known.
 
@@ -161,14 +161,16 @@ def _bound_slices(
     axis = min((k for k in range(3) if volume.axes[k].arcs is None),
                key=lambda k: len(volume.axes[k].space.points))  # fmt: skip
     others = [k for k in range(3) if k != axis]
-    courses = [volume.axes[k] for k in others]
+    parametrisations = [volume.axes[k] for k in others]
     names = [along[k] for k in others]
     known, space = Known(), volume.axes[axis].space
 
     def bound_at(place: float) -> Bound:
         section = substitute(trees, {along[axis]: number(Fraction(place))})
         shares = space.basis(np.array([place])).toarray()[0]
-        return _bound_spline(section, names, _combined(volume, axis, shares), courses, known)
+        return _bound_spline(
+            section, names, _combined(volume, axis, shares), parametrisations, known
+        )
 
     first = max(bound_at(place).sampled for place in (0.0, 0.3, 0.6, 1.0))
     rows = between(trees, along, volume.knots, volume.degrees, axis, _BETWEEN * first)
@@ -201,14 +203,16 @@ def _bound_ruled(
             for i in range(3)
         )
         surface = _combined(volume, ruled, np.eye(volume.degrees[ruled] + 1)[k])
-        courses = [volume.axes[axis] for axis in others]
+        parametrisations = [volume.axes[axis] for axis in others]
         bounds.append(
-            _bound_spline(control, [along[axis] for axis in others], surface, courses, known)
+            _bound_spline(
+                control, [along[axis] for axis in others], surface, parametrisations, known
+            )
         )
     return max(bounds, key=lambda bound: bound.largest)
 
 
-def _is_bernstein(axis: Course, trees: Sequence[Expr], name: str) -> bool:
+def _is_bernstein(axis: Parametrisation, trees: Sequence[Expr], name: str) -> bool:
     """Say whether the spline's basis along an axis is one Bernstein basis, which holds M too."""
     if axis.arcs is not None or len(axis.space.points) > 2:
         return False
@@ -251,7 +255,7 @@ def _bound_spline(
     trees: tuple[Expr, ...],
     names: Sequence[str],
     carrier: SplineCurve | SplineSurface,
-    courses: Sequence[Course],
+    parametrisations: Sequence[Parametrisation],
     known: Known,
 ) -> Bound:
     """Bound the distance of a function from its spline, rational ones included.
@@ -261,17 +265,17 @@ def _bound_spline(
     """
     weight = ONE
     lowest, amiss = 1.0, 0.0
-    for name, course in zip(names, courses, strict=True):
-        if course.arcs is None:
+    for name, parametrisation in zip(names, parametrisations, strict=True):
+        if parametrisation.arcs is None:
             continue
-        trees = substitute(trees, {name: _path(course.arcs, symbol(name))})
-        if course.order:
-            factor = _denominator(course.arcs, symbol(name)) ** course.order
+        trees = substitute(trees, {name: _path(parametrisation.arcs, symbol(name))})
+        if parametrisation.order:
+            factor = _denominator(parametrisation.arcs, symbol(name)) ** parametrisation.order
             weight = weight * factor
-            lowest *= course.lowest * (1 - 1e-12)
-            space = course.space
+            lowest *= parametrisation.lowest * (1 - 1e-12)
+            space = parametrisation.space
             poles = np.zeros((space.size, 3))
-            poles[:, 0] = course.weights
+            poles[:, 0] = parametrisation.weights
             column = SplineCurve(space.degree, space.knots, poles)
             gap = bound_curve((factor, ZERO, ZERO), name, column).largest
             amiss = amiss + gap + amiss * gap
@@ -329,7 +333,7 @@ def _judge(bound: Bound) -> tuple[Evidence, float]:
     return "sampled", bound.sampled
 
 
-def _from_plane(function: CellFunction, plane: Plane, rounding: float) -> Bound:
+def _from_plane(function: RestrictedMap, plane: Plane, rounding: float) -> Bound:
     """Bound the distance of a patch from a plane: that of (n·(M - o), 0, 0) from zero."""
     trees, names = function.trees
     height: Expr = ZERO

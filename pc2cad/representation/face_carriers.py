@@ -9,15 +9,21 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.restrictions import CellFunction
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.recognition.from_points import Fitted, fit, fit_curve, irrational
-from pc2cad.geometry.recognition.from_separable_form import Laid, arc, is_straight, lay, plane
+from pc2cad.geometry.recognition.from_separable_form import (
+    SurfacePlacement,
+    arc,
+    is_straight,
+    lay,
+    plane,
+)
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.splines.bernstein import linear_span
 
 
-def plane_of(function: CellFunction, sign: int, slack: float) -> tuple[Plane, Evidence] | None:
+def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, Evidence] | None:
     """Return the plane that carries a face within a distance, if one does, and how that is known.
 
     Its normal is `sign` times M_s × M_t.
@@ -43,16 +49,16 @@ def plane_of(function: CellFunction, sign: int, slack: float) -> tuple[Plane, Ev
     return Plane(found.origin, normal + 0.0), evidence
 
 
-def laid_of(function: CellFunction, slack: float) -> Laid | Fitted | None:
+def placement_of(function: RestrictedMap, slack: float) -> SurfacePlacement | Fitted | None:
     """Return a face laid on the analytic surface that carries it within a distance, or None."""
-    laid = function.may_be_swept and function.form and lay(function.form)
-    if laid:
-        return laid
+    placement = function.may_be_swept and function.form and lay(function.form)
+    if placement:
+        return placement
     fitted = fit(function, function.normals, slack)
     return fitted if fitted and holds(fitted.carrier, function.trees[0]) else None
 
 
-def simple_curve(function: CellFunction, slack: float) -> CurveCarrier | None:
+def simple_curve(function: RestrictedMap, slack: float) -> CurveCarrier | None:
     """Return the line or conic that carries an edge within a distance, or None.
 
     A parabola that is a polynomial of its parameter is none: its form is exact already.
@@ -70,7 +76,7 @@ def simple_curve(function: CellFunction, slack: float) -> CurveCarrier | None:
     return fitted if holds(fitted, function.trees[0]) else None
 
 
-def on_line(function: CellFunction) -> bool:
+def on_line(function: RestrictedMap) -> bool:
     """Say whether an edge is straight, from its form."""
     form = function.form if function.may_be_swept else None
     return form is not None and is_straight(form)

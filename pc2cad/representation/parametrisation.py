@@ -1,10 +1,10 @@
-"""The course of every direction: in what parameter and in which space faces and edges run along it.
+"""Parametrisations: in what parameter and in which space faces and edges run along a direction.
 
 Faces that are neither planes nor on an analytic surface have to agree along their common edges at
-equal parameters. So all of them take one course per class of directions. Where it makes a face
-exact, or keeps an edge on an analytic surface, that course runs through arcs (`geometry.rational`),
-and what has to be approximated along it is approximated in the arcs' parameter. Elsewhere arcs
-would only make faces rougher, and the equation's own parameter stays.
+equal parameters. So all of them take one parametrisation per class of directions. Where it makes a
+face exact, or keeps an edge on an analytic surface, it runs through arcs (`splines.arcs`), and what
+has to be approximated along it is approximated in the arcs' parameter. Elsewhere arcs would only
+make faces rougher, and the equation's own parameter stays.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.domain.restrictions import (
     SECTIONS,
-    CellFunction,
     DirectionClasses,
     Piece,
+    RestrictedMap,
     polynomial_space,
 )
 from pc2cad.expression.angle_multiples import common
@@ -30,21 +30,21 @@ from pc2cad.expression.breaks import Break
 from pc2cad.geometry.recognition.separable_form import LARGEST_ORDER
 from pc2cad.geometry.splines.adaptive_knots import DirectionRules, Sampler, adapt, beside
 from pc2cad.geometry.splines.arcs import Arcs, Wave
-from pc2cad.geometry.splines.rational import Course, rational_course
+from pc2cad.geometry.splines.rational import Parametrisation, rational_course
 from pc2cad.geometry.splines.spline_profile import SplineProfile
 from pc2cad.geometry.splines.spline_space import SplineSpace
 
 
 @dataclass(frozen=True, eq=False)
-class Strand:
+class FaceDirection:
     """A face or an edge along one of its axes."""
 
-    function: CellFunction
+    function: RestrictedMap
     axis: int
     #: False for an edge whose neighbours do not ask for a certain parameter
     bound: bool = True
     #: True for a face on an analytic surface (along the axis of its spline), and for an edge of one
-    laid: bool = False
+    on_surface: bool = False
 
     @property
     def piece(self) -> Piece:
@@ -64,32 +64,32 @@ class Strand:
         return Wave(abs(last - first), form.order(self.axis))
 
 
-class Courses:
-    """The courses of one model's strands."""
+class Parametrisations:
+    """The parametrisations of one model's directions."""
 
     def __init__(
-        self, classes: DirectionClasses, strands: Sequence[Strand], profile: SplineProfile
+        self, classes: DirectionClasses, directions: Sequence[FaceDirection], profile: SplineProfile
     ) -> None:
         self._classes = classes
-        self._strands = strands
+        self._face_directions = directions
         self._profile = profile
         #: of the classes in which something is approximated, in a copy that `resolved` makes
         self._spaces: dict[Piece, SplineSpace] = {}
         self._arcs: dict[Piece, tuple[Arcs, int]] = {}
-        for owner in {classes.owner(s.piece) for s in strands}:
-            arcs = self._common_arcs([s for s in strands if s.bound and self._owner(s) == owner])
+        for owner in {classes.owner(s.piece) for s in directions}:
+            arcs = self._common_arcs([s for s in directions if s.bound and self._owner(s) == owner])
             if arcs is not None:
                 self._arcs[owner] = arcs
 
-    def _owner(self, strand: Strand) -> Piece:
-        return self._classes.owner(strand.piece)
+    def _owner(self, direction: FaceDirection) -> Piece:
+        return self._classes.owner(direction.piece)
 
-    def _common_arcs(self, strands: Sequence[Strand]) -> tuple[Arcs, int] | None:
+    def _common_arcs(self, directions: Sequence[FaceDirection]) -> tuple[Arcs, int] | None:
         """Return the arcs of a class and the highest order along it; None where it has none."""
-        powers = any(self._polynomial(s) is not None for s in strands)
-        if powers or not any(self._completes_a_face(s) for s in strands):
+        powers = any(self._polynomial(s) is not None for s in directions)
+        if powers or not any(self._completes_a_face(s) for s in directions):
             return None
-        waves = [wave for s in strands if (wave := s.wave) is not None]
+        waves = [wave for s in directions if (wave := s.wave) is not None]
         ratios = [_ratio(wave.extent, waves[0].extent) for wave in waves]
         known = [r for r in ratios if r is not None]
         if len(known) < len(ratios):
@@ -101,67 +101,67 @@ class Courses:
             return None
         return common_wave.arcs, order
 
-    def _completes_a_face(self, strand: Strand) -> bool:
-        """Say whether a face is exact as soon as the strand is run through in arcs.
+    def _completes_a_face(self, direction: FaceDirection) -> bool:
+        """Say whether a face is exact as soon as the direction is run through in arcs.
 
         An analytic surface beside an edge is such a face: the edge has to lie on it.
         """
-        if strand.laid or len(strand.function.pieces) == 1:
-            return strand.laid and strand.wave is not None
-        other = Strand(strand.function, 1 - strand.axis)
+        if direction.on_surface or len(direction.function.pieces) == 1:
+            return direction.on_surface and direction.wave is not None
+        other = FaceDirection(direction.function, 1 - direction.axis)
         return (
-            strand.function.may_be_exact(other.axis)
-            and strand.wave is not None
+            direction.function.may_be_exact(other.axis)
+            and direction.wave is not None
             and (other.wave is not None or self._polynomial(other) is not None)
         )
 
-    def _polynomial(self, strand: Strand) -> SplineSpace | None:
-        breaks = self._classes.breaks(strand.piece)
-        return polynomial_space(strand.function, strand.axis, breaks)
+    def _polynomial(self, direction: FaceDirection) -> SplineSpace | None:
+        breaks = self._classes.breaks(direction.piece)
+        return polynomial_space(direction.function, direction.axis, breaks)
 
     def arcs(self, piece: Piece) -> Arcs | None:
         """Return the arcs in which the class of a piece is run through."""
         found = self._arcs.get(self._classes.owner(piece))
         return found and found[0]
 
-    def exact(self, strand: Strand) -> Course | None:
-        """Return a course that holds the strand exactly, or None."""
-        found = self._arcs.get(self._owner(strand)) if strand.bound else None
+    def exact(self, direction: FaceDirection) -> Parametrisation | None:
+        """Return a parametrisation that holds the direction exactly, or None."""
+        found = self._arcs.get(self._owner(direction)) if direction.bound else None
         if found is None:
-            wave = None if strand.bound else strand.wave
-            breaks = self._classes.breaks(strand.piece)
-            return exact_course(strand.function, strand.axis, breaks, wave, self._profile)
-        wave, (arcs, _) = strand.wave, found
+            wave = None if direction.bound else direction.wave
+            breaks = self._classes.breaks(direction.piece)
+            return exact_course(direction.function, direction.axis, breaks, wave, self._profile)
+        wave, (arcs, _) = direction.wave, found
         if wave is None:
             return None
         return rational_course(arcs, round(wave.extent / arcs.extent) * wave.order)
 
-    def course(self, strand: Strand) -> Course:
-        """Return the course of a strand; of one that is approximated, after `resolved`."""
-        exact = self.exact(strand)
+    def parametrisation(self, direction: FaceDirection) -> Parametrisation:
+        """Return a direction's parametrisation; if it is approximated, after `resolved`."""
+        exact = self.exact(direction)
         if exact is not None:
             return exact
-        owner = self._owner(strand)
+        owner = self._owner(direction)
         arcs, order = self._arcs.get(owner, (None, 0))
-        return Course(self._spaces[owner], arcs, order)
+        return Parametrisation(self._spaces[owner], arcs, order)
 
     # -- approximation -------------------------------------------------------------------------
 
-    def resolved(self, target: float, floor: float) -> Courses:
-        """Return the courses with a space for every class that some strand is approximated in.
+    def resolved(self, target: float, floor: float) -> Parametrisations:
+        """Return the parametrisations with a space for each class in which one is approximated.
 
         `target` and `floor` (what rounding leaves) are lengths. Raises ToleranceNotReachedError.
         """
-        users: dict[Piece, list[Strand]] = {}
-        for strand in self._strands:
+        users: dict[Piece, list[FaceDirection]] = {}
+        for direction in self._face_directions:
             # the sections of a face include the edges that follow its parameters
-            is_section = strand.bound and len(strand.function.pieces) == 1
-            if not is_section and self.exact(strand) is None:
-                users.setdefault(self._owner(strand), []).append(strand)
+            is_section = direction.bound and len(direction.function.pieces) == 1
+            if not is_section and self.exact(direction) is None:
+                users.setdefault(self._owner(direction), []).append(direction)
         result = copy(self)
         result._spaces = {}
-        for owner, strands in users.items():
-            column = beside([result._column(strand) for strand in strands])
+        for owner, directions in users.items():
+            column = beside([result._column(direction) for direction in directions])
             result._spaces[owner] = adapt(column, self._rules(owner), target, floor)
         return result
 
@@ -176,45 +176,45 @@ class Courses:
         degrees = sorted({max(degree, 2 * order) for degree in rules.degrees})
         return replace(rules, degrees=degrees, breaks=breaks, periodic=False)
 
-    def _column(self, strand: Strand) -> Sampler:
+    def _column(self, direction: FaceDirection) -> Sampler:
         """Return the function of one axis alone, the other taken at its sections."""
-        arcs, order = self._arcs.get(self._owner(strand), (None, 0))
-        along = Course(SplineSpace(1, (0.0, 1.0)), arcs, order)
-        function = strand.function
+        arcs, order = self._arcs.get(self._owner(direction), (None, 0))
+        along = Parametrisation(SplineSpace(1, (0.0, 1.0)), arcs, order)
+        function = direction.function
         if len(function.pieces) == 1:
             return lambda x: function(along.places(x)) * along.weight(x)[:, None]
-        across = self._sections(Strand(function, 1 - strand.axis))
-        if strand.axis == 0:
+        across = self._sections(FaceDirection(function, 1 - direction.axis))
+        if direction.axis == 0:
             return lambda x: function(along.places(x), across) * along.weight(x)[:, None, None]
         return lambda x: (
             function(across, along.places(x)).transpose(1, 0, 2) * along.weight(x)[:, None, None]
         )
 
-    def _sections(self, strand: Strand) -> Array:
+    def _sections(self, direction: FaceDirection) -> Array:
         """Return the places across which a face is looked at: the sites of a small known space."""
-        exact = self.exact(strand)
-        if exact is None and self._owner(strand) in self._spaces:
-            exact = self.course(strand)
+        exact = self.exact(direction)
+        if exact is None and self._owner(direction) in self._spaces:
+            exact = self.parametrisation(direction)
         if exact is None or exact.space.size > 12:
             return SECTIONS
         return exact.places(exact.space.sites)
 
 
 def exact_course(
-    function: CellFunction,
+    function: RestrictedMap,
     axis: int,
     breaks: Sequence[Break],
     wave: Wave | None,
     profile: SplineProfile,
-) -> Course | None:
-    """Return a course of its own that holds a function exactly along one axis, None if none does.
+) -> Parametrisation | None:
+    """Return a parametrisation that holds a function exactly along one axis, None if none does.
 
     `wave` is what is known of it as a trigonometric polynomial.
     """
     if wave is not None and profile.allows(wave):
         return rational_course(wave.arcs, wave.order)
     space = polynomial_space(function, axis, breaks)
-    return None if space is None else Course(space, exact=True)
+    return None if space is None else Parametrisation(space, exact=True)
 
 
 def _ratio(a: float, b: float) -> Fraction | None:

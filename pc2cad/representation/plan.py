@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from pc2cad.checked import CheckedMap
-from pc2cad.domain.restrictions import CellFunction, DirectionClasses
+from pc2cad.domain.restrictions import DirectionClasses, RestrictedMap
 from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, Evidence, Plane, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
-from pc2cad.geometry.recognition.from_separable_form import Laid
+from pc2cad.geometry.recognition.from_separable_form import SurfacePlacement
 from pc2cad.geometry.splines.spline_profile import SplineProfile
-from pc2cad.representation.face_carriers import laid_of, on_line, plane_of, simple_curve
-from pc2cad.representation.parametrisation import Courses, Strand
+from pc2cad.representation.face_carriers import on_line, placement_of, plane_of, simple_curve
+from pc2cad.representation.parametrisation import FaceDirection, Parametrisations
 from pc2cad.representation.trimming import axis_of
 from pc2cad.topology.cells import Cell, outward_sign
 from pc2cad.topology.complex import BoundaryComplex
@@ -32,10 +32,10 @@ class Cells:
         self.profile = profile
         self.classes = DirectionClasses(analysis, profile.degrees)
         self.faces = [
-            CellFunction(analysis, face.patch, profile.exact) for face in self.boundary.faces
+            RestrictedMap(analysis, face.patch, profile.exact) for face in self.boundary.faces
         ]
         self.edges = [
-            CellFunction(analysis, edge.cell, profile.exact) for edge in self.boundary.edges
+            RestrictedMap(analysis, edge.cell, profile.exact) for edge in self.boundary.edges
         ]
         self._sign = checked.orientation.sign
         self._slack = analysis.scale.carrier_noise
@@ -55,29 +55,29 @@ class Cells:
             self._simple[edge] = found if found is not None and self._allows(found) else None
         return self._simple[edge]
 
-    def lay(self, face: int) -> Laid | Fitted | None:
+    def place(self, face: int) -> SurfacePlacement | Fitted | None:
         """Return a face on an analytic surface that the receiver takes, or None."""
         if self.planes[face] is not None:
             return None
-        laid = laid_of(self.faces[face], self._slack)
-        if laid is None:
+        placement = placement_of(self.faces[face], self._slack)
+        if placement is None:
             return None
-        if isinstance(laid, Fitted):
-            return laid if self._allows(laid.carrier) else None
-        bases = [axis for axis in (0, 1) if laid.follows(axis)]
-        allowed = all(self._takes(Strand(self.faces[face], axis)) for axis in bases)
-        return laid if allowed else None
+        if isinstance(placement, Fitted):
+            return placement if self._allows(placement.carrier) else None
+        bases = [axis for axis in (0, 1) if placement.follows(axis)]
+        allowed = all(self._takes(FaceDirection(self.faces[face], axis)) for axis in bases)
+        return placement if allowed else None
 
     def _allows(self, carrier: CurveCarrier | AnalyticSurface) -> bool:
         degree, rational = spline_traits(carrier)
         return degree <= self.profile.exact and (self.profile.rational or not rational)
 
-    def _takes(self, strand: Strand) -> bool:
-        """Say whether the profile allows the exact form of a strand."""
-        if strand.wave is not None:
-            return self.profile.allows(strand.wave)
-        form = strand.function.form
-        return form is not None and form.order(strand.axis) <= self.profile.exact
+    def _takes(self, direction: FaceDirection) -> bool:
+        """Say whether the profile allows the exact form of a direction."""
+        if direction.wave is not None:
+            return self.profile.allows(direction.wave)
+        form = direction.function.form
+        return form is not None and form.order(direction.axis) <= self.profile.exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +86,11 @@ class Plan:
 
     cells: Cells
     #: of each face: on what analytic surface it lies; None in a plane or on a spline
-    laid: tuple[Laid | Fitted | None, ...] = field(repr=False)
+    placements: tuple[SurfacePlacement | Fitted | None, ...] = field(repr=False)
 
     def without(self, faces: frozenset[int]) -> Plan:
         """Return the plan with some faces on no analytic surface any more."""
-        left = (None if i in faces else laid for i, laid in enumerate(self.laid))
+        left = (None if i in faces else placement for i, placement in enumerate(self.placements))
         return Plan(self.cells, tuple(left))
 
     @cached_property
@@ -107,26 +107,26 @@ class Plan:
         )
 
     @cached_property
-    def courses(self) -> Courses:
-        """The courses of all that runs along the directions, without spaces of fits."""
-        return Courses(self.cells.classes, self._strands(), self.cells.profile)
+    def parametrisations(self) -> Parametrisations:
+        """The parametrisations of all that runs along the directions, without spaces of fits."""
+        return Parametrisations(self.cells.classes, self._face_directions(), self.cells.profile)
 
     @cached_property
     def rough(self) -> frozenset[int]:
         """The faces on analytic surfaces that have an edge which must be approximated."""
         found: set[int] = set()
         for edge, uses in self.cells.boundary.edge_uses().items():
-            laid = {face for face, _ in uses if self.laid[face] is not None}
-            if laid and not self._holds(edge):
-                found |= laid
+            placed = {face for face, _ in uses if self.placements[face] is not None}
+            if placed and not self._holds(edge):
+                found |= placed
         return frozenset(found)
 
     def _is_parametric(self, face: int, axis: int) -> bool:
         """Say whether a face's own parameter along an axis is that of its carrier."""
         if self.cells.planes[face] is not None:
             return False
-        laid = self.laid[face]
-        return laid is None or laid.follows(axis)
+        placement = self.placements[face]
+        return placement is None or placement.follows(axis)
 
     def _holds(self, edge: int) -> bool:
         """Say whether an edge is exact, or straight, or on a conic and free in its parameter."""
@@ -134,18 +134,20 @@ class Plan:
         return (
             on_line(function)
             or (not bound and self.cells.simple(edge) is not None)
-            or self.courses.exact(Strand(function, 0, bound)) is not None
+            or self.parametrisations.exact(FaceDirection(function, 0, bound)) is not None
         )
 
-    def _strands(self) -> list[Strand]:
+    def _face_directions(self) -> list[FaceDirection]:
         cells, uses = self.cells, self.cells.boundary.edge_uses()
         edges = [
-            Strand(function, 0, self.bound[i], any(self.laid[face] for face, _ in uses[i]))
+            FaceDirection(
+                function, 0, self.bound[i], any(self.placements[face] for face, _ in uses[i])
+            )
             for i, function in enumerate(cells.edges)
             if self.bound[i] or cells.simple(i) is None
         ]
         return edges + [
-            Strand(function, axis, laid=self.laid[face] is not None)
+            FaceDirection(function, axis, on_surface=self.placements[face] is not None)
             for face, function in enumerate(cells.faces)
             for axis in (0, 1)
             if self._is_parametric(face, axis)
@@ -154,7 +156,7 @@ class Plan:
 
 def plan_of(cells: Cells) -> Plan:
     """Return the plan with as many faces as can be on analytic surfaces."""
-    return settle(Plan(cells, tuple(cells.lay(face) for face in range(len(cells.faces)))))
+    return settle(Plan(cells, tuple(cells.place(face) for face in range(len(cells.faces)))))
 
 
 def settle(plan: Plan) -> Plan:

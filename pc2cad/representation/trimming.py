@@ -19,7 +19,7 @@ from pc2cad.geometry.carriers import (
 from pc2cad.geometry.parameter_path import path
 from pc2cad.geometry.point_inversion import curve_points
 from pc2cad.geometry.recognition.from_points import Fitted
-from pc2cad.geometry.recognition.from_separable_form import Along, Laid
+from pc2cad.geometry.recognition.from_separable_form import Along, SurfacePlacement
 from pc2cad.geometry.splines.arcs import Arcs
 from pc2cad.representation.boundary_model import ModelEdge
 from pc2cad.topology.complex import EdgeUse
@@ -88,7 +88,7 @@ def _round_pole(sides: Sequence[PCurve | None], uses: Sequence[EdgeUse], side: i
 
 
 def sides_on(
-    laid: Laid,
+    placement: SurfacePlacement,
     uses: Sequence[EdgeUse],
     edges: Sequence[ModelEdge],
     arcs: Sequence[Arcs | None],
@@ -102,7 +102,7 @@ def sides_on(
     for side, use in enumerate(uses):
         carrier = None if use.edge is None else edges[use.edge].carrier
         axis, level = _SIDES[side]
-        places = _Places(laid, axis, level, arcs[axis])
+        places = _Places(placement, axis, level, arcs[axis])
         if isinstance(carrier, SplineCurve) and _is_straight(carrier):
             first, last = places.towards(is_upwards(side, use))(np.array([0.0, 1.0]))
             result.append(_along_line(carrier, first, last))
@@ -143,17 +143,21 @@ def _breaks(carrier: CurveCarrier) -> Array:
 class _Places:
     """Surface parameters along one side of a face, by the spline parameter of its axis."""
 
-    def __init__(self, laid: Laid, axis: int, level: float, arcs: Arcs | None) -> None:
-        self._laid, self._axis, self._level, self._arcs = laid, axis, level, arcs
+    def __init__(
+        self, placement: SurfacePlacement, axis: int, level: float, arcs: Arcs | None
+    ) -> None:
+        self._placement, self._axis, self._level, self._arcs = placement, axis, level, arcs
 
     @property
     def scale(self) -> Array:
         """Sizes of the surface's two parameters over the face."""
-        ends = np.abs([self._laid.a.ends, self._laid.b.ends])
+        ends = np.abs([self._placement.a.ends, self._placement.b.ends])
         return np.asarray(np.maximum(ends.max(axis=1), 1e-300))
 
     def __call__(self, x: Array) -> Array:
-        return np.stack([self._along(self._laid.a, x), self._along(self._laid.b, x)], axis=-1)
+        return np.stack(
+            [self._along(self._placement.a, x), self._along(self._placement.b, x)], axis=-1
+        )
 
     def towards(self, upwards: bool) -> Callable[[Array], Array]:
         """Return the places by the edge's own parameter."""

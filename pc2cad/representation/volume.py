@@ -15,12 +15,12 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap, resolve_tolerance
-from pc2cad.domain.restrictions import CellFunction, DirectionClasses, Piece
+from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.geometry.splines.adaptive_knots import Sampler, adapt, beside, check_places
 from pc2cad.geometry.splines.arcs import wave_in
-from pc2cad.geometry.splines.rational import Course
+from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.spline_profile import SplineProfile, spline_profile
 from pc2cad.geometry.splines.spline_space import SplineSpace
 from pc2cad.geometry.splines.trivariate import GridSampler, SplineVolume, fit_volume
@@ -104,7 +104,7 @@ def represent_volume(checked: CheckedMap, options: CompileOptions = DEFAULTS) ->
     analysis, profile = checked.analysis, spline_profile(options)
     tolerance = resolve_tolerance(checked, options)
     spans = [range(1, 2 * len(limits) - 1, 2) for limits in analysis.bounds]
-    functions = [CellFunction(analysis, (a, b, c), profile.exact) for a, b, c in product(*spans)]
+    functions = [RestrictedMap(analysis, (a, b, c), profile.exact) for a, b, c in product(*spans)]
     classes = DirectionClasses(analysis, profile.degrees)
     exact = {
         (f.cell, d): _exact_course(classes, f, d, profile) for f in functions for d in range(3)
@@ -134,14 +134,14 @@ class _Work:
     checked: CheckedMap
     classes: DirectionClasses
     #: M on each piece of the box
-    functions: list[CellFunction]
-    #: piece and direction -> a course that holds M exactly
-    exact: dict[tuple[Cell, int], Course | None]
+    functions: list[RestrictedMap]
+    #: piece and direction -> a parametrisation that holds M exactly
+    exact: dict[tuple[Cell, int], Parametrisation | None]
     tolerance: float
 
     @property
     def is_exact(self) -> bool:
-        return all(course is not None for course in self.exact.values())
+        return all(parametrisation is not None for parametrisation in self.exact.values())
 
 
 def _check_exact(patches: tuple[Patch, ...], noise: float) -> None:
@@ -167,7 +167,7 @@ def _patches(work: _Work, spaces: dict[Piece, SplineSpace]) -> tuple[Patch, ...]
     for function in work.functions:
         a, b, c = (
             work.exact[function.cell, d]
-            or Course(spaces[work.classes.owner((d, function.cell[d]))])
+            or Parametrisation(spaces[work.classes.owner((d, function.cell[d]))])
             for d in directions
         )
         sample = turned(function, directions)
@@ -178,7 +178,7 @@ def _patches(work: _Work, spaces: dict[Piece, SplineSpace]) -> tuple[Patch, ...]
     return tuple(patches)
 
 
-def turned(function: CellFunction, directions: tuple[int, int, int]) -> GridSampler:
+def turned(function: RestrictedMap, directions: tuple[int, int, int]) -> GridSampler:
     """Return the function with its arguments and axes in the order of `directions`."""
 
     def sample(x: Array, y: Array, z: Array) -> Array:
@@ -190,7 +190,7 @@ def turned(function: CellFunction, directions: tuple[int, int, int]) -> GridSamp
 
 
 def _proved(
-    function: CellFunction, volume: SplineVolume, directions: tuple[int, int, int]
+    function: RestrictedMap, volume: SplineVolume, directions: tuple[int, int, int]
 ) -> float | None:
     """Return a proved bound of a patch's deviation, None where there is none."""
     bound = bound_volume(function, volume, directions)
@@ -198,9 +198,9 @@ def _proved(
 
 
 def _exact_course(
-    classes: DirectionClasses, function: CellFunction, d: int, profile: SplineProfile
-) -> Course | None:
-    """Return the course that carries a function exactly along a direction, or None."""
+    classes: DirectionClasses, function: RestrictedMap, d: int, profile: SplineProfile
+) -> Parametrisation | None:
+    """Return the parametrisation that carries a function exactly along a direction, or None."""
     trees, names = function.trees
     breaks = classes.breaks((d, function.cell[d]))
     return exact_course(function, d, breaks, wave_in(trees, names[d]), profile)
@@ -220,7 +220,7 @@ def _spaces(work: _Work, target: float, floor: float) -> dict[Piece, SplineSpace
     }
 
 
-def _along(function: CellFunction, d: int) -> Sampler:
+def _along(function: RestrictedMap, d: int) -> Sampler:
     def sample(t: Array) -> Array:
         places = [_SECTIONS] * 3
         places[d] = t

@@ -1,1 +1,1 @@
-"""The sampling room."""
+"""Points of the interior, and the map inverted: which parameters a point of space has."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.solidity.face_mesh import Sheet
+from pc2cad.solidity.face_mesh import FaceMesh
 from pc2cad.topology.cells import normal_direction
 
 #: unit axes (…, k, 3) and how far a tangent is from them at most (…, k)
@@ -46,11 +46,11 @@ class Level:
     factor: Integers  # (faces, 2)
 
 
-def opposite_faces(sheets: Sequence[Sheet]) -> Integers:
+def opposite_faces(face_meshes: Sequence[FaceMesh]) -> Integers:
     """Return, per face, the face over the same parameters at the other limit, or -1."""
-    result = np.full(len(sheets), -1)
-    for a, first in enumerate(sheets):
-        for b, second in enumerate(sheets):
+    result = np.full(len(face_meshes), -1)
+    for a, first in enumerate(face_meshes):
+        for b, second in enumerate(face_meshes):
             d = normal_direction(first.function.cell)
             same = all(
                 first.function.cell[k] == second.function.cell[k] for k in range(3) if k != d
@@ -63,13 +63,13 @@ def opposite_faces(sheets: Sequence[Sheet]) -> Integers:
 # -- blocks of cells -----------------------------------------------------------------------------
 
 
-def pyramid(sheets: Sequence[Sheet], opposite: Integers) -> list[Level]:
+def build_levels(face_meshes: Sequence[FaceMesh], opposite: Integers) -> list[Level]:
     """Return the levels from cells to whole faces."""
     groups: dict[tuple[int, int], list[int]] = {}
-    for f, sheet in enumerate(sheets):
-        groups.setdefault(sheet.shape, []).append(f)
+    for f, face_mesh in enumerate(face_meshes):
+        groups.setdefault(face_mesh.shape, []).append(f)
     faces = list(groups.values())
-    stacks = [_leaves(sheets, group, opposite) for group in faces]
+    stacks = [_leaves(face_meshes, group, opposite) for group in faces]
     levels = [_level(stacks, faces, [(1, 1)] * len(stacks))]
     while max(max(stack[0].shape[1:3]) for stack in stacks) > 1:
         factors = [_factor(stack) for stack in stacks]
@@ -119,15 +119,15 @@ def _corners(samples: Array) -> list[Array]:
     return [samples[:, i : n + i : 2, j : m + j : 2] for i in range(3) for j in range(3)]
 
 
-def _leaves(sheets: Sequence[Sheet], faces: list[int], opposite: Integers) -> _Stack:
+def _leaves(face_meshes: Sequence[FaceMesh], faces: list[int], opposite: Integers) -> _Stack:
     """Return the cells of some faces of one shape."""
-    g = np.stack([sheets[f].samples for f in faces])
+    g = np.stack([face_meshes[f].samples for f in faces])
     slack = BETWEEN * bow(g)
     parts = _corners(g @ _DIRECTIONS.T)
     low, high = parts[0], parts[0]
     for part in parts[1:]:
         low, high = np.minimum(low, part), np.maximum(high, part)
-    shape = (len(faces), *sheets[faces[0]].shape, 3)
+    shape = (len(faces), *face_meshes[faces[0]].shape, 3)
     axes, radii = np.zeros((*shape, 3)), np.full(shape, 2.0)
     step_s, step_t = unit(g[:, 1:] - g[:, :-1]), unit(g[:, :, 1:] - g[:, :, :-1])
     n, m = 2 * shape[1], 2 * shape[2]
@@ -141,7 +141,9 @@ def _leaves(sheets: Sequence[Sheet], faces: list[int], opposite: Integers) -> _S
     if walls:
         # both sides of a wall take the way across it in one sense
         sides = [sorted((faces[k], int(opposite[faces[k]]))) for k in walls]
-        vectors = unit(np.stack([sheets[b].samples - sheets[a].samples for a, b in sides]))
+        vectors = unit(
+            np.stack([face_meshes[b].samples - face_meshes[a].samples for a, b in sides])
+        )
         axes[walls, ..., 2, :], radii[walls, ..., 2] = spread(np.stack(_corners(vectors), axis=3))
     return low - slack[..., None], high + slack[..., None], axes, radii
 
@@ -265,11 +267,11 @@ def independent(first: Cones, second: Cones, crossing: bool) -> Booleans:
     return np.asarray(size > (1 + reach[:, :2]).prod(axis=1) - 1)
 
 
-def adjoining(sheets: Sequence[Sheet], leaf: Level, pairs: Integers) -> Booleans:
+def adjoining(face_meshes: Sequence[FaceMesh], leaf: Level, pairs: Integers) -> Booleans:
     """Say which pairs of cells share a corner."""
     numbers = np.empty((len(leaf.face), 4), dtype=np.int64)
-    for sheet, start in zip(sheets, leaf.start, strict=True):
-        n = sheet.nodes
+    for face_mesh, start in zip(face_meshes, leaf.start, strict=True):
+        n = face_mesh.nodes
         corners = np.stack([n[:-1, :-1], n[:-1, 1:], n[1:, :-1], n[1:, 1:]], axis=2)
         numbers[start : start + corners[..., 0].size] = corners.reshape(-1, 4)
     first, second = numbers[pairs[:, 0]], numbers[pairs[:, 1]]

@@ -15,7 +15,7 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.domain.analysis import Analysis
 from pc2cad.errors import NotASolidError
-from pc2cad.solidity.face_mesh import Sheet
+from pc2cad.solidity.face_mesh import FaceMesh
 
 #: a step is looked into where it exceeds both steps beside it by this factor; so many per direction
 STEEP, MOST = 4.0, 4
@@ -29,13 +29,13 @@ class DiscontinuousMapError(NotASolidError):
     """The map jumps inside its box: the image falls into parts."""
 
 
-def check_continuous(analysis: Analysis, sheets: Sequence[Sheet]) -> None:
+def check_continuous(analysis: Analysis, face_meshes: Sequence[FaceMesh]) -> None:
     """Raise DiscontinuousMapError where the map jumps on a side."""
-    for sheet in sheets:
+    for face_mesh in face_meshes:
         for axis in (0, 1):
-            places = _steep(sheet.samples, axis, SMALLEST * analysis.size)
+            places = _steep(face_mesh.samples, axis, SMALLEST * analysis.size)
             if len(places):
-                _check(sheet, axis, places)
+                _check(face_mesh, axis, places)
 
 
 def _steep(samples: Array, axis: int, smallest: float) -> Integers:
@@ -50,15 +50,15 @@ def _steep(samples: Array, axis: int, smallest: float) -> Integers:
     return found if axis == 0 else found[:, ::-1]
 
 
-def _check(sheet: Sheet, axis: int, places: Integers) -> None:
-    low = places / (np.array(sheet.samples.shape[:2]) - 1)
+def _check(face_mesh: FaceMesh, axis: int, places: Integers) -> None:
+    low = places / (np.array(face_mesh.samples.shape[:2]) - 1)
     high = low.copy()
-    high[:, axis] += 1 / (sheet.samples.shape[axis] - 1)
-    ends = [sheet.function.at(*place.T) for place in (low, high)]
+    high[:, axis] += 1 / (face_mesh.samples.shape[axis] - 1)
+    ends = [face_mesh.function.at(*place.T) for place in (low, high)]
     first = _lengths(ends[1] - ends[0])
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        amid = sheet.function.at(*middle.T)
+        amid = face_mesh.function.at(*middle.T)
         known = np.isfinite(amid).all(axis=1)  # right at a jump there may be no value
         left = known & (_lengths(amid - ends[0]) > _lengths(ends[1] - amid))
         right = known & ~left
@@ -70,9 +70,9 @@ def _check(sheet: Sheet, axis: int, places: Integers) -> None:
     worst = jumps[first[jumps].argmax()]
     before, after = (", ".join(f"{x:.6g}" for x in end[worst]) for end in ends)
     raise DiscontinuousMapError(
-        f"the map jumps near {sheet.function.shown(*high[worst])}, from ({before}) to ({after}): "
-        "a solid's points follow its parameters without a gap; end the domain there, or write the "
-        "equation so that it goes on (a branch cut of atan2 can be turned away)"
+        f"the map jumps near {face_mesh.function.shown(*high[worst])}, "
+        f"from ({before}) to ({after}): a solid's points follow its parameters without a gap; end "
+        "the domain there, or write the equation so that it goes on (a branch cut of atan2 can be turned away)"
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.restrictions import CellFunction, DirectionClasses, Piece
+from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap
 from pc2cad.expression.tree import walk
 from pc2cad.geometry.carriers import fit_plane
 from pc2cad.solidity.winding_number import ray_frame
@@ -33,10 +33,10 @@ _LOW_DEGREE = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class FaceMesh:
     """A face cut into n × m cells at equal steps of its own parameters."""
 
-    function: CellFunction
+    function: RestrictedMap
     #: points at the corners, at the middles of the edges and amid the cells, (2n+1, 2m+1, 3)
     samples: Array
     #: numbers of the corners, (n+1, m+1): one number, one place of the boundary
@@ -97,22 +97,22 @@ class Sheet:
         return max(float(np.sqrt((gap * gap).sum(axis=-1).max())) for gap in (along, across, amid))
 
 
-def cut(analysis: Analysis) -> tuple[Sheet, ...]:
+def cut(analysis: Analysis) -> tuple[FaceMesh, ...]:
     """Cut all faces into cells."""
-    functions = [CellFunction(analysis, face.patch) for face in analysis.boundary.faces]
+    functions = [RestrictedMap(analysis, face.patch) for face in analysis.boundary.faces]
     counts = _counts(analysis, functions)
     numbers = _numbers(analysis, counts)
     shell_of = {f: i for i, shell in enumerate(analysis.boundary.shells) for f in shell.faces}
-    sheets = []
+    face_meshes = []
     for index, function in enumerate(functions):
         s, t = (np.linspace(0, 1, 2 * counts[piece] + 1) for piece in function.pieces)
         samples = function(s, t)
         flat = fit_plane(samples.reshape(-1, 3), analysis.scale.same_point) is not None
-        sheets.append(Sheet(function, samples, numbers[index], shell_of[index], flat))
-    return tuple(sheets)
+        face_meshes.append(FaceMesh(function, samples, numbers[index], shell_of[index], flat))
+    return tuple(face_meshes)
 
 
-def _counts(analysis: Analysis, functions: list[CellFunction]) -> dict[Piece, int]:
+def _counts(analysis: Analysis, functions: list[RestrictedMap]) -> dict[Piece, int]:
     """Return the number of cells along each piece of a direction."""
     classes = DirectionClasses(analysis, degrees=(1,))
     pieces = [(d, p) for d in range(3) for p in range(1, 2 * len(analysis.bounds[d]) - 1, 2)]
@@ -142,7 +142,7 @@ def _is_plain(analysis: Analysis) -> bool:
     )
 
 
-def _wanted(function: CellFunction, bound: float, count: int) -> tuple[float, float, float]:
+def _wanted(function: RestrictedMap, bound: float, count: int) -> tuple[float, float, float]:
     """Return how many cells a face wants along s, along t, and as the product of both.
 
     Only the offset across the face counts: uneven speed moves points within it.

@@ -26,7 +26,7 @@ from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
 from pc2cad.solidity.continuity import check_continuous
-from pc2cad.solidity.face_mesh import Sheet, cut
+from pc2cad.solidity.face_mesh import FaceMesh, cut
 from pc2cad.solidity.self_intersection import Contact, find_contact
 from pc2cad.solidity.winding_number import ray_frame, winding_numbers
 
@@ -65,19 +65,19 @@ def check_injective(analysis: Analysis, sign: int) -> Injectivity:
 
     `sign` is that of det J: it says on which side of the boundary the image is.
     """
-    sheets = cut(analysis)
-    check_continuous(analysis, sheets)
-    found = find_contact(analysis, sheets)
+    face_meshes = cut(analysis)
+    check_continuous(analysis, face_meshes)
+    found = find_contact(analysis, face_meshes)
     if isinstance(found, Contact):
-        raise OverlappingMapError(_met(analysis, sheets, found))
-    mesh = _Mesh(sheets, sign)
+        raise OverlappingMapError(_met(analysis, face_meshes, found))
+    mesh = _Mesh(face_meshes, sign)
     images = _check_images(analysis, mesh)
     return Injectivity(images, found, _outer_shell(analysis, mesh))
 
 
 def _check_images(analysis: Analysis, mesh: _Mesh) -> int:
     """Return the number of images about which the boundary winds once; raise at any other."""
-    nodes = [_inner_nodes(mesh.sheets, d) for d in range(3)]
+    nodes = [_inner_nodes(mesh.face_meshes, d) for d in range(3)]
     images = analysis.map.points(*open_grid(*nodes))
     flat = images.reshape(-1, 3)
     doubtful = np.flatnonzero(winding_numbers(flat, mesh.triangles) != 1)
@@ -92,12 +92,12 @@ def _check_images(analysis: Analysis, mesh: _Mesh) -> int:
     return len(flat) - len(doubtful) + len(some)
 
 
-def _inner_nodes(sheets: Sequence[Sheet], direction: int) -> Array:
+def _inner_nodes(face_meshes: Sequence[FaceMesh], direction: int) -> Array:
     """Return local coordinates of images: as many as the faces' cells ask for."""
     cells = [
-        sheet.shape[axis]
-        for sheet in sheets
-        for axis, piece in enumerate(sheet.function.pieces)
+        face_mesh.shape[axis]
+        for face_mesh in face_meshes
+        for axis, piece in enumerate(face_mesh.function.pieces)
         if piece[0] == direction
     ]
     count = int(np.clip(max(cells, default=0) // 4, 5, 24))
@@ -108,18 +108,20 @@ def _inner_nodes(sheets: Sequence[Sheet], direction: int) -> Array:
 class _Mesh:
     """A closed mesh of the boundary that can be refined where a ray meets it."""
 
-    sheets: Sequence[Sheet]
+    face_meshes: Sequence[FaceMesh]
     #: of det J
     sign: int
 
     @cached_property
     def triangles(self) -> Array:
-        return np.concatenate([sheet.halves(sheet.cells(), self.sign) for sheet in self.sheets])
+        return np.concatenate(
+            [face_mesh.halves(face_mesh.cells(), self.sign) for face_mesh in self.face_meshes]
+        )
 
     @cached_property
     def error(self) -> float:
         """Largest distance seen between the mesh and the faces."""
-        return max(sheet.error for sheet in self.sheets)
+        return max(face_mesh.error for face_mesh in self.face_meshes)
 
     def first_contradiction(self, points: Array, expected: int) -> tuple[int, int] | None:
         """Return the first point whose winding number is not as expected, and that number.
@@ -159,8 +161,8 @@ class _Mesh:
         """Return triangles of the refined cells that lie near the points' rays."""
         places = (points @ ray_frame(seed))[:, :2]
         result = []
-        for sheet in self.sheets:
-            low, high = sheet.boxes(seed)
+        for face_mesh in self.face_meshes:
+            low, high = face_mesh.boxes(seed)
             # a face may leave the box of its corners: by the mesh's error, or within itself
             pad = 2 * self.error + 0.25 * (high - low)
             low, high = low - pad, high + pad
@@ -169,25 +171,25 @@ class _Mesh:
                 met |= (low[:, 0] <= x) & (x <= high[:, 0]) & (low[:, 1] <= y) & (y <= high[:, 1])
             chosen = np.flatnonzero(met)
             if len(chosen):
-                result.append(sheet.halves(sheet.refined(chosen, count), self.sign))
+                result.append(face_mesh.halves(face_mesh.refined(chosen, count), self.sign))
         return np.concatenate(result) if result else np.empty((0, 3, 3))
 
 
-def _met(analysis: Analysis, sheets: Sequence[Sheet], contact: Contact) -> str:
+def _met(analysis: Analysis, face_meshes: Sequence[FaceMesh], contact: Contact) -> str:
     """Say where the boundary meets itself, and what would mend it."""
     places = [
-        sheets[face].function.shown(*local)
+        face_meshes[face].function.shown(*local)
         for face, local in zip(contact.faces, contact.places, strict=True)
     ]
     point = ", ".join(f"{x:.6g}" for x in contact.point)
-    first, second = (sheets[face] for face in contact.faces)
+    first, second = (face_meshes[face] for face in contact.faces)
     return (
         f"the map covers itself, or touches: {places[0]} and {places[1]} both lie at ({point}); "
         f"{_missed_seam(analysis, first, second) or _advice(analysis)}"
     )
 
 
-def _missed_seam(analysis: Analysis, one: Sheet, other: Sheet) -> str:
+def _missed_seam(analysis: Analysis, one: FaceMesh, other: FaceMesh) -> str:
     """Say what two ends of one parameter lack to be a seam, where they nearly are one."""
     first, second = one.function, other.function
     apart = [d for d in range(3) if first.cell[d] != second.cell[d]]
@@ -235,7 +237,7 @@ def _advice(analysis: Analysis) -> str:
 
 def _shorter(analysis: Analysis, direction: int) -> str:
     """Say how far a parameter can run before the boundary meets itself, where that mends it."""
-    if sum(sheet.nodes.size for sheet in cut(analysis)) > LARGEST_TRIED:
+    if sum(face_mesh.nodes.size for face_mesh in cut(analysis)) > LARGEST_TRIED:
         return ""
     name, (low, high) = PARAMETERS[direction], analysis.equation.domain[direction]
     for upper in (True, False):
@@ -297,7 +299,7 @@ def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
     if count == 1:
         return 0
     parts = [
-        np.concatenate([s.halves(s.cells(), mesh.sign) for s in mesh.sheets if s.shell == i])
+        np.concatenate([s.halves(s.cells(), mesh.sign) for s in mesh.face_meshes if s.shell == i])
         for i in range(count)
     ]
     centre = mesh.triangles.mean(axis=(0, 1))
@@ -308,7 +310,7 @@ def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
             f"{len(outer)} of {count} shells enclose material; one solid has one outer shell and "
             "otherwise voids"
         )
-    hull = _Mesh([s for s in mesh.sheets if s.shell == outer[0]], mesh.sign)
+    hull = _Mesh([s for s in mesh.face_meshes if s.shell == outer[0]], mesh.sign)
     for i, part in enumerate(parts):
         places = part[:: max(1, len(part) // 50), 0]
         if i != outer[0]:

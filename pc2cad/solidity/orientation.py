@@ -66,40 +66,40 @@ def find_orientation(mapping: Mapping3) -> Orientation:
     """
     proved = proved_sign(mapping)
     if proved:
-        return Orientation(proved, Verdict.PROVED, _inner_zero(Signs(mapping), proved))
+        return Orientation(proved, Verdict.PROVED, _inner_zero(JacobianWatch(mapping), proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
-    signs = Signs(mapping)
+    watch = JacobianWatch(mapping)
     grid = open_grid(axis, axis, axis)
-    sine = signs.see(*grid)
-    signs.check()
-    sign = 1 if signs.extremes[1] > signs.extremes[-1] else -1
+    sine = watch.see(*grid)
+    watch.check()
+    sign = 1 if watch.extremes[1] > watch.extremes[-1] else -1
     places = np.array([np.broadcast_to(g, sine.shape).ravel() for g in grid])
     order = np.argsort(np.where(np.isfinite(sine), sign * sine, np.inf).ravel())[:STARTS]
-    place = _search(signs, places[:, order], sign)
+    place = _search(watch, places[:, order], sign)
     # a zero on a side is normal; moved inside along it, it has to be gone
-    return Orientation(sign, Verdict.UNDECIDED, _zero_near(signs, sign, np.clip(place, 0.05, 0.95)))
+    return Orientation(sign, Verdict.UNDECIDED, _zero_near(watch, sign, np.clip(place, 0.05, 0.95)))
 
 
-def _inner_zero(signs: Signs, sign: int) -> str:
+def _inner_zero(watch: JacobianWatch, sign: int) -> str:
     """Return a warning where one of a few inner places has det J = 0."""
     axis = np.array([0.21, 1 / 3, 0.5, 2 / 3, 0.83])
     grid = open_grid(axis, axis, axis)
-    sine = sign * signs.see(*grid)
+    sine = sign * watch.see(*grid)
     index = np.unravel_index(np.argmin(sine), sine.shape)
-    return _zero_near(signs, sign, np.array([axis[i] for i in index]))
+    return _zero_near(watch, sign, np.array([axis[i] for i in index]))
 
 
-def _zero_near(signs: Signs, sign: int, place: Array) -> str:
-    if float(sign * signs.see(*place)) >= 100 * ROUNDING:
+def _zero_near(watch: JacobianWatch, sign: int, place: Array) -> str:
+    if float(sign * watch.see(*place)) >= 100 * ROUNDING:
         return ""
     return (
-        f"det J vanishes inside the box, near {signs.mapping.shown(place)}, without changing its "
+        f"det J vanishes inside the box, near {watch.mapping.shown(place)}, without changing its "
         "sign: the solid is sound, but its parameters are singular there"
     )
 
 
-def _search(signs: Signs, places: Array, sign: int) -> Array:
+def _search(watch: JacobianWatch, places: Array, sign: int) -> Array:
     """Walk from each place (3, n) to smaller sign·sine, on a stencil that halves where it stands.
 
     The walk ends early where the smallest value is clear of zero and hardly falls any more. The
@@ -111,9 +111,9 @@ def _search(signs: Signs, places: Array, sign: int) -> Array:
     before = np.inf
     for _ in range(STEPS):
         around = np.clip(places[:, :, None] + step[:, None] * stencil[:, None, :], 0.0, 1.0)
-        values = sign * signs.see(*around)
+        values = sign * watch.see(*around)
         values = np.where(np.isfinite(values), values, np.inf)
-        signs.check()
+        watch.check()
         best = values.argmin(axis=1)
         step = np.where(best == centre, step / 2, step)
         places = np.take_along_axis(around, best[None, :, None], axis=2)[:, :, 0]
@@ -124,7 +124,7 @@ def _search(signs: Signs, places: Array, sign: int) -> Array:
     return np.asarray(places[:, values.min(axis=1).argmin()])
 
 
-class Signs:
+class JacobianWatch:
     """Watches the extremes of det J / |M_u||M_v||M_w| wherever the map is looked at."""
 
     def __init__(self, mapping: Mapping3) -> None:

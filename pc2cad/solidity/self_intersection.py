@@ -27,16 +27,16 @@ from pc2cad.solidity.bounding_volumes import (
     Level,
     adjoining,
     bow,
+    build_levels,
     cannot_return,
     children,
     independent,
     meet,
     opposite_faces,
-    pyramid,
     spread,
     unit,
 )
-from pc2cad.solidity.face_mesh import Sheet
+from pc2cad.solidity.face_mesh import FaceMesh
 
 #: parts nearer than this share of the part's size count as touching
 TOUCHING = 1e-9
@@ -55,21 +55,21 @@ class Contact:
 
 
 def find_contact(
-    analysis: Analysis, sheets: Sequence[Sheet], share: float = TOUCHING
+    analysis: Analysis, face_meshes: Sequence[FaceMesh], share: float = TOUCHING
 ) -> Contact | float:
     """Return a place where the boundary meets itself, or the distance that was told from that.
 
     `share` of the part's size is what counts as touching.
     """
-    opposite = opposite_faces(sheets)
-    levels = pyramid(sheets, opposite)
+    opposite = opposite_faces(face_meshes)
+    levels = build_levels(face_meshes, opposite)
     top = levels[-1].start
     # a plane face is injective where its edges are, and those belong to other faces too
     pairs = np.array([
         (top[a], top[b])
-        for a, sheet in enumerate(sheets)
-        for b in range(a, len(sheets))
-        if a != b or not sheet.flat
+        for a, face_mesh in enumerate(face_meshes)
+        for b in range(a, len(face_meshes))
+        if a != b or not face_mesh.flat
     ])  # fmt: skip
     for level, coarser in zip(reversed(levels), [None, *reversed(levels)], strict=False):
         if coarser is not None:
@@ -77,10 +77,10 @@ def find_contact(
         pairs = pairs[meet(level, pairs)]
         pairs = pairs[~cannot_return(level, pairs, opposite)]
     leaf = levels[0]
-    pairs = pairs[~adjoining(sheets, leaf, pairs)]
+    pairs = pairs[~adjoining(face_meshes, leaf, pairs)]
     rounding = analysis.scale.sampling_noise
     touching = share * analysis.size + rounding
-    return _Descent(sheets, opposite, touching, rounding).follow(leaf, pairs)
+    return _Descent(face_meshes, opposite, touching, rounding).follow(leaf, pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class _Parts:
 class _Descent:
     """Follows pairs of cells that nothing has parted into ever smaller parts."""
 
-    sheets: Sequence[Sheet]
+    face_meshes: Sequence[FaceMesh]
     opposite: Integers
     #: lengths (model units): what counts as touching, and rounding
     touching: float
@@ -170,12 +170,12 @@ class _Descent:
         face, place = leaf.face[rows], leaf.place[rows]
         shape = leaf.shape[face]
         samples = np.empty((len(rows), 3, 3, 3))
-        for f, sheet in enumerate(self.sheets):
+        for f, face_mesh in enumerate(self.face_meshes):
             here = np.flatnonzero(face == f)
             i, j = 2 * place[here].T
             for k in range(3):
                 for m in range(3):
-                    samples[here, k, m] = sheet.samples[i + k, j + m]
+                    samples[here, k, m] = face_mesh.samples[i + k, j + m]
         return _Parts(face, place / shape, 1.0 / shape, samples)
 
     def _finer(self, parts: _Parts, pairs: Integers) -> tuple[_Parts, Integers]:
@@ -235,7 +235,7 @@ class _Descent:
     def _evaluate(self, face: int, low: Array, step: Array, n: int, m: int) -> Array:
         s = low[:, 0, None, None] + step[:, 0, None, None] * np.linspace(0, 1, 2 * n + 1)[:, None]
         t = low[:, 1, None, None] + step[:, 1, None, None] * np.linspace(0, 1, 2 * m + 1)
-        return self.sheets[face].function.at(s, t)
+        return self.face_meshes[face].function.at(s, t)
 
     def _distances(self, parts: _Parts, pairs: Integers) -> Array:
         g = parts.samples

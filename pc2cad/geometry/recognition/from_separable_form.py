@@ -58,7 +58,7 @@ class Along:
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
+class SurfacePlacement:
     """A face laid on an analytic surface: what its parameters a and b follow."""
 
     #: the surface, given what makes the spline along an axis (the other parameter fixed)
@@ -77,17 +77,17 @@ class Laid:
         return (signs[0] * signs[1] < 0) != (self.a.axis == 1)
 
 
-def lay(form: Separation) -> Laid | None:
+def lay(form: Separation) -> SurfacePlacement | None:
     """Return the analytic surface of a face and its place there, or None."""
     for axis in (0, 1):
         turned = _revolved(form, axis)
-        laid = turned and _lay_meridian(form, axis, turned)
-        if laid:
-            return laid
+        placement = turned and _place_meridian(form, axis, turned)
+        if placement:
+            return placement
     for axis in (0, 1):
-        laid = _extruded(form, axis)
-        if laid:
-            return laid
+        placement = _extruded(form, axis)
+        if placement:
+            return placement
     return None
 
 
@@ -203,7 +203,7 @@ def _upside_down(turned: _Revolved) -> _Revolved:
     return _Revolved(turned.multiple, turned.origin, axes, turned.radius, height)
 
 
-def _lay_meridian(form: Separation, axis: int, turned: _Revolved) -> Laid | None:
+def _place_meridian(form: Separation, axis: int, turned: _Revolved) -> SurfacePlacement | None:
     other = form.axes[1 - axis]
     terms = [t for t in {**turned.radius, **turned.height} if t != CONSTANT]
     steps = {t: np.array([turned.radius.get(t, 0.0), turned.height.get(t, 0.0)]) for t in terms}
@@ -252,7 +252,7 @@ def _moved(frame: Frame, height: float) -> Frame:
     return Frame(frame.origin + height * frame.axes[2], frame.axes)
 
 
-def _straight(meridian: _Meridian, frame: Frame, a: Along, conical: bool) -> Laid:
+def _straight(meridian: _Meridian, frame: Frame, a: Along, conical: bool) -> SurfacePlacement:
     start, end = meridian.point(0.0), meridian.point(1.0)
     other = 1 - a.axis
     if not conical:
@@ -260,7 +260,7 @@ def _straight(meridian: _Meridian, frame: Frame, a: Along, conical: bool) -> Lai
         low = min(start[1], end[1])
         along = Along(other, lambda t: heights(t) - low)
         cylinder = Cylinder(_moved(frame, low), meridian.radius)
-        return Laid(lambda _: cylinder, a, along)
+        return SurfacePlacement(lambda _: cylinder, a, along)
     # the reference is the wider end, and lengths along the cone are counted from there
     wide = start if start[0] > end[0] else end
     direction = (end - start) / np.hypot(*(end - start))
@@ -269,10 +269,10 @@ def _straight(meridian: _Meridian, frame: Frame, a: Along, conical: bool) -> Lai
     reference = float(slants(np.array([0.0 if wide is start else 1.0]))[0])
     angle = float(np.arctan2(direction[0], direction[1]))
     cone = Cone(_moved(frame, float(wide[1])), float(wide[0]), angle)
-    return Laid(lambda _: cone, a, Along(other, lambda t: slants(t) - reference))
+    return SurfacePlacement(lambda _: cone, a, Along(other, lambda t: slants(t) - reference))
 
 
-def _round(meridian: _Meridian, frame: Frame, a: Along) -> Laid | None:
+def _round(meridian: _Meridian, frame: Frame, a: Along) -> SurfacePlacement | None:
     """Return a sphere or a torus (or a spindle, as a revolution), where the meridian is an arc."""
     waves = set(meridian.steps)
     k = next(iter(waves)).order
@@ -293,14 +293,14 @@ def _round(meridian: _Meridian, frame: Frame, a: Along) -> Laid | None:
     raw = _turning(meridian.axis, k, sense, start - float(TURN * turns))
     along = Along(1 - a.axis, lambda t: _snap(raw(t)))
     if on_axis:
-        return Laid(lambda _: Sphere(frame, radius), a, along)
+        return SurfacePlacement(lambda _: Sphere(frame, radius), a, along)
     if meridian.radius > radius:
-        return Laid(lambda _: Torus(frame, meridian.radius, radius), a, along)
+        return SurfacePlacement(lambda _: Torus(frame, meridian.radius, radius), a, along)
     low, high = sorted(along.ends)
     plane = np.array([frame.axes[0], frame.axes[2], -frame.axes[1]])
     centre = frame.origin + meridian.radius * frame.axes[0]
     basis = Arc(Frame(centre, plane), (radius, radius), low, high)
-    return Laid(lambda _: Revolution(basis, frame), a, along)
+    return SurfacePlacement(lambda _: Revolution(basis, frame), a, along)
 
 
 def _snap(angle: Array) -> Array:
@@ -309,19 +309,19 @@ def _snap(angle: Array) -> Array:
     return np.where(np.abs(angle - whole) < SAME_ANGLE, whole, angle)
 
 
-def _profiled(meridian: _Meridian, frame: Frame, a: Along) -> Laid | None:
+def _profiled(meridian: _Meridian, frame: Frame, a: Along) -> SurfacePlacement | None:
     if meridian.axis.kind == "other":
         return None
     ends = a.ends
     other = 1 - a.axis
     level = 0.0 if ends[0] < ends[1] else 1.0
-    return Laid(lambda spline: Revolution(spline(other, level), frame), a, Along(other))
+    return SurfacePlacement(lambda spline: Revolution(spline(other, level), frame), a, Along(other))
 
 
 # -- extrusion -------------------------------------------------------------------------------------
 
 
-def _extruded(form: Separation, axis: int) -> Laid | None:
+def _extruded(form: Separation, axis: int) -> SurfacePlacement | None:
     """Return the extrusion along one axis: M = A(s) + h(t) d."""
     if any(CONSTANT not in key for key in form.vectors):
         return None
@@ -349,11 +349,13 @@ def _extruded(form: Separation, axis: int) -> Laid | None:
     found = arc(base)
     if found:
         ellipse = Extrusion(found[0], direction)
-        return Laid(lambda _: ellipse, Along(1 - axis, found[1]), b)
+        return SurfacePlacement(lambda _: ellipse, Along(1 - axis, found[1]), b)
     if other.kind == "other" or base.order(0) < 2:
         return None
     level = 0.0 if b.ends[0] < b.ends[1] else 1.0
-    return Laid(lambda spline: Extrusion(spline(1 - axis, level), direction), Along(1 - axis), b)
+    return SurfacePlacement(
+        lambda spline: Extrusion(spline(1 - axis, level), direction), Along(1 - axis), b
+    )
 
 
 # -- curves ----------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.expression.rounded_identity import vanishes
+from pc2cad.expression.rounded_identity import is_zero_to_rounding
 from pc2cad.expression.tree import ZERO, Expr, call, number, symbol
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
@@ -40,7 +40,7 @@ ROUNDING = 1e-12
 
 def holds(carrier: Plane | AnalyticSurface | CurveCarrier, point: Point) -> bool:
     """Say whether a point is proved to lie on a surface, a line or a conic, to rounding."""
-    return all(vanishes(*equation) for equation in _equations(carrier, point))
+    return all(is_zero_to_rounding(*equation) for equation in _equations(carrier, point))
 
 
 def point_along(start: Array, terms: Mapping[str, Array]) -> Point:

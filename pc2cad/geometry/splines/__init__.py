@@ -1,1 +1,1 @@
-"""The splines room."""
+"""Univariate spline spaces, tensor-product fits in them, exact polynomial and rational forms."""

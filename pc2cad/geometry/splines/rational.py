@@ -66,7 +66,7 @@ def _collocation(degree: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Parametrisation:
     """How all cells run along one direction: spline space, parameter and denominators."""
 
     space: SplineSpace
@@ -102,12 +102,12 @@ class Course:
         return self.space.fit(self.weight(self.space.sites)[:, None])[:, 0]
 
 
-def rational_course(arcs: Arcs, order: int) -> Course:
-    """Return the course that holds trigonometric polynomials of an order exactly."""
-    return Course(PiecewiseSpace(2 * order, arcs.points), arcs, order, exact=True)
+def rational_course(arcs: Arcs, order: int) -> Parametrisation:
+    """Return the parametrisation that holds trigonometric polynomials of an order exactly."""
+    return Parametrisation(PiecewiseSpace(2 * order, arcs.points), arcs, order, exact=True)
 
 
-def homogeneous(sample: GridSampler, s: Course, t: Course) -> GridSampler:
+def homogeneous(sample: GridSampler, s: Parametrisation, t: Parametrisation) -> GridSampler:
     """Return the function times its denominator over the spline parameters."""
 
     def values(x: Array, y: Array) -> Array:
@@ -117,7 +117,9 @@ def homogeneous(sample: GridSampler, s: Course, t: Course) -> GridSampler:
     return values
 
 
-def fit_face(sample: GridSampler, s: Course, t: Course) -> tuple[Array, Array | None]:
+def fit_face(
+    sample: GridSampler, s: Parametrisation, t: Parametrisation
+) -> tuple[Array, Array | None]:
     """Return poles (n, m, 3) and weights (n, m) of the tensor-product interpolant."""
     poles = fit_surface(homogeneous(sample, s, t), s.space, t.space)
     if not (s.order or t.order):
@@ -127,7 +129,7 @@ def fit_face(sample: GridSampler, s: Course, t: Course) -> tuple[Array, Array | 
 
 
 def face_deviation(
-    sample: GridSampler, s: Course, t: Course, poles: Array, weights: Array | None
+    sample: GridSampler, s: Parametrisation, t: Parametrisation, poles: Array, weights: Array | None
 ) -> Deviation:
     """Return the largest distance at equal parameters over a grid off the sites."""
     if weights is None:
@@ -138,20 +140,20 @@ def face_deviation(
 
 
 def edge_deviation(
-    sample: Sampler, course: Course, poles: Array, weights: Array | None
+    sample: Sampler, parametrisation: Parametrisation, poles: Array, weights: Array | None
 ) -> Deviation:
     """Return the largest distance at equal parameters at places off the sites."""
-    x = check_places(course.space)
+    x = check_places(parametrisation.space)
     numerator = poles if weights is None else poles * weights[:, None]
-    values = sample(course.places(x)) * course.weight(x)[:, None]
-    seen = curve_deviation(values, course.space, numerator)
-    return Deviation(seen.largest / course.lowest, seen.samples)
+    values = sample(parametrisation.places(x)) * parametrisation.weight(x)[:, None]
+    seen = curve_deviation(values, parametrisation.space, numerator)
+    return Deviation(seen.largest / parametrisation.lowest, seen.samples)
 
 
-def fit_edge(values: Array, course: Course) -> tuple[Array, Array | None]:
-    """Return poles (n, 3) and weights (n) of a curve with values at the course's sites."""
-    space = course.space
-    poles = space.fit(values * course.weight(space.sites)[:, None])
-    if not course.order:
+def fit_edge(values: Array, parametrisation: Parametrisation) -> tuple[Array, Array | None]:
+    """Return poles (n, 3) and weights (n) of a curve with values at the parametrisation's sites."""
+    space = parametrisation.space
+    poles = space.fit(values * parametrisation.weight(space.sites)[:, None])
+    if not parametrisation.order:
         return poles, None
-    return poles / course.weights[:, None], course.weights
+    return poles / parametrisation.weights[:, None], parametrisation.weights

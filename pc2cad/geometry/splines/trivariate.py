@@ -12,7 +12,7 @@ from scipy.interpolate import BSpline
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import along
-from pc2cad.geometry.splines.rational import Course
+from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: values on the product of three parameter arrays: shape (len, len, len, 3)
@@ -29,7 +29,7 @@ class SplineVolume:
     positive, None for a polynomial one.
     """
 
-    axes: tuple[Course, Course, Course]
+    axes: tuple[Parametrisation, Parametrisation, Parametrisation]
     poles: Array
     weights: Array | None
 
@@ -91,7 +91,7 @@ class SplineVolume:
             rest = np.delete(self._homogeneous.shape, axis)
             table = np.moveaxis(part.fit(values).reshape(part.size, *rest), 0, axis)
             # the way from a part's parameter to the equation's stays with the whole
-            axes = [Course(part) if k == axis else a for k, a in enumerate(self.axes)]
+            axes = [Parametrisation(part) if k == axis else a for k, a in enumerate(self.axes)]
             weights = None if self.weights is None else table[..., 3]
             poles = self._project(table)
             pieces.append(SplineVolume((axes[0], axes[1], axes[2]), poles, weights))
@@ -109,7 +109,7 @@ class SplineVolume:
             axis.space.reversed() if back else axis.space
             for axis, back in zip(self.axes, backwards, strict=True)
         ]
-        a, b, c = (Course(spaces[k]) for k in order)
+        a, b, c = (Parametrisation(spaces[k]) for k in order)
         poles = self.poles[flips].transpose(*order, 3)
         weights = None if self.weights is None else self.weights[flips].transpose(order)
         return SplineVolume((a, b, c), poles, weights)
@@ -141,7 +141,7 @@ class SplineVolume:
             )
         return total
 
-    def _rule(self, axis: Course) -> tuple[Array, Array, Array, Array]:
+    def _rule(self, axis: Parametrisation) -> tuple[Array, Array, Array, Array]:
         """Return nodes, weights, and the basis and its derivative there."""
         space = axis.space
         count = (3 * space.degree + 1) // 2 + (0 if self.weights is None else _RATIONAL_NODES)
@@ -153,7 +153,9 @@ class SplineVolume:
         return nodes, (lengths * weight / 2).ravel(), space.basis(nodes).toarray(), slopes
 
 
-def fit_volume(sample: GridSampler, axes: tuple[Course, Course, Course]) -> SplineVolume:
+def fit_volume(
+    sample: GridSampler, axes: tuple[Parametrisation, Parametrisation, Parametrisation]
+) -> SplineVolume:
     """Return the volume that fits a function of the equation's local parameters."""
     sites = [axis.space.sites for axis in axes]
     shares = [axis.weight(x) for axis, x in zip(axes, sites, strict=True)]
