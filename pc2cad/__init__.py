@@ -16,7 +16,7 @@ from pc2cad.trust import isolation
 if isolation.is_command():
     isolation.forget_current_folder()
 
-__version__ = "0.1.0"
+from pc2cad.export.version import __version__ as __version__
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

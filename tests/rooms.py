@@ -30,7 +30,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "topology": ("expression",),
     "domain": ("topology", "geometry", "equation", "expression"),
     "solidity": ("domain", "bounds", "topology", "geometry", "equation", "expression"),
-    "integrals": ("solidity", "domain", "topology", "geometry", "equation", "expression"),
+    "integrals": ("domain", "topology", "geometry", "equation", "expression"),
     "checked": ("integrals", "solidity", "domain", "channels", "geometry", "equation"),
     "representation": ("checked", "domain", "bounds", "topology", "geometry", "expression"),
     "mesh": ("checked", "integrals", "domain", "topology", "geometry"),

@@ -13,11 +13,11 @@ import pc2cad as pc
 from pc2cad import compiler
 from pc2cad.checked import Stages, check_map
 from pc2cad.cli.main import main
+from pc2cad.domain.jacobian_watch import FlatMapError, FoldedMapError
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
 from pc2cad.options import CompileOptions
 from pc2cad.part import Part
-from pc2cad.solidity.orientation import FlatMapError, FoldedMapError
 
 u, v, w = pc.parameters()
 #: its upper side is no exact form

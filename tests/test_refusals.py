@@ -15,10 +15,10 @@ from reference import GUIDES
 
 import pc2cad as pc
 from pc2cad.compiler import compile_equation
+from pc2cad.domain.jacobian_watch import FlatMapError, FoldedMapError
 from pc2cad.equation.point_equation import EmptyDomainError
 from pc2cad.equation.points import WeightsDoNotSumError
 from pc2cad.errors import InputError, NotASolidError, PointCadError
-from pc2cad.solidity.orientation import FlatMapError, FoldedMapError
 from pc2cad.templates.file import parse_template
 from pc2cad.templates.shipped import template_paths
 from pc2cad.templates.template import ParameterRangeError

@@ -43,11 +43,11 @@ def test_every_name_at_the_root_is_a_room() -> None:
 
 def test_the_only_circle_is_that_of_the_expression_trees() -> None:
     (circle,) = rooms.circles()
-    assert circle == {f"expression.{x}" for x in ("functions", "normal_form", "printing", "tree")}
+    assert {name.partition(".")[0] for name in circle} == {"expression"}
 
 
 def test_the_longest_chain_of_rooms() -> None:
-    chain = max(rooms.chains().values(), key=len)
+    chain = max((c for room, c in rooms.chains().items() if room != "__main__"), key=len)
     assert 5 < len(chain) <= LONGEST_CHAIN, " -> ".join(chain)
 
 

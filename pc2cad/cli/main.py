@@ -71,7 +71,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         from importlib.metadata import PackageNotFoundError, version
 
-        from pc2cad import __version__
+        from pc2cad.export.version import __version__
 
         parts = []
         for package in ("cadquery", "cadquery-ocp"):

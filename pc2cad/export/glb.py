@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad import __version__
 from pc2cad.arrays import Array, Integers
 from pc2cad.export.model import UNITS_IN_MM, Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, single_precision, smooth_normals, surface
+from pc2cad.export.version import __version__
 from pc2cad.trust.names import clean
 
 _MAGIC, _VERSION = 0x46546C67, 2

@@ -29,7 +29,6 @@ from OCP.TCollection import TCollection_HAsciiString
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS
 
-from pc2cad import __version__
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
 from pc2cad.export.kernel import (
@@ -44,6 +43,7 @@ from pc2cad.export.kernel import (
     subshapes,
 )
 from pc2cad.export.model import Exportable, ExportOptions
+from pc2cad.export.version import __version__
 from pc2cad.trust.names import percent
 
 #: Parameters of the kernel's translators; they belong to the process, hence are put back.

@@ -19,7 +19,6 @@ from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_Reader, STEPControl_StepModelType
 from OCP.StepData import StepData_StepWriter
 
-from pc2cad import __version__
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
 from pc2cad.export.kernel import (
@@ -32,6 +31,7 @@ from pc2cad.export.kernel import (
     quiet_kernel,
 )
 from pc2cad.export.model import UNITS_IN_MM, Exportable, ExportOptions, StepSchema
+from pc2cad.export.version import __version__
 
 _SCHEMA_NUMBERS: dict[StepSchema, int] = {"AP214": 4, "AP242": 5}
 

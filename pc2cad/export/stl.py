@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from pc2cad import __version__
 from pc2cad.arrays import Array
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import single_precision, surface
+from pc2cad.export.version import __version__
 from pc2cad.trust.names import clean, percent
 
 HEADER_SIZE = 80

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad import __version__
 from pc2cad.brep.triangles import Triangles
 from pc2cad.errors import KernelError
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
 from pc2cad.export.surface import faces_in_order, single_precision, surface
+from pc2cad.export.version import __version__
 from pc2cad.trust.names import clean
 
 _UNITS = {"mm": "MilliMeter", "cm": "CentiMeter", "m": "Meter", "in": "Inch"}

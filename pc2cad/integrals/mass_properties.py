@@ -16,6 +16,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import product
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.parameters import PARAMETERS
@@ -24,7 +25,6 @@ from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
 from pc2cad.integrals.features import find_features
 from pc2cad.integrals.quadrature import Panels, Samples, resolve, single
-from pc2cad.solidity.orientation import JacobianWatch
 from pc2cad.topology.cells import Cell, directions_of
 
 #: points of one integral

@@ -72,7 +72,8 @@ def _check(face_mesh: FaceMesh, axis: int, places: Integers) -> None:
     raise DiscontinuousMapError(
         f"the map jumps near {face_mesh.function.shown(*high[worst])}, "
         f"from ({before}) to ({after}): a solid's points follow its parameters without a gap; end "
-        "the domain there, or write the equation so that it goes on (a branch cut of atan2 can be turned away)"
+        "the domain there, or write the equation so that it goes on (a branch cut of atan2 can be "
+        "turned away)"
     )
 
 

@@ -20,8 +20,8 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
-from pc2cad import __version__
 from pc2cad.errors import InputError, KernelError
+from pc2cad.export.version import __version__
 from pc2cad.studies.local import Limits, LocalEngine
 from pc2cad.studies.scheduler import (
     SILENCE,

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from pc2cad import __version__
+from pc2cad.export.version import __version__
 from pc2cad.studies.plan import Plan
 from pc2cad.studies.table import COLUMNS
 from pc2cad.studies.variant import BUILT, STATUS, Outcome, Task, file_name

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from pc2cad import __version__
 from pc2cad.errors import PointCadError
+from pc2cad.export.version import __version__
 from pc2cad.options import CompileOptions
 from pc2cad.studies.store import open_store
 from pc2cad.trust.names import visible

@@ -1,0 +1,118 @@
+"""det J wherever the map is looked at: whether it is zero, and whether it changes its sign.
+
+It is compared with |M_u||M_v||M_w|: the quotient is the volume of the parallelepiped of the unit
+tangents and free of scale. Where a tangent vanishes, rounding leaves a vector of any direction; so
+what rounding can make of det J, given the largest tangents in the box, is added to the divisor.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.domain.map import Mapping3, open_grid
+from pc2cad.errors import NotASolidError
+from pc2cad.expression.parameters import PARAMETERS
+
+#: a quotient below this is rounding
+ROUNDING = 1e-11
+#: relative rounding of a derivative, in terms of the largest one
+_ERROR = 64 * float(np.finfo(float).eps)
+
+
+class FlatMapError(NotASolidError):
+    """det J vanishes everywhere: the image has no volume."""
+
+
+class FoldedMapError(NotASolidError):
+    """det J changes its sign inside the box: the map folds the solid over itself."""
+
+
+class JacobianWatch:
+    """Watches the extremes of det J / |M_u||M_v||M_w| wherever the map is looked at."""
+
+    def __init__(self, mapping: Mapping3) -> None:
+        self.mapping = mapping
+        #: largest value of +sine and of -sine seen
+        self.extremes = {1: 0.0, -1: 0.0}
+        self._places: dict[int, Array] = {}
+        inside = np.array([0.03, 0.24, 0.52, 0.79, 0.97])
+        # a derivative is a difference of terms as large as the coordinates
+        points, *tangents = mapping.frame(*open_grid(inside, inside, inside))
+        coordinates = float(np.nanmax(np.abs(points)))
+        self._largest = [max(float(np.nanmax(_lengths(m))), coordinates) for m in tangents]
+
+    def see(self, u: Array, v: Array, w: Array) -> Array:
+        """Look at broadcastable places; return the quotient there (nan where M has no tangent)."""
+        tangents = self.mapping.tangents((0, 1, 2), u, v, w)
+        return self.note(tangents, (u, v, w))[2]
+
+    def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
+        """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
+        x, y, z = self._largest
+        with np.errstate(all="ignore"):
+            determinant = _determinant(*tangents)
+            a, b, c = (_lengths(m) for m in tangents)
+            size = a * b * c
+            rounding = _ERROR * (x * b * c + a * y * c + a * b * z)
+            sine = np.where(size > 0, determinant / (size + rounding / ROUNDING), 0.0)
+        seen = np.where(np.isfinite(sine), sine, 0.0)
+        for sign in (1, -1):
+            index = np.unravel_index(np.argmax(sign * seen), seen.shape)
+            if sign * seen[index] > self.extremes[sign]:
+                self.extremes[sign] = float(sign * seen[index])
+                self._places[sign] = np.array(
+                    [np.broadcast_to(p, seen.shape)[index] for p in places]
+                )
+        return np.asarray(determinant), np.asarray(size), np.asarray(sine)
+
+    def check(self) -> None:
+        """Raise FlatMapError or FoldedMapError where what was seen shows one."""
+        if max(self.extremes.values()) <= ROUNDING:
+            raise FlatMapError(
+                "det J is zero everywhere: the image is flat and has no volume (for a simplex: "
+                "the points lie in one plane, or two of them coincide; for a truncated body: "
+                "nothing is left between its ends)"
+            )
+        if min(self.extremes.values()) > ROUNDING:
+            minor = 1 if self.extremes[1] < self.extremes[-1] else -1
+            place = self._places[minor]
+            point = self.mapping.points(*place)
+            raise FoldedMapError(
+                "det J changes its sign: the map folds the solid over itself near "
+                f"{self.mapping.shown(place)}, at ({', '.join(f'{x:.6g}' for x in point)}); "
+                f"{self._advice(-minor)}"
+            )
+
+    def _advice(self, sign: int) -> str:
+        """Say how far each parameter can run before the fold, where that is from a whole side."""
+        found = []
+        fine, coarse = np.linspace(0.0, 1.0, 65), np.linspace(0.01, 0.99, 21)
+        for d, name in enumerate(PARAMETERS):
+            axes = [coarse] * 3
+            axes[d] = fine
+            tangents = self.mapping.tangents((0, 1, 2), *open_grid(*axes))
+            lines = np.moveaxis(sign * self.note(tangents, open_grid(*axes))[2], d, 0)
+            bad = np.nan_to_num(lines, nan=-1.0) < -ROUNDING
+            reach = int(bad.any(axis=(1, 2)).argmax())
+            back = int(bad[::-1].any(axis=(1, 2)).argmax())
+            if reach > 1:
+                found.append(f"{name} up to about {self.mapping.value(d, fine[reach - 1]):.3g}")
+            elif back > 1:
+                found.append(f"{name} from about {self.mapping.value(d, 1 - fine[back - 1]):.3g}")
+        wall = "a thinner wall or a smaller section may be valid"
+        return f"it keeps its sign for {' or for '.join(found)}; {wall}" if found else wall
+
+
+def _determinant(a: Array, b: Array, c: Array) -> Array:
+    """Return a·(b × c) of vectors (…, 3), coordinate by coordinate: np.cross is slower."""
+    return np.asarray(
+        a[..., 0] * (b[..., 1] * c[..., 2] - b[..., 2] * c[..., 1])
+        + a[..., 1] * (b[..., 2] * c[..., 0] - b[..., 0] * c[..., 2])
+        + a[..., 2] * (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0])
+    )
+
+
+def _lengths(vectors: Array) -> Array:
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
