@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pc2cad.domain.analysis import analyse
+from pc2cad.checked import check_map
 from pc2cad.domain.map import open_grid
 from pc2cad.sampling.interior import locate
 from pc2cad.templates.file import read_template
@@ -20,7 +20,8 @@ SLOW = ("torus", "trefoil", "channel_sine", "duct", "hollow_ball")
     [("spring", 60), *(pytest.param(name, 2000, marks=pytest.mark.slow) for name in SLOW)],
 )
 def test_no_place_of_a_dense_sampling_is_nearer(name: str, count: int) -> None:
-    analysis = analyse(read_template(find_template(name)).bind({}))
+    checked = check_map(read_template(find_template(name)).bind({}))
+    analysis = checked.analysis
     parts = []
     for direction in range(3):
         for limit in (0.0, 1.0):
@@ -31,7 +32,7 @@ def test_no_place_of_a_dense_sampling_is_nearer(name: str, count: int) -> None:
     low, high = samples.min(axis=0), samples.max(axis=0)
     random = np.random.default_rng(0)
     targets = (low + high) / 2 + (random.random((count, 3)) - 0.5) * (high - low) * 3
-    found = locate(analysis, targets)
+    found = locate(checked, targets)
     outside = ~found.inside
     assert outside.sum() > count / 2
     sampled, _ = cKDTree(samples).query(targets)
