@@ -27,7 +27,7 @@ from pc2cad.checked import check_map  # noqa: E402
 from pc2cad.compiler import mesh_equation  # noqa: E402
 from pc2cad.domain.restrictions import RestrictedMap  # noqa: E402
 from pc2cad.equation.point_equation import PointEquation  # noqa: E402
-from pc2cad.geometry.splines.rational import Course  # noqa: E402
+from pc2cad.geometry.splines.rational import Parametrisation  # noqa: E402
 from pc2cad.geometry.splines.spline_space import SplineSpace  # noqa: E402
 from pc2cad.geometry.splines.trivariate import fit_volume  # noqa: E402
 from pc2cad.mesh.meshing import MeshOptions  # noqa: E402
@@ -46,7 +46,7 @@ def fitted(equation: PointEquation, spans: tuple[int, int, int], degree: int) ->
     analysis, directions = checked.analysis, checked.orientation.axes
     function = turned(RestrictedMap(analysis, (1, 1, 1), degree), directions)
     spaces = [SplineSpace(degree, np.linspace(0, 1, n + 1), [1] * (n - 1)) for n in spans]
-    a, b, c = (Course(spaces[d]) for d in directions)
+    a, b, c = (Parametrisation(spaces[d]) for d in directions)
     volume = fit_volume(function, (a, b, c))
     patch = Patch((1, 1, 1), volume, math.nan, 0)
     return VolumeModel(equation.name, equation.units, directions, (patch,), (1, 1, 1),
