@@ -77,7 +77,8 @@ class Inverse:
 
     def __call__(self, targets: Array) -> tuple[Array, Array]:
         """Return the local places (n, 3) nearest to targets (n, 3), and the gaps (n,)."""
-        best = np.empty_like(targets)
+        # what is far away is not looked for inside: the search of the boundary finds its place
+        best = np.full_like(targets, 0.5)
         residual = np.full(len(targets), np.inf)
         asked = np.flatnonzero(self._may_be_inside(targets))
         # a few starts for everyone, more for those that are not met: the first ones may end on a
@@ -99,7 +100,8 @@ class Inverse:
             missed = residual[asked] > self.tolerance**2
             asked = asked[missed & ~on_face] if starts[0] else asked[missed]
         for direction, limit, ignored in self._collapsed:
-            asked = np.flatnonzero((residual > self.tolerance**2) & (best[:, direction] == limit))
+            missed = np.isfinite(residual) & (residual > self.tolerance**2)
+            asked = np.flatnonzero(missed & (best[:, direction] == limit))
             if len(asked):
                 start = self._round_pole(targets[asked], best[asked], direction, limit, ignored)
                 local, square = self._descend(targets[asked], start)
@@ -171,7 +173,7 @@ class Inverse:
             index = active[better]
             local[index], square[index] = moved[better], after[better]
             # Nielsen's rule: where the solid curves away, damping settles at the curvature's share
-            gain = (value - after) / np.maximum(promised, 1e-300)
+            gain = np.clip((value - after) / np.maximum(promised, 1e-300), -1.0, 2.0)
             factor = np.clip(1 - (2 * gain - 1) ** 3, 0.1, 2.0)
             damping[active] *= np.where(better, factor, 4.0)
             small = after >= value * (1 - 1e-12)
