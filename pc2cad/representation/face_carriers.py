@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pc2cad.arrays import Array
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.recognition.from_points import Fitted, fit, fit_curve, irrational
@@ -20,7 +19,7 @@ from pc2cad.geometry.recognition.from_separable_form import (
     plane,
 )
 from pc2cad.geometry.recognition.implicit import holds
-from pc2cad.geometry.splines.bernstein import linear_span
+from pc2cad.geometry.recognition.separable_form import is_planar
 
 
 def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, Evidence] | None:
@@ -36,8 +35,7 @@ def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, E
     evidence: Evidence = "exact"
     if found is None:
         found = seen
-        span = linear_span(function.trees[0])
-        if span is None or _rank(span) > 2:
+        if not is_planar(*function.trees):
             # waves between the first nodes would show here
             dense = function(irrational(64), irrational(61)).reshape(-1, 3)
             found = fit_plane(dense, slack)
@@ -80,10 +78,3 @@ def on_line(function: RestrictedMap) -> bool:
     """Say whether an edge is straight, from its form."""
     form = function.form if function.may_be_swept else None
     return form is not None and is_straight(form)
-
-
-def _rank(vectors: Array) -> int:
-    if len(vectors) == 0:
-        return 0
-    values = np.linalg.svd(vectors, compute_uv=False)
-    return int((values > 1e-13 * values[0]).sum())
