@@ -160,7 +160,10 @@ def is_planar(roots: Sequence[Expr], names: Sequence[str]) -> bool:
                 rows.setdefault(moving, np.zeros(len(roots)))[column] += value
     if not rows:
         return True
-    vectors = np.array([bound(monomial) * row for monomial, row in rows.items()])
+    most = np.array([bound(monomial) for monomial in rows])
+    if not np.isfinite(most).all():
+        return False
+    vectors = np.array(list(rows.values())) * most[:, None]
     if not np.isfinite(vectors).all():
         return False
     sizes = np.linalg.norm(vectors, axis=1)
