@@ -15,7 +15,7 @@ from pc2cad.equation.point_equation import point_equation
 from pc2cad.expression.magnitudes import PLACES, bound, extent, rounding
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.tree import ZERO, Expr, number
-from pc2cad.geometry.carriers import Cylinder, Frame, Line, Plane
+from pc2cad.geometry.carriers import Cylinder, Frame, Line, Plane, Torus
 from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, plane
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.recognition.separable_form import is_planar, separate
@@ -150,6 +150,19 @@ def test_a_proof_from_the_equation_bounds_values(functions, exact):
         assert holds(Plane(np.zeros(3), np.array([0.0, 0.0, 1.0])), (U, V, bump)) is exact
         assert holds(on_line, (U, bump, 2 * U)) is exact
         assert holds(Cylinder(FRAME, 1.0), (*pipe, U)) is exact
+
+
+def test_a_torus_whose_circle_is_nearly_on_the_axis_is_proved_as_sharply():
+    """Its equation is squared; beside the root that holds, the other is hardly anything."""
+    major = Fraction(1, 2**16)
+    torus = Torus(FRAME, float(major), 1.0)
+
+    def point(bump: Expr) -> tuple[Expr, ...]:
+        along, up = ((1 + bump) * x for x in ROUND)
+        return (major + along) * COS(U), (major + along) * SIN(U), up
+
+    assert holds(torus, point(ZERO))
+    assert not holds(torus, point(needle(V, share=-22)))
 
 
 def test_no_bound_no_rounding():
