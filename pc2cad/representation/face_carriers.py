@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pc2cad.arrays import Array
 from pc2cad.domain.restrictions import RestrictedMap
+from pc2cad.expression.centred import CentredProgram
+from pc2cad.expression.evaluation import Program
+from pc2cad.expression.intervals import Interval
+from pc2cad.expression.tree import number
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.recognition.from_points import Fitted, fit, fit_curve, irrational
 from pc2cad.geometry.recognition.from_separable_form import (
@@ -20,7 +23,12 @@ from pc2cad.geometry.recognition.from_separable_form import (
     plane,
 )
 from pc2cad.geometry.recognition.implicit import holds
-from pc2cad.geometry.splines.bernstein import linear_span
+from pc2cad.geometry.recognition.separable_form import is_planar
+
+#: boxes per parameter that the search for points off a plane begins with, the most that it goes on
+#: with, and how often these are halved
+FIRST_BOXES, MOST_BOXES, MOST_HALVINGS = 16, 64, 24
+_QUARTERS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
 
 
 def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, Evidence] | None:
@@ -36,14 +44,16 @@ def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, E
     evidence: Evidence = "exact"
     if found is None:
         found = seen
-        span = linear_span(function.trees[0])
-        if span is None or _rank(span) > 2:
+        if not is_planar(*function.trees):
             # waves between the first nodes would show here
             dense = function(irrational(64), irrational(61)).reshape(-1, 3)
             found = fit_plane(dense, slack)
             if found is None:
                 return None
-            evidence = "exact" if holds(found, function.trees[0]) else "sampled"
+            if not holds(found, function.trees[0]):
+                if _leaves(function, found, slack):
+                    return None
+                evidence = "sampled"
     outward = sign * function.normals(np.array([0.55]), np.array([0.55]))[0, 0]
     normal = found.normal if found.normal @ outward > 0 else -found.normal
     return Plane(found.origin, normal + 0.0), evidence
@@ -82,8 +92,27 @@ def on_line(function: RestrictedMap) -> bool:
     return form is not None and is_straight(form)
 
 
-def _rank(vectors: Array) -> int:
-    if len(vectors) == 0:
-        return 0
-    values = np.linalg.svd(vectors, compute_uv=False)
-    return int((values > 1e-13 * values[0]).sum())
+def _leaves(function: RestrictedMap, plane: Plane, slack: float) -> bool:
+    """Say whether a point of a face is found that is farther from a plane than a distance.
+
+    Enclosures of the distance lead to it: the boxes that may be farthest are divided.
+    """
+    (x, y, z), (s, t) = function.trees
+    a, b, c = (number(float(n)) for n in plane.normal)
+    away = a * x + b * y + c * z - number(float(plane.normal @ plane.origin))
+    enclosed, at = CentredProgram((away,)), Program((away,))
+    side = np.linspace(0.0, 1.0, FIRST_BOXES + 1)[:-1]
+    low = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+    width = 1 / FIRST_BOXES
+    for _ in range(MOST_HALVINGS):
+        middle = low + width / 2
+        values = np.abs(at({s: middle[:, 0], t: middle[:, 1]})[0])
+        if (values > slack).any():
+            return True
+        high = low + width
+        boxes = {name: Interval(low[:, k], high[:, k]) for k, name in enumerate((s, t))}
+        reach = enclosed(boxes)[0].value.magnitude().upper
+        far = np.argsort(-reach)[:MOST_BOXES]
+        low, width = low[far[reach[far] > slack]], width / 2
+        low = (low[:, None] + width * _QUARTERS).reshape(-1, 2)
+    return False

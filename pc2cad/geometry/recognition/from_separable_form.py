@@ -28,11 +28,11 @@ from pc2cad.geometry.carriers import (
     Torus,
     frame_on,
 )
-from pc2cad.geometry.recognition.separable_form import CONSTANT, ROUNDING, Axis, Separation, Term
+from pc2cad.geometry.recognition.separable_form import CONSTANT, Axis, Separation, Term
 
 TURN = 2 * np.pi
-#: relations between vectors hold to this share of the largest
-SAME = 10 * ROUNDING
+#: relations between vectors hold to this many times their rounding
+SAME = 10
 #: angles that differ by less are one (radians)
 SAME_ANGLE = 1e-12
 
@@ -99,8 +99,8 @@ def plane(form: Separation) -> Plane | None:
     first = steps[np.argmax((steps * steps).sum(axis=1))]
     normals = np.cross(first, steps)
     normal = normals[np.argmax((normals * normals).sum(axis=1))]
-    size = np.linalg.norm(normal)
-    if size <= SAME * form.scale**2 or np.abs(steps @ (normal / size)).max() > SAME * form.scale:
+    size, small = np.linalg.norm(normal), SAME * form.rounding
+    if size <= small * np.linalg.norm(first) or np.abs(steps @ (normal / size)).max() > small:
         return None
     return Plane(form.centre, normal / size)
 
@@ -183,7 +183,7 @@ def _revolved(form: Separation, axis: int) -> _Revolved | None:
     radius = {term: float(vector @ x) for term, vector in cosines.items()}
     moving = {term: vector for term, vector in still.items() if term != CONSTANT}
     height = {term: float(vector @ z) for term, vector in moving.items()}
-    small = SAME * form.scale
+    small = SAME * form.rounding
     fits = (
         all(np.linalg.norm(cosines[t] - radius[t] * x) <= small for t in cosines)
         and all(np.linalg.norm(sines[t] - radius[t] * y) <= small for t in cosines)
@@ -207,7 +207,7 @@ def _place_meridian(form: Separation, axis: int, turned: _Revolved) -> SurfacePl
     other = form.axes[1 - axis]
     terms = [t for t in {**turned.radius, **turned.height} if t != CONSTANT]
     steps = {t: np.array([turned.radius.get(t, 0.0), turned.height.get(t, 0.0)]) for t in terms}
-    small = SAME * form.scale
+    small = SAME * form.rounding
     sense = 1.0
     if all(abs(step[1]) <= small for step in steps.values()):
         return None  # a plane
@@ -330,7 +330,7 @@ def _extruded(form: Separation, axis: int) -> SurfacePlacement | None:
         return None
     longest = max(steps.values(), key=lambda v: float(np.linalg.norm(v)))
     direction = longest / np.linalg.norm(longest)
-    small = SAME * form.scale
+    small = SAME * form.rounding
     if any(np.linalg.norm(v - (v @ direction) * direction) > small for v in steps.values()):
         return None
     lengths = _sum_of(form.axes[axis], {term: float(v @ direction) for term, v in steps.items()})
@@ -345,7 +345,7 @@ def _extruded(form: Separation, axis: int) -> SurfacePlacement | None:
         (key[1 - axis],): v for key, v in form.vectors.items() if key[axis] == CONSTANT
     }
     along[(CONSTANT,)] = form.centre + start * direction
-    base = Separation((other,), along)
+    base = Separation((other,), along, form.rounding)
     found = arc(base)
     if found:
         ellipse = Extrusion(found[0], direction)
@@ -368,7 +368,7 @@ def is_straight(form: Separation) -> bool:
         return False
     longest = steps[np.argmax((steps * steps).sum(axis=1))]
     off = np.linalg.norm(np.cross(steps, longest / np.linalg.norm(longest)), axis=1)
-    return bool(off.max() <= SAME * form.scale)
+    return bool(off.max() <= SAME * form.rounding)
 
 
 def arc(form: Separation) -> tuple[Arc, Callable[[Array], Array]] | None:
@@ -380,10 +380,10 @@ def arc(form: Separation) -> tuple[Arc, Callable[[Array], Array]] | None:
     if k is None:
         return None
     c, s = (form.vectors.get((term,), np.zeros(3)) for term in (Term("cos", k), Term("sin", k)))
-    small = SAME * form.scale
-    if abs(c @ s) <= small * form.scale and abs(np.linalg.norm(c) - np.linalg.norm(s)) <= small:
-        tilt, radius = 0.0, float(np.linalg.norm(c))
-        radii = (radius, radius)
+    small = SAME * form.rounding
+    long, wide = float(np.linalg.norm(c)), float(np.linalg.norm(s))
+    if abs(c @ s) <= small * max(long, wide) and abs(long - wide) <= small:
+        tilt, radii = 0.0, (long, long)
     else:
         # conjugate half diameters to half axes
         tilt = 0.5 * float(np.arctan2(2 * c @ s, c @ c - s @ s))

@@ -6,10 +6,12 @@ With them it can be proved that a face or an edge lies on its carrier, whatever 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import sqrt
 
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.expression.magnitudes import largest_seen
 from pc2cad.expression.rounded_identity import is_zero_to_rounding
 from pc2cad.expression.tree import ZERO, Expr, call, number, symbol
 from pc2cad.geometry.carriers import (
@@ -34,7 +36,7 @@ Point = Sequence[Expr]
 #: a polynomial that is zero on the carrier, and one of the same size that is not
 Equation = tuple[Expr, Expr]
 
-#: coefficients below this share of the largest are none
+#: what is worth less than this share of the whole is nothing
 ROUNDING = 1e-12
 
 
@@ -102,14 +104,21 @@ def _meridian(carrier: Cone | Torus | Revolution) -> Array:
 
 
 def _turned(form: Array, square: Expr, height: Expr) -> Equation:
-    """Return the equation of a conic with x² = `square`: squared where x itself occurs."""
+    """Return the equation of a conic with x² = `square`: squared where x itself occurs.
+
+    Odd terms that are worth nothing are left out.
+    """
     a, b, c, d, e, f = _numbers(form)
     even = a * square + c * height**2 + e * height + f
     r, h, *_ = _numbers(np.abs(form[[0, 2]]))
     measure = r * square + h * height**2 + e * height
-    if max(abs(form[1]), abs(form[3])) <= ROUNDING * np.abs(form).max():
+    reach = sqrt(largest_seen(square) + largest_seen(height) ** 2)
+    odd = (abs(form[1]) * reach + abs(form[3])) * reach
+    if odd <= ROUNDING * largest_seen(measure):
         return even, measure
-    return even**2 - square * (b * height + d) ** 2, measure**2
+    # of the two factors one is zero: the other is twice the odd terms
+    other = call("sqrt", square) * (b * height + d)
+    return even**2 - square * (b * height + d) ** 2, measure * other
 
 
 def _conic(form: Array, x: Expr, y: Expr) -> Equation:

@@ -18,12 +18,11 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.expression.angle_multiples import common_unit, ratio
 from pc2cad.expression.evaluation import Program
+from pc2cad.expression.magnitudes import bound, extent, rounding
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, walk
 
-#: coefficients below this share of the largest one are rounding
-ROUNDING = 1e-13
 #: normal forms of a coordinate that are larger are not looked at
 LARGEST_FORM = 400
 #: waves of a higher order than this are no rational carrier any more
@@ -32,11 +31,15 @@ LARGEST_ORDER = 12
 
 @dataclass(frozen=True)
 class Term:
-    """A function of one parameter: a power of it, a wave of its angle, or some other product."""
+    """A function of one parameter: a power of it, a wave of its angle, or some other product.
+
+    Its size is 1 at most over [0, 1]: other products are divided by a proved bound of theirs.
+    """
 
     kind: Literal["power", "cos", "sin", "other"]
     order: int = 0
     factor: Monomial = ()
+    most: float = 1.0
 
 
 CONSTANT: Final = Term("power")
@@ -62,7 +65,8 @@ class Axis:
             tree = ONE
             for atom, exponent in term.factor:
                 tree = tree * power(atom, number(exponent))
-            return np.asarray(np.broadcast_to(Program((tree,))({self.name: t})[0], np.shape(t)))
+            values = Program((tree,))({self.name: t})[0] / term.most
+            return np.asarray(np.broadcast_to(values, np.shape(t)))
         if term.kind == "power":
             return np.asarray(np.asarray(t, dtype=float) ** term.order)
         wave = np.cos if term.kind == "cos" else np.sin
@@ -80,16 +84,15 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """A point as Σ vector · product of one term per axis; terms of no size are left out."""
+    """A point as Σ vector · product of one term per axis; terms of no size are left out.
+
+    Terms are at most 1 in size, so that relations between vectors are relations between points.
+    """
 
     axes: tuple[Axis, ...]
     vectors: Mapping[tuple[Term, ...], Array]
-
-    @property
-    def scale(self) -> float:
-        """Size of the largest vector that something varies with."""
-        moving = [v for key, v in self.vectors.items() if any(t != CONSTANT for t in key)]
-        return max((float(np.linalg.norm(v)) for v in moving), default=0.0)
+    #: vectors that are shorter are rounding
+    rounding: float
 
     @property
     def centre(self) -> Array:
@@ -122,13 +125,55 @@ def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
         for monomial, coefficient in form.items():
             for terms, value in _products(monomial, float(coefficient), axes):
                 vectors.setdefault(terms, np.zeros(len(forms)))[column] += value
-    every = Separation(axes, vectors)
-    kept = {
-        key: v
-        for key, v in vectors.items()
-        if set(key) == {CONSTANT} or np.linalg.norm(v) > ROUNDING * every.scale
-    }
-    return Separation(axes, kept)
+    sizes = {key: float(np.linalg.norm(v)) for key, v in vectors.items() if _moves(key)}
+    if not np.isfinite(list(sizes.values())).all():
+        return None  # of what has no bound nothing is rounding
+    slack = rounding(extent(roots, names), max(sizes.values(), default=0.0))
+    left = 0.0
+    for key, size in sorted(sizes.items(), key=lambda item: item[1]):
+        left += size
+        if left > slack:
+            break
+        del vectors[key]
+    return Separation(axes, vectors, slack)
+
+
+def _moves(key: tuple[Term, ...]) -> bool:
+    return any(term != CONSTANT for term in key)
+
+
+def is_planar(roots: Sequence[Expr], names: Sequence[str]) -> bool:
+    """Say whether a point is proved to stay in a plane, to rounding, whatever its functions are.
+
+    Its normal form is a sum of vectors times functions, which may depend on several parameters at
+    once. The vectors, times bounds of their functions, are of rank 2 at most.
+    """
+    rows: dict[Monomial, Array] = {}
+    for column, root in enumerate(roots):
+        form = normal_form(root, LARGEST_FORM)
+        if form is None:
+            return False
+        for monomial, coefficient in form.items():
+            value = float(coefficient) * _constants(monomial)
+            moving = tuple((atom, e) for atom, e in monomial if atom.symbols)
+            if moving:
+                rows.setdefault(moving, np.zeros(len(roots)))[column] += value
+    if not rows:
+        return True
+    most = np.array([bound(monomial) for monomial in rows])
+    if not np.isfinite(most).all():
+        return False
+    vectors = np.array(list(rows.values())) * most[:, None]
+    if not np.isfinite(vectors).all():
+        return False
+    sizes = np.linalg.norm(vectors, axis=1)
+    across = np.linalg.svd(vectors, compute_uv=False)[2:]
+    return bool(across.max(initial=0.0) <= rounding(extent(roots, names), float(sizes.max())))
+
+
+def _constants(monomial: Monomial) -> float:
+    """Return the value of a monomial's atoms without symbols."""
+    return float(np.prod([evaluate(a, {}) ** e for a, e in monomial if not a.symbols]))
 
 
 def _is_constant(node: Expr) -> bool:
@@ -204,10 +249,7 @@ def _axis(forms: Iterable[NormalForm], name: str) -> Axis:
 def _products(
     monomial: Monomial, value: float, axes: tuple[Axis, ...]
 ) -> list[tuple[tuple[Term, ...], float]]:
-    for atom, exponent in monomial:
-        if not atom.symbols:
-            value *= evaluate(atom, {}) ** exponent
-    result: list[tuple[tuple[Term, ...], float]] = [((), value)]
+    result: list[tuple[tuple[Term, ...], float]] = [((), value * _constants(monomial))]
     for axis in axes:
         factor = tuple((a, e) for a, e in monomial if axis.name in a.symbols)
         along = _terms(factor, axis)
@@ -221,7 +263,8 @@ def _terms(factor: Monomial, axis: Axis) -> list[tuple[Term, float]]:
     if axis.kind == "power":
         return [(Term("power", sum(e for _, e in factor)), 1.0)]
     if axis.kind == "other":
-        return [(Term("other", 0, factor), 1.0)]
+        most = bound(factor)
+        return [(Term("other", 0, factor, most), most)]
     return _waves(factor, axis)
 
 

@@ -128,29 +128,6 @@ def bezier_knots(degree: int) -> Array:
     return np.repeat([0.0, 1.0], degree + 1)
 
 
-def linear_span(roots: Sequence[Expr]) -> Array | None:
-    """Return the coefficient vectors of the trees' non-constant parts, shape (k, len(roots)).
-
-    Each row belongs to one monomial in non-constant atoms; the vectors span the directions in
-    which the point can move. Rank 2 proves a planar face, whatever its functions are. None where
-    the normal form is too large.
-    """
-    rows: dict[object, list[float]] = {}
-    for column, root in enumerate(roots):
-        form = normal_form(root, largest=400)
-        if form is None:
-            return None
-        for monomial, coefficient in form.items():
-            key = tuple((atom, e) for atom, e in monomial if atom.symbols)
-            value = float(coefficient)
-            for atom, exponent in monomial:
-                if not atom.symbols:
-                    value *= evaluate(atom, {}) ** exponent
-            if key:
-                rows.setdefault(key, [0.0] * len(roots))[column] += value
-    return np.array(list(rows.values())).reshape(-1, len(roots))
-
-
 @lru_cache(maxsize=64)
 def chebyshev_nodes(degree: int) -> Array:
     """Return the Chebyshev-Lobatto nodes on [0, 1]."""
