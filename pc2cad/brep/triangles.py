@@ -123,7 +123,14 @@ def tessellate(
                 f"give at least {FINEST_DEFLECTION * diagonal:.3g}."
             )
         return _agreeing(solid, deflection, angular_deflection, reference)
-    length, angle = FIRST_DEFLECTION * diagonal, angular_deflection
+    return _refined(solid, FIRST_DEFLECTION * diagonal, angular_deflection, reference)
+
+
+def _refined(solid: Any, length: float, angle: float, reference: Reference | None) -> Triangles:
+    """Return triangles whose volume agrees with the part's: both deflections are halved till then.
+
+    The first do where there is no volume to agree with.
+    """
     deviation = math.inf
     for _ in range(1 + REFINEMENTS):
         result = _agreeing(solid, length, angle, reference)

@@ -33,6 +33,15 @@ LEAST_LIMIT = 1e-3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the template, the variants, the engine and its limits."""
     add_template(parser, body=False)
+    _add_variants(parser)
+    add_options(parser)
+    _add_outputs(parser)
+    parser.add_argument("--resume", action="store_true", help="go on with an interrupted study")
+    _add_workers(parser)
+    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
+
+
+def _add_variants(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("variants")
     what.add_argument(
         "--vary", metavar="NAME=FROM:TO:COUNT", action="append", default=[],
@@ -45,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="draw a sample of the ranges: lhs:500 (Latin hypercube) or sobol:512",
     )  # fmt: skip
     what.add_argument("--seed", type=int, default=1, help="of the sample (default: %(default)s)")
-    add_options(parser)
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="FOLDER", required=True,
         help="folder for the journal, the results table and the files",
@@ -66,7 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--plot", metavar="COLUMN:PARAMETER", action="append", default=[],
         help="draw a column of the results against a parameter, as a PNG (repeatable)",
     )  # fmt: skip
-    parser.add_argument("--resume", action="store_true", help="go on with an interrupted study")
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
     how = parser.add_argument_group("workers")
     how.add_argument(
         "--workers", type=int, default=0, metavar="N",
@@ -89,7 +102,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--stop-after", type=int, default=100, metavar="N",
         help="give up when the first N variants all fail, 0 for never (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
 
 
 def run(arguments: argparse.Namespace) -> int:

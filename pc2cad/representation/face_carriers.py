@@ -12,14 +12,9 @@ from pc2cad.arrays import Array
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.recognition.from_points import Fitted, fit, fit_curve, irrational
-from pc2cad.geometry.recognition.from_separable_form import (
-    SurfacePlacement,
-    arc,
-    is_straight,
-    lay,
-    plane,
-)
+from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, plane
 from pc2cad.geometry.recognition.implicit import holds
+from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.bernstein import linear_span
 
 
