@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hostile import any_text
+from hostile_texts import any_text
 from hypothesis import HealthCheck, given, settings
 
 from pc2cad.cli.main import main
@@ -225,6 +225,7 @@ def test_a_journal_of_another_version_is_told(tmp_path: Path) -> None:
         ("f" * 32, "another version"), ({}, "pc2cad: it was not given"),
         ({**header["study"], "pc2cad": "\x1b[2J"}, r"it was \x1b[2J"),
     ]  # fmt: skip
+    assert len(others) == 3
     for began, words in others:
         path.write_bytes(json.dumps({"study": began}).encode() + b"\n" + b"".join(lines[1:]))
         before = contents(tmp_path)

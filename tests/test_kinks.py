@@ -9,6 +9,7 @@ import pytest
 from test_hexahedra import check_conforming
 
 import pc2cad as pc
+from pc2cad.checked import check_map
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.expression.breaks import BreaksNotAlignedError, find_breaks
@@ -16,7 +17,6 @@ from pc2cad.expression.evaluation import Program
 from pc2cad.expression.kinks import take_kinks_apart
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, number, walk
-from pc2cad.integrals.mass_properties import integrate
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 
@@ -174,14 +174,14 @@ def test_piecewise_linear_tops_are_planes(height: Expr, volume: float, tops: int
 
 def test_a_kink_is_a_grid_line_and_order_two_stays_of_fourth_order() -> None:
     rise = abs(pc.sin(3 * u) - THIRD)
-    analysis = analyse(point_equation((2 * u, v * (1 + rise), w), name="wave"))
-    exact = integrate(analysis).volume
+    checked = check_map(point_equation((2 * u, v * (1 + rise), w), name="wave"))
+    exact = checked.mass.volume
     errors = []
     for n in (8, 16):
-        grid = make_grid(analysis, (n, 1, 1))
+        grid = make_grid(checked, (n, 1, 1))
         for kink in (asin(1 / 3) / 3, (pi - asin(1 / 3)) / 3):
             assert np.abs(grid.lines[0] - kink).min() < 1e-15
-        mesh = hexahedra(analysis, grid, 2)
+        mesh = hexahedra(checked, grid, 2)
         errors.append(abs(mesh.volume() / exact - 1))
     check_conforming(mesh)
     assert errors[1] < 1e-5
@@ -190,12 +190,12 @@ def test_a_kink_is_a_grid_line_and_order_two_stays_of_fourth_order() -> None:
 
 def test_kinks_of_two_parameters_are_lines_of_both() -> None:
     height = 1 + abs(u - THIRD) + abs(pc.cos(5 * v))
-    analysis = analyse(point_equation((u, v, w * height), name="two"))
-    mesh = hexahedra(analysis, make_grid(analysis, (6, 6, 2)), 2)
+    checked = check_map(point_equation((u, v, w * height), name="two"))
+    mesh = hexahedra(checked, make_grid(checked, (6, 6, 2)), 2)
     check_conforming(mesh)
-    assert analysis.bounds[0] == pytest.approx((0, 1 / 3, 1))
-    assert analysis.bounds[1] == pytest.approx((0, pi / 10, 3 * pi / 10, 1))
-    assert integrate(analysis).volume == pytest.approx(1 + 5 / 18 + _mean_cosine(), rel=1e-12)
+    assert checked.analysis.bounds[0] == pytest.approx((0, 1 / 3, 1))
+    assert checked.analysis.bounds[1] == pytest.approx((0, pi / 10, 3 * pi / 10, 1))
+    assert checked.mass.volume == pytest.approx(1 + 5 / 18 + _mean_cosine(), rel=1e-12)
 
 
 def _mean_cosine() -> float:

@@ -17,7 +17,7 @@ SCRIPT = """
 import sys
 import pc2cad
 from pc2cad.compiler import compile_equation
-from pc2cad.library import find_template
+from pc2cad.templates.shipped import find_template
 folder, solids, meshes, names = sys.argv[1:]
 for name in names.split(","):
     part = compile_equation(pc2cad.read_template(find_template(name)).bind({}))

@@ -26,10 +26,11 @@ from pc2cad.cli.main import main
 from pc2cad.errors import InputError
 from pc2cad.studies.journal import Journal, JournalInUseError, StudyDiffersError
 from pc2cad.studies.local import Limits, LocalEngine, WorkerNotStartedError
-from pc2cad.studies.plan import Plan, PlanError, grid, read_axis, read_table, sample
+from pc2cad.studies.plan import Plan, PlanError, grid, read_axis, sample
 from pc2cad.studies.run import NothingBuiltError, Progress, StudyResult, run_study
 from pc2cad.studies.table import rows
 from pc2cad.studies.variant import Job, Outcome, Task
+from pc2cad.studies.variants_table import read_table
 from tests import hostile_folder as hostile
 
 FAULTY = str(Path(__file__).parent / "faulty_worker.py")

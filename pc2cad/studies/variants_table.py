@@ -43,6 +43,17 @@ def read_table(path: Path) -> Plan:
 def _read_csv(path: Path) -> Plan:
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
+            # all rows are counted before one number is made of them
+            counted = (len(row) for row in csv.reader(stream, strict=True) if any(row))
+            columns, count = next(counted, 0), 0
+            if columns:
+                check_names(columns)
+            for count, _ in enumerate(counted, start=1):
+                if count > MOST_VARIANTS:
+                    raise PlanError(f"{path}: there are more than {MOST_VARIANTS} variants")
+            if count:
+                check_count(count, columns)
+            stream.seek(0)
             rows = (row for row in csv.reader(stream, strict=True) if any(row))
             names = [name.strip() for name in next(rows, ())]
             if not names:

@@ -77,7 +77,9 @@ def running(module: str) -> list[str]:
     """Return the arguments with which an `interpreter` calls `main` of one of pc2cad's modules."""
     floating = _floating()
     path = [p for p in sys.path if isinstance(p, str) and os.path.isabs(p) and p not in floating]
-    home = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    home = os.path.abspath(__file__)
+    for _ in __name__.split("."):
+        home = os.path.dirname(home)
     return ["-c", _BEGIN.format(path=path, home=home, module=module)]
 
 
