@@ -183,7 +183,9 @@ def _limits(arguments: argparse.Namespace) -> Limits:
     from pc2cad.studies.local import Limits
 
     if not 0 <= arguments.workers <= MOST_WORKERS:
-        raise InputError(f"--workers {arguments.workers}: takes a positive number up to {MOST_WORKERS}")
+        raise InputError(
+            f"--workers {arguments.workers}: takes a positive number up to {MOST_WORKERS}"
+        )
     if arguments.stop_after < 0:
         raise InputError(f"--stop-after {arguments.stop_after}: takes a positive number, or 0")
     if not 0 <= arguments.wait < float("inf"):
