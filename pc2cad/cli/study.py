@@ -44,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_variants(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("variants")
     what.add_argument(
-        "--vary", metavar="NAME=FROM:TO:COUNT", action="append", default=[],
-        help="values of a parameter: FROM:TO:COUNT, a list A,B,C, or FROM:TO for a sample "
+        "--vary", metavar="NAME=VALUES", action="append", default=[],
+        help="values of a parameter: LOW:HIGH:COUNT, a list A,B,C, or LOW:HIGH for a sample "
         "(repeatable: every combination)",
     )  # fmt: skip
     what.add_argument("--table", metavar="FILE", help="variants from a CSV or Parquet table")
@@ -160,14 +160,11 @@ def _plots(texts: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _vary(texts: Sequence[str]) -> dict[str, str | Sequence[float]]:
+    from pc2cad.templates.ranges import split_setting
+
     axes: dict[str, str | Sequence[float]] = {}
     for text in texts:
-        name, sign, given = (part.strip() for part in text.partition("="))
-        if not (name and sign and given):
-            raise InputError(
-                f"--vary '{text[:80]}': write NAME=FROM:TO:COUNT, NAME=A,B,C or, for a sample, "
-                "NAME=FROM:TO"
-            )
+        name, given = split_setting("--vary", text)
         if name in axes:
             raise InputError(f"--vary {name[:80]}: the parameter is varied twice")
         axes[name] = given
