@@ -884,7 +884,7 @@ def test_a_full_disk_under_the_journal_is_one_sentence(tmp_path: Path) -> None:
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert done.returncode == 5
-    assert "cannot be written" in done.stderr or "Cannot write" in done.stderr
+    assert "cannot be written" in done.stderr or "cannot write" in done.stderr
     assert done.stderr.count("\n") == 1
 
 

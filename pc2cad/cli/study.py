@@ -12,12 +12,11 @@ from pc2cad.cli.guard import check_limits
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
-    named,
     read_options,
     read_settings,
 )
 from pc2cad.cli.output import Progress, say, shown, table
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, named
 
 if TYPE_CHECKING:
     from pc2cad.studies.local import Limits

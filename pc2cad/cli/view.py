@@ -13,13 +13,12 @@ from pc2cad.cli.inputs import (
     add_template,
     check_different,
     load,
-    named,
     read_options,
     read_settings,
     read_triple,
 )
 from pc2cad.cli.output import Progress, say, shown
-from pc2cad.errors import InputError, PointCadError
+from pc2cad.errors import InputError, PointCadError, named
 
 if TYPE_CHECKING:
     from pc2cad.templates.ranges import Axis

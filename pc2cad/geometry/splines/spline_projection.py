@@ -180,5 +180,5 @@ def _triangle(band: Array, right: Array, trans: int = 0) -> Array:
     """Return the solution of a banded upper triangle, or of its transpose, column by column."""
     solved, singular = dtbtrs(band, right, uplo="U", trans="T" if trans else "N")
     if singular:
-        raise np.linalg.LinAlgError("Singular matrix")
+        raise np.linalg.LinAlgError("singular matrix")
     return np.asarray(solved)
