@@ -7,6 +7,8 @@ the kernel or a file (5).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 
 
@@ -57,3 +59,14 @@ def require(package: str, what: str, extra: str = "fea") -> None:
             f"{what} need the package {package}, which is not installed: "
             f"pip install 'pc2cad[{extra}]'"
         )
+
+
+@contextmanager
+def named(subject: str) -> Iterator[None]:
+    """Put a subject (a file, an option, a body) before the message of an error, if it lacks it."""
+    try:
+        yield
+    except PointCadError as error:
+        if not str(error).startswith((f"{subject}:", f"{subject} ")):
+            error.args = (f"{subject}: {error}",)
+        raise

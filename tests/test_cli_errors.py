@@ -217,13 +217,13 @@ def test_a_failure_between_two_files_says_which_is_there(folder, capsys, monkeyp
 
     def failing(path, data):
         if str(path).endswith(".stl"):
-            raise FileNotWrittenError(f"Cannot write {path}: the disk is full.")
+            raise FileNotWrittenError(f"cannot write {path}: the disk is full")
         write(path, data)
 
     monkeypatch.setattr(files, "write_atomically", failing)
     assert main(["build", "pyramid", "-o", "a.step", "-o", "b.stl"]) == 5
     sentence = capsys.readouterr().err
-    assert "Cannot write b.stl: the disk is full; written before it: a.step\n" in sentence
+    assert "cannot write b.stl: the disk is full; written before it: a.step\n" in sentence
     assert os.listdir() == ["a.step"]
 
 

@@ -25,11 +25,12 @@ from pc2cad.errors import FileNotWrittenError, InputError, PointCadError
 from pc2cad.export.files import check_target, replacing, sweep, write_atomically
 from pc2cad.studies.entries import read_outcome
 from pc2cad.studies.journal import NotOursError, StudyDiffersError
-from pc2cad.studies.plan import Plan, grid, read_axis
+from pc2cad.studies.plan import Plan, grid
 from pc2cad.studies.run import StudyResult, run_study
 from pc2cad.studies.store import open_store
 from pc2cad.studies.study import study
 from pc2cad.studies.variant import Job, Outcome, Task, file_name
+from pc2cad.templates.ranges import read_axis
 from pc2cad.trust.names import NameNotAllowedError
 from pc2cad.trust.processes import start_of
 

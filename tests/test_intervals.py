@@ -10,13 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pc2cad.expression.intervals import (
-    ENCLOSURES,
-    Interval,
-    IntervalProgram,
-    enclosed_number,
-    interval,
-)
+from pc2cad.expression.enclosures import ENCLOSURES, IntervalProgram
+from pc2cad.expression.intervals import Interval, enclosed_number, interval
 from pc2cad.expression.tree import PI, E, Expr, call, number, piece_rows, pieces, symbol, walk
 
 X, Y = symbol("x"), symbol("y")

@@ -107,7 +107,7 @@ def _eliminate(table: Array, result: Array, start: int, stop: int) -> None:
     for k in range(start, stop):
         pivot = k + int(np.argmax(np.abs(table[k:, k])))
         if not table[pivot, k]:
-            raise np.linalg.LinAlgError("Singular matrix")
+            raise np.linalg.LinAlgError("singular matrix")
         if pivot != k:
             table[[k, pivot]], result[[k, pivot]] = table[[pivot, k]], result[[pivot, k]]
         table[k + 1 :, k] /= table[k, k]

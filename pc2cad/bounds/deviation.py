@@ -27,7 +27,7 @@ from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.splines.bernstein import degree_in
-from pc2cad.geometry.splines.spline_space import basis_matrix, local_basis
+from pc2cad.geometry.splines.spline_basis import basis_matrix, local_basis
 
 #: a bound within this factor of the largest sample is sharp enough
 SHARP = 1.45

@@ -169,32 +169,53 @@ def remainders(
             bad = ~(rest.along[axis] <= part)
             if not bad.any():
                 continue
-            share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
-            counts = [
-                _cells_per_box(direction, part_of * r / 4**depth, len(directions))
-                for direction, part_of, r in zip(directions, share, reach, strict=False)
-            ]
-            # few boxes along one parameter cost no less than all, and all serve other functions
-            few = len(directions) == 1 and directions[0].cells.count <= FEW
-            wanted = np.ones_like(bad) if few else bad
-            boxes = _boxes(wanted, directions, counts)
-            before = directions[0].cells.lebesgue
-            directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, part)
-            rest.along[1][...] *= directions[0].cells.lebesgue / before
-            split = rest.to_split(axis, part, depth % 2 == 0)
-            hard = hard or any(mask.any() for mask in split)
+            rest, harder = _refine(vectors, directions, axis, bad, rest, part, reach, depth)
+            hard = hard or harder
             if depth == DEEPEST:
                 break
-            for d, mask in enumerate(split):
-                # smaller boxes come first
-                mask[:] &= d < len(directions) and counts[d] == 1
-            for d, mask in enumerate(split):
-                if mask.any():
-                    directions[d] = directions[d].halved(mask)
-                    rest = rest.after(d, mask)
         if not hard:
             break
     return directions, rest
+
+
+def _refine(
+    vectors: Vectors,
+    directions: list[Direction],
+    axis: int,
+    bad: Booleans,
+    rest: Remainders,
+    part: float,
+    reach: Sequence[float],
+    depth: int,
+) -> tuple[Remainders, bool]:
+    """Evaluate bad cells along one axis, and halve those that stay bad on the smallest boxes.
+
+    `directions` change in place. Return what is known, and whether any cell is still bad.
+    """
+    share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
+    counts = [
+        _cells_per_box(direction, part_of * r / 4**depth, len(directions))
+        for direction, part_of, r in zip(directions, share, reach, strict=False)
+    ]
+    # few boxes along one parameter cost no less than all, and all serve other functions
+    few = len(directions) == 1 and directions[0].cells.count <= FEW
+    wanted = np.ones_like(bad) if few else bad
+    boxes = _boxes(wanted, directions, counts)
+    before = directions[0].cells.lebesgue
+    directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, part)
+    rest.along[1][...] *= directions[0].cells.lebesgue / before
+    split = rest.to_split(axis, part, depth % 2 == 0)
+    hard = any(mask.any() for mask in split)
+    if depth == DEEPEST:
+        return rest, hard
+    for d, mask in enumerate(split):
+        # smaller boxes come first
+        mask[:] &= d < len(directions) and counts[d] == 1
+    for d, mask in enumerate(split):
+        if mask.any():
+            directions[d] = directions[d].halved(mask)
+            rest = rest.after(d, mask)
+    return rest, hard
 
 
 def first_places(direction: Direction, reach: float, wide: bool) -> Place:

@@ -10,6 +10,7 @@ import numpy as np
 from OCP.BOPAlgo import BOPAlgo_Operation
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
+from OCP.Geom import Geom_BSplineCurve, Geom_Curve
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
@@ -21,7 +22,7 @@ from OCP.TopTools import (
 )
 
 from pc2cad.arrays import Array
-from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
+from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import EdgeFunction, SurfaceFunction, Trace
 
@@ -123,6 +124,36 @@ class NamedEdge:
         """That of the polyline through its points."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
+    @property
+    def conic(self) -> tuple[Array, dict[str, Array]] | None:
+        """A line's or a conic's place and terms (`from_kernel.conic_terms`), None for others."""
+        curve = self._curve
+        return None if isinstance(curve, Geom_BSplineCurve) else conic_terms(curve)
+
+    @property
+    def spline(self) -> tuple[int, int]:
+        """A B-spline's degree and number of poles, zeros for others."""
+        curve = self._curve
+        return (curve.Degree(), curve.NbPoles()) if isinstance(curve, Geom_BSplineCurve) else (0, 0)
+
+    def place(self, t: float) -> tuple[float, float, float]:
+        """Return the place at a parameter of its curve."""
+        x, y, z = self._curve.Value(t).Coord()
+        return x, y, z
+
+    def loosen(self, tolerance: float) -> None:
+        """Raise the kernel's tolerance of the edge and its ends to a length, where it is less."""
+        builder = BRep_Builder()
+        if BRep_Tool.Tolerance_s(self.edge) < tolerance:
+            builder.UpdateEdge(self.edge, tolerance)
+        for vertex in (TopExp.FirstVertex_s(self.edge), TopExp.LastVertex_s(self.edge)):
+            if BRep_Tool.Tolerance_s(vertex) < tolerance:
+                builder.UpdateVertex(vertex, tolerance)
+
+    @property
+    def _curve(self) -> Geom_Curve:
+        return BRep_Tool.Curve_s(self.edge, 0.0, 1.0)
+
 
 def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
     """Yield the edges between differently named faces."""
@@ -163,16 +194,6 @@ def edge_functions(shape: NamedShape, edges: Iterable[NamedEdge]) -> Iterator[Ed
             traces.append(Trace(path_function(path), surfaces[index]))
         curve = curve_function(BRep_Tool.Curve_s(named.edge, first, last), origin)
         yield EdgeFunction(curve, (first, last), (traces[0], traces[1]))
-
-
-def loosen(edge: TopoDS_Edge, tolerance: float) -> None:
-    """Raise the tolerance of an edge and its ends to a length, where it is less (in place)."""
-    builder = BRep_Builder()
-    if BRep_Tool.Tolerance_s(edge) < tolerance:
-        builder.UpdateEdge(edge, tolerance)
-    for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
-        if BRep_Tool.Tolerance_s(vertex) < tolerance:
-            builder.UpdateVertex(vertex, tolerance)
 
 
 def _points(edge: TopoDS_Edge) -> Array:

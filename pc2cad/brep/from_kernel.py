@@ -134,10 +134,13 @@ def _conic(start: Array, terms: dict[str, Array]) -> CurveFunction:
     @cache
     def sizes() -> Sizes:
         size = max(float(np.linalg.norm(along)) for along in terms.values())
-        first, second = {
-            "t": (1.0, 0.0), "t**2": (np.inf, 2 * size),
-            "sin": (size, size), "sinh": (np.inf, np.inf),
-        }[max(terms)]  # fmt: skip
+        # of each kind of curve by the term that only it has, but for the line, which has no other
+        first, second = next(
+            (bounds for term, bounds in (
+                ("t**2", (np.inf, 2 * size)), ("sinh", (np.inf, np.inf)),
+                ("sin", (size, size)), ("t", (1.0, 0.0)),
+            ) if term in terms)
+        )  # fmt: skip
         return Sizes((first,), (second,), np.abs(start) + (0.0 if powers else size))
 
     powers = "t" in terms

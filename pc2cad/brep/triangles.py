@@ -119,11 +119,18 @@ def tessellate(
     if deflection is not None:
         if not deflection >= FINEST_DEFLECTION * diagonal:
             raise InputError(
-                f"The deflection {deflection:g} is too fine for a part of size {diagonal:g}; "
-                f"give at least {FINEST_DEFLECTION * diagonal:.3g}."
+                f"the deflection {deflection:g} is too fine for a part of size {diagonal:g}; "
+                f"give at least {FINEST_DEFLECTION * diagonal:.3g}"
             )
         return _agreeing(solid, deflection, angular_deflection, reference)
-    length, angle = FIRST_DEFLECTION * diagonal, angular_deflection
+    return _refined(solid, FIRST_DEFLECTION * diagonal, angular_deflection, reference)
+
+
+def _refined(solid: Any, length: float, angle: float, reference: Reference | None) -> Triangles:
+    """Return triangles whose volume agrees with the part's: both deflections are halved till then.
+
+    The first do where there is no volume to agree with.
+    """
     deviation = math.inf
     for _ in range(1 + REFINEMENTS):
         result = _agreeing(solid, length, angle, reference)
@@ -134,8 +141,8 @@ def tessellate(
             return result
         length, angle = length / 2.0, max(angle / 2.0, FINEST_ANGLE)
     raise KernelError(
-        f"The volume of the triangle mesh is still {100.0 * deviation:.2g} % off after "
-        f"{REFINEMENTS} refinements; give a deflection to accept that."
+        f"the volume of the triangle mesh is still {100.0 * deviation:.2g} % off after "
+        f"{REFINEMENTS} refinements; give a deflection to accept that"
     )
 
 
@@ -174,8 +181,8 @@ def _agreeing(
 def _complaint(mesh: Triangles, slack: Slack, reference: Reference | None) -> str | None:
     """Return what the triangles lack, as a sentence; None where nothing is known of it."""
     lost = (
-        f"The triangles of {len(slack.lost)} of the solid's faces do not cover them, at the "
-        f"deflection {mesh.deflection:g}; give another deflection, or write STEP."
+        f"the triangles of {len(slack.lost)} of the solid's faces do not cover them, at the "
+        f"deflection {mesh.deflection:g}; give another deflection, or write STEP"
     )
     if reference is None:
         return lost if slack.lost else None
@@ -190,9 +197,9 @@ def _complaint(mesh: Triangles, slack: Slack, reference: Reference | None) -> st
     for name, own, true, bound in pairs:
         if not abs(own - true) <= bound:
             return (
-                f"The {name} of the triangles is {own:.6g} at the deflection {mesh.deflection:g}, "
+                f"the {name} of the triangles is {own:.6g} at the deflection {mesh.deflection:g}, "
                 f"and the part's is {true:.6g}: more than the {bound:.2g} that their chords can be "
-                "off by. Give a smaller deflection, or write STEP."
+                "off by; give a smaller deflection, or write STEP"
             )
     return lost if slack.lost else None
 
@@ -247,12 +254,12 @@ def _mesh(
     defects = edge_defects(triangles, len(vertices))
     if not defects.closed:
         raise KernelError(
-            f"The kernel's triangle mesh is not closed: of {3 * len(triangles)} directed edges "
-            f"{defects.open} are open and {defects.repeated} are repeated."
+            f"the kernel's triangle mesh is not closed: of {3 * len(triangles)} directed edges "
+            f"{defects.open} are open and {defects.repeated} are repeated"
         )
     volume = enclosed_volume(vertices, triangles)
     if not volume > 0.0:
-        raise KernelError(f"The triangle mesh encloses the volume {volume:g}; it must be positive.")
+        raise KernelError(f"the triangle mesh encloses the volume {volume:g}; it must be positive")
     mesh = Triangles(
         vertices=vertices.astype(np.float64),
         triangles=triangles,
@@ -274,7 +281,7 @@ def _kernel_mesh(
             attach(copy, gridded, deflection, angular_deflection)
         BRepMesh_IncrementalMesh(copy, deflection, False, angular_deflection, False)
     except Standard_Failure as failure:
-        raise KernelError(f"The kernel could not mesh the solid: {failure}.") from None
+        raise KernelError(f"the kernel could not mesh the solid: {failure}") from None
     points: list[Array] = []
     triangles: list[Integers] = []
     borders, slack = _Borders(copy), Slack()
@@ -283,7 +290,7 @@ def _kernel_mesh(
         face, location = TopoDS.Face_s(shape), TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
         if mesh is None:
-            raise KernelError(f"The kernel could not mesh face {number} of the solid.")
+            raise KernelError(f"the kernel could not mesh face {number} of the solid")
         nodes, corners = _own_mesh(mesh)
         borders.add(face, mesh, location, offset)
         slack += face_slack(number, face, mesh, nodes, corners, deflection)
@@ -292,10 +299,10 @@ def _kernel_mesh(
         triangles.append(corners + offset)
         offset += len(nodes)
     if not points:
-        raise KernelError("The solid has no faces to mesh.")
+        raise KernelError("the solid has no faces to mesh")
     all_points = np.concatenate(points)
     if not np.isfinite(all_points).all():
-        raise KernelError("The kernel's triangle mesh has points that are not finite.")
+        raise KernelError("the kernel's triangle mesh has points that are not finite")
     numbers = np.repeat(np.arange(len(triangles), dtype=np.int64), [len(t) for t in triangles])
     return all_points[borders.representatives(offset)], np.concatenate(triangles), numbers, slack
 
@@ -344,7 +351,7 @@ class _Borders:
             # a seam has two polygons; the edge's orientation tells which one is meant
             polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
             if polygon is None:
-                raise KernelError("The kernel could not mesh an edge of the solid.")
+                raise KernelError("the kernel could not mesh an edge of the solid")
             count = polygon.NbNodes()
             nodes = np.array([polygon.Node(i) for i in range(1, count + 1)], dtype=np.int64)
             self._join(edge, nodes + (offset - 1))
@@ -352,7 +359,7 @@ class _Borders:
     def _join(self, edge: Any, nodes: Integers) -> None:
         first = self._first.setdefault(self._edges.FindIndex(edge), nodes)
         if len(first) != len(nodes):
-            raise KernelError("The kernel meshed an edge differently in its two faces.")
+            raise KernelError("the kernel meshed an edge differently in its two faces")
         self._pairs.append(np.column_stack((first, nodes)))
         if BRep_Tool.Degenerated_s(edge):
             self._pairs.append(np.column_stack((nodes[:-1], nodes[1:])))
@@ -383,8 +390,8 @@ def _diagonal(solid: Any) -> float:
     box = Bnd_Box()
     BRepBndLib.Add_s(solid, box, False)
     if box.IsVoid():
-        raise KernelError("The solid has no extent.")
+        raise KernelError("the solid has no extent")
     diagonal = math.sqrt(box.SquareExtent())
     if not 0.0 < diagonal < math.inf:
-        raise KernelError("The solid's size is not finite.")
+        raise KernelError("the solid's size is not finite")
     return diagonal

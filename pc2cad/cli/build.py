@@ -13,12 +13,11 @@ from pc2cad.cli.inputs import (
     bind,
     check_different,
     load,
-    named,
     read_length,
     read_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
-from pc2cad.errors import FileNotWrittenError
+from pc2cad.errors import FileNotWrittenError, named
 
 if TYPE_CHECKING:
     from pc2cad.export.model import ExportOptions
@@ -154,6 +153,6 @@ def _write(files: dict[str, bytes]) -> None:
             write_atomically(path, data)
         except FileNotWrittenError as error:
             if written:
-                error.args = (f"{str(error).rstrip('.')}; written before it: {', '.join(written)}",)
+                error.args = (f"{error}; written before it: {', '.join(written)}",)
             raise
         written.append(path)

@@ -14,10 +14,10 @@ from pc2cad.cli.inputs import (
     add_template,
     bind,
     load,
-    named,
     read_options,
 )
 from pc2cad.cli.output import Progress, one_line, say, table
+from pc2cad.errors import named
 from pc2cad.report import BodiesReport, Report
 
 if TYPE_CHECKING:

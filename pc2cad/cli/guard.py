@@ -21,13 +21,13 @@ from pc2cad.errors import InputError
 from pc2cad.trust.processes import (
     CrashedError,
     LimitReachedError,
-    broken_limit,
+    Watch,
     end_with_parent,
     how_it_ended,
 )
 
 #: seconds between two looks at the time and the memory
-WATCH = 0.2
+LOOK = 0.2
 #: seconds after which a child still at work is told of an interruption: Ctrl-C reaches it by
 #: itself, `kill -INT` does not
 TOLD = 0.3
@@ -91,7 +91,7 @@ def guard(arguments: argparse.Namespace) -> int | None:
     try:
         signals = _Signals(child)
         signal.pthread_sigmask(signal.SIG_SETMASK, free)
-        reason, code = _watch(child, reading, signals, seconds, memory)
+        reason, code = _watch(Watch(child, seconds, memory * 1024**3), reading, signals)
     finally:
         os.close(reading)
     if code >= 0 and not reason:
@@ -103,10 +103,7 @@ def guard(arguments: argparse.Namespace) -> int | None:
         raise LimitReachedError(f"{arguments.template}: {reason}; {_KEPT}")
     if -code in {getattr(signal, name) for name in ENDING}:
         _die_of(-code)
-    raise CrashedError(
-        f"{arguments.template}: the process that did the work ended by {how_it_ended(code)}, "
-        f"{_blame(-code)}; {_KEPT}"
-    )
+    raise CrashedError(f"{arguments.template}: {how_it_ended(code)}, {_blame(-code)}; {_KEPT}")
 
 
 class _Signals:
@@ -129,27 +126,22 @@ class _Signals:
         self.interrupted = min(self.interrupted, time.monotonic())
 
 
-def _watch(
-    child: int, reading: int, signals: _Signals, seconds: float, memory: float
-) -> tuple[str, int]:
+def _watch(watch: Watch, reading: int, signals: _Signals) -> tuple[str, int]:
     """Wait for the child; return what it was ended for ('' for nothing) and its exit code."""
-    begun, reason = time.monotonic(), ""
+    child, reason = watch.process, ""
     while True:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
             return reason, os.waitstatus_to_exitcode(status)
         now = time.monotonic()
-        if now >= signals.interrupted + GRACE:
-            reason = INTERRUPTED
-        else:
-            reason = broken_limit(child, begun, seconds, memory * 1024**3)
+        reason = INTERRUPTED if now >= signals.interrupted + GRACE else watch.broken_limit()
         if reason:
             os.kill(child, signal.SIGKILL)
             _, status = os.waitpid(child, 0)
             return reason, os.waitstatus_to_exitcode(status)
         if now >= signals.interrupted + TOLD:
             os.kill(child, signal.SIGINT)
-        if select.select([reading], [], [], WATCH)[0]:
+        if select.select([reading], [], [], LOOK)[0]:
             _, status = os.waitpid(child, 0)
             return reason, os.waitstatus_to_exitcode(status)
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, overload
 from unicodedata import normalize
 
-from pc2cad.errors import InputError, PointCadError
+from pc2cad.errors import InputError, named
 from pc2cad.options import CompileOptions
 
 if TYPE_CHECKING:
@@ -92,17 +91,6 @@ def check_different(outputs: Sequence[str], template: Path) -> None:
             )  # fmt: skip
             raise OutputClashError(f"the output {path} {how} {known}")
         taken[alike] = real, what
-
-
-@contextmanager
-def named(subject: str) -> Iterator[None]:
-    """Put the subject (a file, an option) before the message of an error, if it is not in it."""
-    try:
-        yield
-    except PointCadError as error:
-        if not str(error).startswith((f"{subject}:", f"{subject} ")):
-            error.args = (f"{subject}: {error}",)
-        raise
 
 
 def load(arguments: argparse.Namespace) -> tuple[Template | BodiesTemplate, Path]:

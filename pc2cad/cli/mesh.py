@@ -15,13 +15,12 @@ from pc2cad.cli.inputs import (
     bind,
     check_different,
     load_one,
-    named,
     read_length,
     read_options,
     read_triple,
 )
 from pc2cad.cli.output import Progress, say, shown, table
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, named
 from pc2cad.options import DEFAULTS
 
 if TYPE_CHECKING:

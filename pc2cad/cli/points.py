@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from pc2cad.cli.inputs import add_template, bind, check_different, load_one, named, read_length
+from pc2cad.cli.inputs import add_template, bind, check_different, load_one, read_length
 from pc2cad.cli.output import Progress, say, shown
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

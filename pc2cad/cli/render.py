@@ -11,13 +11,12 @@ from pc2cad.cli.inputs import (
     bind,
     check_different,
     load,
-    named,
     read_numbers,
     read_options,
     read_triple,
 )
 from pc2cad.cli.output import Progress, say, shown
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, named
 
 if TYPE_CHECKING:
     from pc2cad.picture.style import Style

@@ -10,10 +10,10 @@ from pc2cad.cli.inputs import (
     bind,
     check_different,
     load_one,
-    named,
     read_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
+from pc2cad.errors import named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

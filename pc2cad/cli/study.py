@@ -12,12 +12,11 @@ from pc2cad.cli.guard import check_limits
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
-    named,
     read_options,
     read_settings,
 )
 from pc2cad.cli.output import Progress, say, shown, table
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, named
 
 if TYPE_CHECKING:
     from pc2cad.studies.local import Limits
@@ -33,10 +32,19 @@ LEAST_LIMIT = 1e-3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the template, the variants, the engine and its limits."""
     add_template(parser, body=False)
+    _add_variants(parser)
+    add_options(parser)
+    _add_outputs(parser)
+    parser.add_argument("--resume", action="store_true", help="go on with an interrupted study")
+    _add_workers(parser)
+    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
+
+
+def _add_variants(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("variants")
     what.add_argument(
-        "--vary", metavar="NAME=FROM:TO:COUNT", action="append", default=[],
-        help="values of a parameter: FROM:TO:COUNT, a list A,B,C, or FROM:TO for a sample "
+        "--vary", metavar="NAME=VALUES", action="append", default=[],
+        help="values of a parameter: LOW:HIGH:COUNT, a list A,B,C, or LOW:HIGH for a sample "
         "(repeatable: every combination)",
     )  # fmt: skip
     what.add_argument("--table", metavar="FILE", help="variants from a CSV or Parquet table")
@@ -45,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="draw a sample of the ranges: lhs:500 (Latin hypercube) or sobol:512",
     )  # fmt: skip
     what.add_argument("--seed", type=int, default=1, help="of the sample (default: %(default)s)")
-    add_options(parser)
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="FOLDER", required=True,
         help="folder for the journal, the results table and the files",
@@ -66,7 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--plot", metavar="COLUMN:PARAMETER", action="append", default=[],
         help="draw a column of the results against a parameter, as a PNG (repeatable)",
     )  # fmt: skip
-    parser.add_argument("--resume", action="store_true", help="go on with an interrupted study")
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
     how = parser.add_argument_group("workers")
     how.add_argument(
         "--workers", type=int, default=0, metavar="N",
@@ -89,7 +101,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--stop-after", type=int, default=100, metavar="N",
         help="give up when the first N variants all fail, 0 for never (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -148,14 +159,11 @@ def _plots(texts: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _vary(texts: Sequence[str]) -> dict[str, str | Sequence[float]]:
+    from pc2cad.templates.ranges import split_setting
+
     axes: dict[str, str | Sequence[float]] = {}
     for text in texts:
-        name, sign, given = (part.strip() for part in text.partition("="))
-        if not (name and sign and given):
-            raise InputError(
-                f"--vary '{text[:80]}': write NAME=FROM:TO:COUNT, NAME=A,B,C or, for a sample, "
-                "NAME=FROM:TO"
-            )
+        name, given = split_setting("--vary", text)
         if name in axes:
             raise InputError(f"--vary {name[:80]}: the parameter is varied twice")
         axes[name] = given

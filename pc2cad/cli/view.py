@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Mapping
 from contextlib import closing
 from itertools import product
@@ -14,19 +13,18 @@ from pc2cad.cli.inputs import (
     add_template,
     check_different,
     load,
-    named,
     read_options,
     read_settings,
     read_triple,
 )
 from pc2cad.cli.output import Progress, say, shown
-from pc2cad.errors import InputError, PointCadError
+from pc2cad.errors import InputError, PointCadError, named
 
 if TYPE_CHECKING:
+    from pc2cad.templates.ranges import Axis
     from pc2cad.templates.template import Parameter
     from pc2cad.viewer.page import Slider, Variant
 
-_COUNT = re.compile(r" *[0-9]{1,4} *\Z")
 #: a page holds every combination of its sliders' values
 MOST_VARIANTS = 64
 
@@ -43,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser)
     parser.add_argument(
         "--slider", metavar="NAME=VALUES", action="append", default=[], dest="sliders",
-        help="let a parameter vary: LOW:HIGH:COUNT or A,B,C …; with --serve LOW:HIGH (repeatable; "
-        "--serve offers all parameters without it)",
+        help="let a parameter vary: LOW:HIGH:COUNT or a list A,B,C; with --serve LOW:HIGH "
+        "(repeatable; --serve offers all parameters without it)",
     )  # fmt: skip
     parser.add_argument(
         "--points", metavar="NU,NV,NW", help="offer the points of an even grid of the box as well"
@@ -158,33 +156,28 @@ def _serve(maker: _Maker, arguments: argparse.Namespace) -> int:
 
 
 def _stored(text: str, maker: _Maker) -> Slider:
-    """Return a slider over the values that LOW:HIGH:COUNT or a list gives, and the opening one."""
+    """Return a slider over values, and the opening one."""
     from pc2cad.viewer.page import Slider
 
-    parameter, raw = _parameter(text, maker)
-    if ":" in raw:
-        bounds = raw.split(":")
-        if len(bounds) != 3 or not _COUNT.match(bounds[2]) or not 1 < int(bounds[2]) <= 1000:
-            raise InputError(f"--slider {text[:80]}: write LOW:HIGH:COUNT, COUNT from 2")
-        low, high = (_number(text, bound) for bound in bounds[:2])
-        steps = int(bounds[2]) - 1
-        values = [low + (high - low) * i / steps for i in range(steps + 1)]
-    else:
-        values = [_number(text, part) for part in raw.split(",")]
+    parameter, axis = _axis(text, maker)
+    if axis.range is not None:
+        raise InputError(
+            f"--slider '{text[:80]}' is a range, which takes --serve; for a page write "
+            "NAME=LOW:HIGH:COUNT or NAME=A,B,C"
+        )
     opening = float(maker.opening[parameter.name])
-    rounded = {float(f"{value:.12g}") for value in [*values, opening]}
-    return Slider(parameter.name, parameter.about, float(f"{opening:.12g}"), tuple(sorted(rounded)))
+    values = tuple(sorted({*axis.values, opening}))
+    return Slider(parameter.name, parameter.about, opening, values)
 
 
 def _live(text: str, maker: _Maker) -> Slider:
     from pc2cad.viewer.page import Slider
 
-    parameter, raw = _parameter(text, maker)
-    bounds = [_number(text, part) for part in raw.split(":")]
-    if len(bounds) != 2 or not bounds[0] < bounds[1]:
-        raise InputError(f"--slider {text[:80]}: with --serve write LOW:HIGH")
+    parameter, axis = _axis(text, maker)
+    if axis.range is None:
+        raise InputError(f"--slider '{text[:80]}': with --serve write NAME=LOW:HIGH")
     opening = float(maker.opening[parameter.name])
-    return Slider(parameter.name, parameter.about, opening, (), *bounds)
+    return Slider(parameter.name, parameter.about, opening, (), *axis.range)
 
 
 def _offered(parameter: Parameter, maker: _Maker) -> Slider:
@@ -205,23 +198,13 @@ def _offered(parameter: Parameter, maker: _Maker) -> Slider:
     )  # fmt: skip
 
 
-def _parameter(text: str, maker: _Maker) -> tuple[Parameter, str]:
+def _axis(text: str, maker: _Maker) -> tuple[Parameter, Axis]:
+    """Return the parameter that a slider moves, and the values or the range that it takes."""
     from pc2cad.equation.language import nearest
+    from pc2cad.templates.ranges import read_axis, split_setting
 
-    name, sign, raw = (part.strip() for part in text.partition("="))
+    name, given = split_setting("--slider", text)
     known = {p.name: p for p in maker.template.parameters}
-    if not sign or not raw:
-        raise InputError(f"--slider {text[:80]}: write NAME=LOW:HIGH:COUNT")
     if name not in known:
         raise InputError(f"--slider: no parameter '{name[:80]}'{nearest(name, list(known))}")
-    return known[name], raw
-
-
-def _number(text: str, raw: str) -> float:
-    try:
-        value = float(raw)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) < float("inf"):
-        raise InputError(f"--slider {text[:80]}: '{raw[:40]}' is not a number")
-    return value
+    return known[name], read_axis(name, given)

@@ -19,7 +19,7 @@ from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.csg.intersection_edges import BOTH, Side, prove_intersection_edges, sides_of
-from pc2cad.errors import KernelError, NotASolidError, PointCadError, ToleranceNotReachedError
+from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError, named
 from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
 from pc2cad.part import SIDE_COLOURS, Part, Solid
 from pc2cad.report import BodiesReport, EdgeReport, FaceReport, Integrals, Report, StepReport
@@ -107,11 +107,8 @@ def compile_bodies(
     tell = progress or (lambda stage: None)
     times, start, parts = {}, time.perf_counter(), {}
     for name, equation in bodies.equations.items():
-        try:
+        with named(f"body {name}"):
             parts[name] = compile_body(equation, lambda stage, name=name: tell(f"{name}: {stage}"))
-        except PointCadError as error:
-            error.args = (f"body {name}: {error}",)
-            raise
     times["bodies"] = time.perf_counter() - start
     tell("combine")
     start = time.perf_counter()
@@ -229,6 +226,8 @@ def _report(
                 f"the kernel's edge {curve.name} is {curve.surface_distance:.2g} {bodies.units} "
                 f"off its faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
             )
+    for edge, curve in zip(meeting, curves, strict=True):
+        edge.loosen(curve.surface_distance)  # the kernel has to know how far its edges are off
     findings = inspect(solids[0])
     _check(findings, size, bodies.units)
     # an edge off its faces leaves a strip open; seen from the middle it is half the size away

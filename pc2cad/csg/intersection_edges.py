@@ -10,12 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from OCP.BRep import BRep_Tool
-from OCP.Geom import Geom_BSplineCurve
-
 from pc2cad.bounds.edge_bounds import EdgeBound, bound_edge
-from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, loosen
-from pc2cad.brep.from_kernel import conic_terms
+from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
 from pc2cad.geometry.recognition.implicit import ROUNDING, holds, point_along
 from pc2cad.report import EdgeReport
@@ -55,21 +51,17 @@ def prove_intersection_edges(
     """Yield what is known of edges between faces of different bodies.
 
     `faces` are the bodies' own, by the names that the shape's faces have, `size` is that of the
-    part. Tolerances of the kernel's edges are raised to the bounds, where they are less.
+    part.
     """
     for edge, function in zip(edges, edge_functions(shape, edges), strict=True):
         sides = [max((faces[name] for name in names), key=_weakness) for names in edge.names]
         found = bound_edge(function, (sides[0].deviation, sides[1].deviation))
         off = max(found.off)
-        if isfinite(off):
-            loosen(edge.edge, off)
         evidence, deviation, where = _judged(edge, sides, found, size)
-        curve = BRep_Tool.Curve_s(edge.edge, 0.0, 1.0)
-        spline = curve if isinstance(curve, Geom_BSplineCurve) else None
         yield EdgeReport(
             " / ".join(BOTH.join(names) for names in edge.names), edge.curve, evidence, deviation,
             0.0 if evidence == "exact" else found.seen if evidence == "bounded" else deviation,
-            where, spline.Degree() if spline else 0, spline.NbPoles() if spline else 0,
+            where, *edge.spline,
             off if isfinite(off) else found.off_seen,
         )  # fmt: skip
 
@@ -91,19 +83,16 @@ def _judged(
         return "exact", 0.0, ""
     if isfinite(max(*found.off, found.largest)):
         return "bounded", found.largest, ""
-    first, last = BRep_Tool.Range_s(edge.edge)
-    curve = BRep_Tool.Curve_s(edge.edge, first, last)
     where = []
     for ends in found.open:
-        places = ["({:.6g}, {:.6g}, {:.6g})".format(*curve.Value(t).Coord()) for t in ends]
+        places = ["({:.6g}, {:.6g}, {:.6g})".format(*edge.place(t)) for t in ends]
         where.append(" to ".join(places))
     return "sampled", found.off_seen, ", ".join(where)
 
 
 def _lies_on(edge: NamedEdge, sides: Sequence[Side]) -> bool:
     """Say whether an edge is a conic that lies on both equations' faces by algebra."""
-    curve = BRep_Tool.Curve_s(edge.edge, 0.0, 1.0)
-    if isinstance(curve, Geom_BSplineCurve):
+    if edge.conic is None:
         return False
-    point = point_along(*conic_terms(curve))
+    point = point_along(*edge.conic)
     return all(any(holds(carrier, point) for carrier in side.exact) for side in sides)

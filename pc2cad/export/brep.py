@@ -32,6 +32,6 @@ def encode(exportable: Exportable, _options: ExportOptions) -> bytes:
         BRepTools.Write_s(shape, stream)
         BRepTools.Read_s(found, io.BytesIO(stream.getvalue()), BRep_Builder())
     except Standard_Failure as failure:
-        raise KernelError(f"The kernel could not write the solid as BREP: {failure}.") from None
+        raise KernelError(f"the kernel could not write the solid as BREP: {failure}") from None
     check_read_back(found, census(exportable), "BREP text")
     return stream.getvalue()

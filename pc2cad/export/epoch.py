@@ -24,5 +24,5 @@ def stated_time() -> datetime | None:
         return datetime.fromtimestamp(int(given), UTC)
     except (ValueError, OverflowError, OSError):
         raise InputError(
-            f"{NAME} is {given[:40]!r}; it must be a whole number of seconds since 1970."
+            f"{NAME} is {given[:40]!r}; it must be a whole number of seconds since 1970"
         ) from None

@@ -61,7 +61,7 @@ def by_ending(path: str | os.PathLike[str], table: Mapping[str, Entry], kind: st
     if ending not in table:
         has = f"the ending {ending!r}" if ending else "no ending"
         raise InputError(
-            f"The {kind} {os.fspath(path)[-80:]!r} has {has}; use one of {', '.join(table)}."
+            f"the {kind} {os.fspath(path)[-80:]!r} has {has}; use one of {', '.join(table)}"
         )
     return table[ending]
 
@@ -206,8 +206,8 @@ def _unlinked(path: str | os.PathLike[str]) -> Path:
     target = _resolve(folder or ".") / name
     if os.path.islink(target):
         raise FileNotWrittenError(
-            f"Cannot write {_shown(path)}: a symbolic link has that name, which is neither "
-            "followed nor replaced; remove it."
+            f"cannot write {_shown(path)}: a symbolic link has that name, which is neither "
+            "followed nor replaced; remove it"
         )
     return target
 
@@ -216,17 +216,17 @@ def _resolve(path: str | os.PathLike[str]) -> Path:
     """Return the real file behind `path`, links followed."""
     text = os.fspath(path)
     if not text:
-        raise FileNotWrittenError("Cannot write the file: its name is empty; give a file name.")
+        raise FileNotWrittenError("cannot write the file: its name is empty; give a file name")
     if "\0" in text:
         raise FileNotWrittenError(
-            f"Cannot write {text!r}: a file name must not contain a NUL character."
+            f"cannot write {text!r}: a file name must not contain a NUL character"
         )
     try:
         return Path(os.path.realpath(text))
     except UnicodeError:
         raise FileNotWrittenError(
-            f"Cannot write {text!r}: the name has characters that this system cannot store in "
-            "file names; choose another name."
+            f"cannot write {text!r}: the name has characters that this system cannot store in "
+            "file names; choose another name"
         ) from None
     except OSError as error:
         raise _failure(path, error) from error
@@ -242,17 +242,17 @@ def _mode_of_existing(path: str | os.PathLike[str], target: Path) -> int | None:
         raise _failure(path, error) from error
     if stat.S_ISDIR(status.st_mode):
         raise FileNotWrittenError(
-            f"Cannot write {_shown(path)}: a folder has that name; choose another name."
+            f"cannot write {_shown(path)}: a folder has that name; choose another name"
         )
     if not stat.S_ISREG(status.st_mode):
         raise FileNotWrittenError(
-            f"Cannot write {_shown(path)}: it is a device or a pipe, not a file; choose another "
-            "name."
+            f"cannot write {_shown(path)}: it is a device or a pipe, not a file; choose another "
+            "name"
         )
     if not os.access(target, os.W_OK):
         raise FileNotWrittenError(
-            f"Cannot write {_shown(path)}: the existing file is write-protected; remove it or "
-            "choose another name."
+            f"cannot write {_shown(path)}: the existing file is write-protected; remove it or "
+            "choose another name"
         )
     return stat.S_IMODE(status.st_mode)
 
@@ -296,7 +296,7 @@ def _failure(path: str | os.PathLike[str], error: OSError) -> FileNotWrittenErro
     if reason is None:
         said = error.strerror or str(error)
         reason = f"the system says {said!r}; choose another place"
-    return FileNotWrittenError(f"Cannot write {_shown(path)}: {reason}.")
+    return FileNotWrittenError(f"cannot write {_shown(path)}: {reason}")
 
 
 def _shown(path: str | os.PathLike[str]) -> str:

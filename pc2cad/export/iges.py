@@ -84,7 +84,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
             text = _text(exportable, stamp)
             _check(text, census(exportable))
     except Standard_Failure as failure:
-        raise KernelError(f"The kernel could not translate the solid to IGES: {failure}.") from None
+        raise KernelError(f"the kernel could not translate the solid to IGES: {failure}") from None
     return text
 
 
@@ -110,7 +110,7 @@ def _text(exportable: Exportable, stamp: str) -> bytes:
     names = {f"F{i}": _ascii(face.name) for i, face in enumerate(exportable.faces)}
     names["P"] = _ascii(exportable.name) or "unnamed"
     if not writer.Transfer(document(exportable, lambda key: names[key])):
-        raise KernelError("The kernel could not translate the solid to an IGES model.")
+        raise KernelError("the kernel could not translate the solid to an IGES model")
     writer.ComputeModel()
     model = writer.Model()
     _order_names(model)
@@ -122,7 +122,7 @@ def _text(exportable: Exportable, stamp: str) -> bytes:
     text_writer.SendModel(model.Protocol())
     stream = io.BytesIO()  # only a real BytesIO: an exception in ours would end the process
     if not text_writer.Print(stream):
-        raise KernelError("The kernel could not write its IGES model as text.")
+        raise KernelError("the kernel could not write its IGES model as text")
     return stream.getvalue()
 
 
@@ -176,8 +176,8 @@ def _check(text: bytes, originals: list[Census]) -> None:
         path = Path(folder) / "check.igs"
         path.write_bytes(text)
         if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-            raise KernelError("The kernel cannot read the IGES text that it wrote.")
+            raise KernelError("the kernel cannot read the IGES text that it wrote")
     reader.TransferRoots()
     if reader.NbShapes() != 1:
-        raise KernelError(f"The IGES text reads back as {reader.NbShapes()} shapes, not as one.")
+        raise KernelError(f"the IGES text reads back as {reader.NbShapes()} shapes, not as one")
     check_read_back(reader.OneShape(), originals, "IGES text")

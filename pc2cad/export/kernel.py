@@ -74,7 +74,7 @@ def kernel_parameters(parameters: Mapping[str, int | str]) -> Iterator[None]:
     try:
         for name, value in parameters.items():
             if not _set_parameter(name, value):
-                raise KernelError(f"The kernel refused the parameter {name} = {value}.")
+                raise KernelError(f"the kernel refused the parameter {name} = {value}")
         yield
     finally:
         for name, value in before.items():
@@ -123,13 +123,13 @@ def check_solid(solid: Any) -> None:
     """Raise KernelError unless the shape is one solid, in place, that can be written."""
     # a null handle would end the process
     if solid is None or solid.IsNull():
-        raise KernelError("There is no solid to write.")
+        raise KernelError("there is no solid to write")
     if solid.ShapeType() != TopAbs_ShapeEnum.TopAbs_SOLID:
         kind = solid.ShapeType().name.removeprefix("TopAbs_").lower()
-        raise KernelError(f"A solid is needed, but the shape is a {kind}.")
+        raise KernelError(f"a solid is needed, but the shape is a {kind}")
     # the document would write such a solid as an assembly of one part
     if not solid.Location().IsIdentity():
-        raise KernelError("The solid has a location; move its geometry instead.")
+        raise KernelError("the solid has a location; move its geometry instead")
 
 
 def document(exportable: Exportable, name_of: Callable[[str], str]) -> Any:
@@ -154,7 +154,7 @@ def document(exportable: Exportable, name_of: Callable[[str], str]) -> Any:
     for i, face in enumerate((*exportable.faces, *exportable.interfaces)):
         part = shapes.AddSubShape(label, face.face)
         if part.IsNull():
-            raise KernelError(f"The face {face.name!r} is not a face of the solid, or named twice.")
+            raise KernelError(f"the face {face.name!r} is not a face of the solid, or named twice")
         _set_name(part, name_of(f"F{i}"))
         if face.colour is not None:
             colour = Quantity_Color(*face.colour, Quantity_TypeOfColor.Quantity_TOC_sRGB)
@@ -187,7 +187,7 @@ def check_read_back(shape: Any, originals: list[Census], what: str) -> None:
     solids = [shape] if len(originals) == 1 else subshapes(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
     if len(solids) != len(originals):
         raise KernelError(
-            f"The {what} reads back as {len(solids)} solids instead of {len(originals)}."
+            f"the {what} reads back as {len(solids)} solids instead of {len(originals)}"
         )
     for solid, original in zip(solids, originals, strict=True):
         _check_solid_read_back(solid, original, what)
@@ -196,24 +196,24 @@ def check_read_back(shape: Any, originals: list[Census], what: str) -> None:
 def _check_solid_read_back(solid: Any, original: Census, what: str) -> None:
     check_solid(solid)
     if not BRepCheck_Analyzer(solid).IsValid():
-        raise KernelError(f"The {what} reads back as a solid that is not valid.")
+        raise KernelError(f"the {what} reads back as a solid that is not valid")
     found = _census(solid)
     if (found.faces, found.shells) != (original.faces, original.shells):
         raise KernelError(
-            f"The {what} reads back with {found.faces} faces in {found.shells} shells instead "
-            f"of {original.faces} in {original.shells}."
+            f"the {what} reads back with {found.faces} faces in {found.shells} shells instead "
+            f"of {original.faces} in {original.shells}"
         )
     if not found.tolerance <= TOLERANCE_GROWTH * original.tolerance:
         raise KernelError(
-            f"The {what} reads back with gaps of up to {found.tolerance:.3g}; the solid's "
-            f"tolerance is {original.tolerance:.3g}."
+            f"the {what} reads back with gaps of up to {found.tolerance:.3g}; the solid's "
+            f"tolerance is {original.tolerance:.3g}"
         )
     allowed = VOLUME_AGREEMENT * abs(original.volume) + original.rounding
     # the negated form also refuses a volume that is no number
     if not abs(found.volume - original.volume) <= allowed:
         raise KernelError(
-            f"The {what} reads back with the volume {found.volume:.15g} instead of "
-            f"{original.volume:.15g}."
+            f"the {what} reads back with the volume {found.volume:.15g} instead of "
+            f"{original.volume:.15g}"
         )
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from pc2cad.arrays import Integers
 from pc2cad.errors import require
@@ -15,8 +16,13 @@ from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import words
 
-#: writes a mesh to an empty file
-Writer = Callable[[VolumeMesh, Path], None]
+
+class MeshModule(Protocol):
+    """What a module of a mesh format has."""
+
+    def write(self, mesh: VolumeMesh, path: Path, /) -> None:
+        """Write a mesh to an empty file."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,7 @@ class MeshFormat:
     specification: str
     #: how the named sides are found in the file
     sets: str
-    #: module with ``write(mesh, path)``
+    #: a `MeshModule`
     module: str
     #: packages beyond those that pc2cad always has; they come with ``pc2cad[fea]``
     packages: tuple[str, ...] = ()
@@ -74,6 +80,12 @@ MESH_FORMATS: tuple[MeshFormat, ...] = (
     ),
 )
 
+if TYPE_CHECKING:
+    # every module of the table is held against its contract
+    from pc2cad.export import gmsh_mesh, inp, med, vtk_legacy, vtu
+
+    _MODULES: tuple[MeshModule, ...] = (vtu, inp, gmsh_mesh, vtk_legacy, med)
+
 
 def mesh_format(path: str | os.PathLike[str]) -> MeshFormat:
     """Return the format of a file name's ending; raise InputError where there is none.
@@ -97,9 +109,9 @@ def write_mesh(mesh: VolumeMesh, path: str | os.PathLike[str]) -> None:
 
     Raises InputError for an unknown ending, FileNotWrittenError.
     """
-    write: Writer = importlib.import_module(mesh_format(path).module).write
+    module: MeshModule = importlib.import_module(mesh_format(path).module)
     with replacing(path) as temporary:
-        write(mesh, temporary)
+        module.write(mesh, temporary)
 
 
 def whole_sides(names: Iterable[str]) -> list[str]:

@@ -37,7 +37,7 @@ class NamedFace:
     def __post_init__(self) -> None:
         if self.colour is not None and not all(0.0 <= part <= 1.0 for part in self.colour):
             raise InputError(
-                f"The colour {self.colour} of face {self.name!r} has a part outside 0..1."
+                f"the colour {self.colour} of face {self.name!r} has a part outside 0..1"
             )
 
 
@@ -96,14 +96,14 @@ class Exportable:
     def __post_init__(self) -> None:
         if self.units not in UNITS_IN_MM:
             raise InputError(
-                f"Unknown length unit {self.units!r}; choose one of {', '.join(UNITS_IN_MM)}."
+                f"unknown length unit {self.units!r}; choose one of {', '.join(UNITS_IN_MM)}"
             )
         figures = (self.properties.volume, self.properties.area, *self.properties.centroid)
         if not all(math.isfinite(figure) for figure in (*figures, self.tolerance)):
-            raise InputError(f"The figures of {self.name!r} (volume, area, …) are not all finite.")
+            raise InputError(f"the figures of {self.name!r} (volume, area, …) are not all finite")
         if self.properties.volume <= 0.0:
             raise InputError(
-                f"The volume of {self.name!r} is {self.properties.volume:g}; it must be positive."
+                f"the volume of {self.name!r} is {self.properties.volume:g}; it must be positive"
             )
 
 
@@ -123,16 +123,15 @@ class ExportOptions:
     def __post_init__(self) -> None:
         if self.step_schema not in STEP_SCHEMAS:
             raise InputError(
-                f"Unknown STEP schema {self.step_schema!r}; choose one of "
-                f"{', '.join(STEP_SCHEMAS)}."
+                f"unknown STEP schema {self.step_schema!r}; choose one of {', '.join(STEP_SCHEMAS)}"
             )
         if self.deflection is not None and not 0.0 < self.deflection < math.inf:
-            raise InputError(f"The deflection is {self.deflection}; it must be a positive length.")
+            raise InputError(f"the deflection is {self.deflection}; it must be a positive length")
         low, high = ANGULAR_DEFLECTION_LIMITS
         if not low <= self.angular_deflection <= high:
             raise InputError(
-                f"The angular deflection is {self.angular_deflection} rad; it must lie in "
-                f"{low:g}..{high:g}."
+                f"the angular deflection is {self.angular_deflection} rad; it must lie in "
+                f"{low:g}..{high:g}"
             )
 
     def time_stamp(self) -> str:
@@ -156,6 +155,6 @@ def _checked_time(text: str) -> str:
         datetime.fromisoformat(text)
     except ValueError:
         raise InputError(
-            f"The time stamp {text[:40]!r} is not an ISO 8601 time such as 2026-01-31T12:00:00Z."
+            f"the time stamp {text[:40]!r} is not an ISO 8601 time such as 2026-01-31T12:00:00Z"
         ) from None
     return text

@@ -135,13 +135,13 @@ def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> by
     schema = _SCHEMA.search(kernel_text)
     start = kernel_text.find(b"DATA;")
     if schema is None or start < 0:
-        raise KernelError("The kernel's STEP text has no schema or no data section.")
+        raise KernelError("the kernel's STEP text has no schema or no data section")
     processor = _PROCESSOR.search(kernel_text, 0, start)
     data = kernel_text[start:]
     # the plain searches are much faster, and nearly always all that is needed
     suspects = any(part in data for part in (b"NAN", b"INF", b"E+1", b"E+2", b"E+3"))
     if suspects and _NOT_FINITE.search(data):
-        raise KernelError("The solid has coordinates that are not finite; nothing was written.")
+        raise KernelError("the solid has coordinates that are not finite; nothing was written")
     data = _name(_shorten(data), strings)
     version = processor.group(1).decode("ascii") if processor else ""
     return _header(header, schema.group(1), f"OCCT {version}".strip()) + data
@@ -174,10 +174,10 @@ def _name(data: bytes, strings: Mapping[str, str]) -> bytes:
     try:
         data = _MARK.sub(replace, data)
     except KeyError as unknown:
-        raise KernelError(f"The kernel's STEP text has an unknown mark {unknown}.") from None
+        raise KernelError(f"the kernel's STEP text has an unknown mark {unknown}") from None
     if len(met) != len(encoded):
         lost = sorted(key.decode("ascii") for key in set(encoded) - met)
-        raise KernelError(f"The kernel did not write these names into the STEP file: {lost}.")
+        raise KernelError(f"the kernel did not write these names into the STEP file: {lost}")
     return data
 
 

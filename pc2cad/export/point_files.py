@@ -5,13 +5,21 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.sampling.interior import PointSet
 from pc2cad.trust.names import percent
+
+
+class PointEncoder(Protocol):
+    """What makes the bytes of a point file."""
+
+    def __call__(self, points: PointSet, /) -> bytes:
+        """Return the file of a point set."""
+        ...
 
 
 def encode_ply(points: PointSet) -> bytes:
@@ -63,7 +71,7 @@ _"""
     return head.encode() + body + b"\n</AppendedData>\n</VTKFile>\n"
 
 
-POINT_FORMATS: dict[str, Callable[[PointSet], bytes]] = {
+POINT_FORMATS: dict[str, PointEncoder] = {
     ".ply": encode_ply,
     ".npz": encode_npz,
     ".vtp": encode_vtp,

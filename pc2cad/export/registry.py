@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.export.model import Exportable, ExportOptions
 
-Encoder = Callable[[Exportable, ExportOptions], bytes]
+
+class Encoder(Protocol):
+    """What makes the bytes of a file."""
+
+    def __call__(self, exportable: Exportable, options: ExportOptions, /) -> bytes:
+        """Return the file of a solid; raise KernelError where it cannot be encoded."""
+        ...
+
+
+class SolidModule(Protocol):
+    """What a module of a format of solids has."""
+
+    def encode(self, exportable: Exportable, options: ExportOptions, /) -> bytes:
+        """Return the file of a solid; raise KernelError where it cannot be encoded."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -25,15 +39,15 @@ class Format:
     specification: str
     #: what a reader gets back, in words
     precision: str
-    #: module with ``encode(exportable, options) -> bytes``
+    #: a `SolidModule`
     module: str
     #: whether it holds triangles instead of the boundary's surfaces
     triangles: bool = False
 
     def encoder(self) -> Encoder:
         """Import the format's module and return its ``encode``."""
-        encode: Encoder = importlib.import_module(self.module).encode
-        return encode
+        module: SolidModule = importlib.import_module(self.module)
+        return module.encode
 
 
 FORMATS: tuple[Format, ...] = (
@@ -107,6 +121,12 @@ FORMATS: tuple[Format, ...] = (
         triangles=True,
     ),
 )
+
+if TYPE_CHECKING:
+    # every module of the table is held against its contract
+    from pc2cad.export import brep, glb, iges, step, stl, stl_text, threemf, vtp
+
+    _MODULES: tuple[SolidModule, ...] = (step, brep, iges, stl, stl_text, threemf, glb, vtp)
 
 
 def format_for(path: str | os.PathLike[str]) -> Format:

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.representation.volume import VolumeModel
+
+
+class SplineModule(Protocol):
+    """What a module of a format of splines has."""
+
+    def encode(self, model: VolumeModel, /) -> str:
+        """Return the text of the file."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -22,7 +31,7 @@ class SplineFormat:
     specification: str
     #: how patches and the names of sides are found in the file
     keeps: str
-    #: module with ``encode(model) -> str``
+    #: a `SplineModule`
     module: str
 
 
@@ -57,6 +66,12 @@ SPLINE_FORMATS: tuple[SplineFormat, ...] = (
     ),
 )
 
+if TYPE_CHECKING:
+    # every module of the table is held against its contract
+    from pc2cad.export import gismo, gotools, irit, mfem
+
+    _MODULES: tuple[SplineModule, ...] = (gismo, mfem, irit, gotools)
+
 
 def spline_format(path: str | os.PathLike[str]) -> SplineFormat:
     """Return the format of a file name's ending; raise InputError where there is none."""
@@ -74,10 +89,8 @@ def write_splines(model: VolumeModel, path: str | os.PathLike[str]) -> None:
 
     Raises InputError for an unknown ending, FileNotWrittenError.
     """
-    encode: Callable[[VolumeModel], str] = importlib.import_module(
-        spline_format(path).module
-    ).encode
-    write_atomically(path, encode(model).encode())
+    module: SplineModule = importlib.import_module(spline_format(path).module)
+    write_atomically(path, module.encode(model).encode())
 
 
 def numbers(values: Iterable[float]) -> str:

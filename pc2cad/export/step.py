@@ -87,7 +87,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
             _check_text(text, originals)
             _check_read_back(text, originals, UNITS_IN_MM[exportable.units])
     except Standard_Failure as failure:
-        raise KernelError(f"The kernel could not translate the solid to STEP: {failure}.") from None
+        raise KernelError(f"the kernel could not translate the solid to STEP: {failure}") from None
     return text
 
 
@@ -123,7 +123,7 @@ def _kernel_text(exportable: Exportable) -> bytes:
     if not writer.Transfer(
         document(exportable, part21.mark), STEPControl_StepModelType.STEPControl_AsIs
     ):
-        raise KernelError("The kernel could not translate the solid to a STEP model.")
+        raise KernelError("the kernel could not translate the solid to a STEP model")
     model = writer.ChangeWriter().Model()
     text_writer = StepData_StepWriter(model)
     numbers = text_writer.FloatWriter()
@@ -133,7 +133,7 @@ def _kernel_text(exportable: Exportable) -> bytes:
     # only a real BytesIO: an exception in a stream of our own would end the process
     stream = io.BytesIO()
     if not text_writer.CheckList().IsEmpty(True) or not text_writer.Print(stream):
-        raise KernelError("The kernel could not write its STEP model as text.")
+        raise KernelError("the kernel could not write its STEP model as text")
     solid_names = part21.string(part21.mark("P"))
     text = stream.getvalue()
     for entity in (b"MANIFOLD_SOLID_BREP(", b"BREP_WITH_VOIDS("):
@@ -148,10 +148,10 @@ def _check_text(text: bytes, originals: list[Census]) -> None:
     """Refuse a text that does not hold the solids with every face of the originals."""
     solids = text.count(b"MANIFOLD_SOLID_BREP(") + text.count(b"BREP_WITH_VOIDS(")
     if solids != len(originals):
-        raise KernelError(f"The STEP text holds {solids} solids instead of {len(originals)}.")
+        raise KernelError(f"the STEP text holds {solids} solids instead of {len(originals)}")
     faces, there = text.count(b"ADVANCED_FACE("), sum(original.faces for original in originals)
     if faces != there:
-        raise KernelError(f"The STEP text holds {faces} faces, the part has {there}.")
+        raise KernelError(f"the STEP text holds {faces} faces, the part has {there}")
 
 
 def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) -> None:
@@ -159,9 +159,9 @@ def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) ->
     reader = STEPControl_Reader()
     # after a failed read, the transfer would end the process
     if reader.ReadStream("check", io.BytesIO(text)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise KernelError("The kernel cannot read the STEP text that it wrote.")
+        raise KernelError("the kernel cannot read the STEP text that it wrote")
     reader.SetSystemLengthUnit(unit_in_mm)
     reader.TransferRoots()
     if reader.NbShapes() != 1:
-        raise KernelError(f"The STEP text reads back as {reader.NbShapes()} shapes, not as one.")
+        raise KernelError(f"the STEP text reads back as {reader.NbShapes()} shapes, not as one")
     check_read_back(reader.OneShape(), originals, "STEP text")

@@ -60,7 +60,7 @@ def single_precision(mesh: Triangles, what: str, scale: float = 1.0) -> Triangle
         raise KernelError(
             f"{what}'s single precision (7 digits) is too coarse for this part: it is "
             f"{size:.3g} large and lies up to {distance:.3g} from the origin; "
-            "move it nearer to the origin or write STEP."
+            "move it nearer to the origin or write STEP"
         )
     return dataclasses.replace(
         mesh,

@@ -47,7 +47,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
         data = _written(lib3mf, wrapper, exportable, mesh)
         _check(wrapper, data, mesh)
     except lib3mf.ELib3MFException as error:
-        raise KernelError(f"lib3mf refused the part: {error}.") from None
+        raise KernelError(f"lib3mf refused the part: {error}") from None
     return data
 
 
@@ -122,18 +122,18 @@ def _check(wrapper: Any, data: bytes, mesh: Triangles) -> None:
     reader.ReadFromBuffer(data)
     things = model.GetMeshObjects()
     if reader.GetWarningCount() or not things.MoveNext():
-        raise KernelError("The 3MF file reads back with warnings, or without its mesh.")
+        raise KernelError("the 3MF file reads back with warnings, or without its mesh")
     thing = things.GetCurrentMeshObject()
     counts = (thing.GetVertexCount(), thing.GetTriangleCount())
     if counts != (len(mesh.vertices), len(mesh.triangles)) or not thing.IsManifoldAndOriented():
         raise KernelError(
-            f"The 3MF file reads back with {counts[0]} corners and {counts[1]} triangles instead "
-            f"of {len(mesh.vertices)} and {len(mesh.triangles)}, or not closed."
+            f"the 3MF file reads back with {counts[0]} corners and {counts[1]} triangles instead "
+            f"of {len(mesh.vertices)} and {len(mesh.triangles)}, or not closed"
         )
     found = np.frombuffer(_vertices(thing), dtype=np.float32).reshape(-1, 3)
     off = float(np.abs(found - mesh.vertices).max())
     if not off <= _READER_ROUNDING * np.finfo(np.float32).eps * np.abs(mesh.vertices).max():
-        raise KernelError(f"The 3MF file reads back with coordinates that are {off:.3g} off.")
+        raise KernelError(f"the 3MF file reads back with coordinates that are {off:.3g} off")
 
 
 def _vertices(thing: Any) -> bytes:

@@ -43,7 +43,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     writer.SetInputData(data)
     writer.WriteToOutputStringOn()
     if not writer.Write():
-        raise KernelError("VTK could not write the triangles.")
+        raise KernelError("VTK could not write the triangles")
     text = writer.GetOutputString()
     encoded = text.encode() if isinstance(text, str) else bytes(text)
     _check(encoded, mesh.vertices, mesh.triangles)
@@ -91,4 +91,4 @@ def _check(text: bytes, vertices: Array, triangles: Integers) -> None:
         np.array_equal(vtk_to_numpy(found.GetPoints().GetData()), vertices)
         and np.array_equal(vtk_to_numpy(found.GetPolys().GetConnectivityArray()), triangles.ravel())
     ):
-        raise KernelError("The VTP text reads back with other triangles.")
+        raise KernelError("the VTP text reads back with other triangles")

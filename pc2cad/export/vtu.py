@@ -29,56 +29,71 @@ _Column = tuple[str, int, int, Callable[[], Iterable[NDArray[Any]]]]
 
 def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh; nothing is held in memory twice."""
-    blocks = cell_blocks(mesh)
+    columns = _columns(mesh, cell_blocks(mesh))
+    with open(path, "wb") as stream:
+        stream.write(_head(mesh, columns).encode())
+        for kind, components, count, parts in columns.values():
+            stream.write(np.uint64(int(kind[1]) * components * count).tobytes())
+            for part in parts():
+                for start in range(0, len(part), _CHUNK):
+                    piece = np.ascontiguousarray(part[start : start + _CHUNK], dtype=kind)
+                    piece.tofile(stream)
+        stream.write(b"\n</AppendedData>\n</VTKFile>\n")
+
+
+def _columns(mesh: VolumeMesh, blocks: list[CellBlock]) -> dict[str, _Column]:
+    """Return the arrays of the file in its order."""
     cells = sum(len(block.nodes) for block in blocks)
     corners = sum(block.nodes.size for block in blocks)
     whole = "i8" if corners >= 2**31 else "i4"
-    named = [*enumerate(whole_sides(mesh.sides), start=1), *enumerate(mesh.layers, start=1)]
 
     def constant(value: Callable[[CellBlock], int]) -> Callable[[], Iterable[NDArray[Any]]]:
         return lambda: _constant([(len(block.nodes), value(block)) for block in blocks])
 
-    # in the order of the file
-    arrays: dict[str, _Column] = {
+    def connectivity() -> Iterable[NDArray[Any]]:
+        return (nodes_for_vtk(block, mesh.order) for block in blocks)
+
+    columns: dict[str, _Column] = {
         "points": ("f8", 3, len(mesh.points), lambda: iter((mesh.points,))),
-        "connectivity": (
-            whole,
-            1,
-            corners,
-            lambda: (nodes_for_vtk(block, mesh.order) for block in blocks),
-        ),
+        "connectivity": (whole, 1, corners, connectivity),
         "offsets": (whole, 1, cells, lambda: _offsets(blocks)),
         "types": ("u1", 1, cells, constant(lambda b: VTK_TYPES[b.kind, mesh.order])),
         "side": ("i4", 1, cells, constant(lambda b: b.side)),
     }
     if mesh.layers:
-        arrays["layer"] = ("i4", 1, cells, constant(lambda b: b.layer))
+        columns["layer"] = ("i4", 1, cells, constant(lambda b: b.layer))
+    return columns
+
+
+def _head(mesh: VolumeMesh, columns: dict[str, _Column]) -> str:
+    """Return the XML before the data, which says where each array begins."""
     position = 0
     offsets = {}
-    for name, (kind, components, count, _) in arrays.items():
+    for name, (kind, components, count, _) in columns.items():
         offsets[name] = position
         position += 8 + int(kind[1]) * components * count
 
     def tag(name: str, label: str) -> str:
-        kind, components, _, _ = arrays[name]
+        kind, components, _, _ = columns[name]
         return (
             f'<DataArray type="{_NAMES[kind]}" Name="{label}" NumberOfComponents="{components}" '
             f'format="appended" offset="{offsets[name]}"/>'
         )
 
+    named = [*enumerate(whole_sides(mesh.sides), start=1), *enumerate(mesh.layers, start=1)]
     field = "".join(
         f'<DataArray type="Int32" Name={quoteattr(clean(name))} NumberOfTuples="1" '
         f'format="ascii">{k}</DataArray>\n'
         for k, name in named
     )
-    data = "\n".join(tag(name, name) for name in ("side", "layer") if name in arrays)
+    data = "\n".join(tag(name, name) for name in ("side", "layer") if name in columns)
     order = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
-    head = f"""<?xml version="1.0"?>
+    return f"""<?xml version="1.0"?>
 <VTKFile type="UnstructuredGrid" version="1.0" byte_order="{order}" header_type="UInt64">
 <UnstructuredGrid>
 <FieldData>
 {field}</FieldData>
-<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{cells}">
+<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{columns["types"][2]}">
 <Points>{tag("points", "Points")}</Points>
 <Cells>
 {tag("connectivity", "connectivity")}
@@ -90,15 +105,6 @@ def write(mesh: VolumeMesh, path: Path) -> None:
 </UnstructuredGrid>
 <AppendedData encoding="raw">
 _"""
-    with open(path, "wb") as stream:
-        stream.write(head.encode())
-        for kind, components, count, parts in arrays.values():
-            stream.write(np.uint64(int(kind[1]) * components * count).tobytes())
-            for part in parts():
-                for start in range(0, len(part), _CHUNK):
-                    piece = np.ascontiguousarray(part[start : start + _CHUNK], dtype=kind)
-                    piece.tofile(stream)
-        stream.write(b"\n</AppendedData>\n</VTKFile>\n")
 
 
 def _offsets(blocks: list[CellBlock]) -> Iterator[NDArray[Any]]:

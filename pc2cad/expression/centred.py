@@ -15,8 +15,9 @@ from functools import lru_cache
 import numpy as np
 
 from pc2cad.arrays import Booleans, Integers
+from pc2cad.expression.enclosures import enclose
 from pc2cad.expression.functions import FUNCTIONS
-from pc2cad.expression.intervals import Interval, enclose, interval
+from pc2cad.expression.intervals import Interval, interval
 from pc2cad.expression.tree import (
     ZERO,
     Expr,

@@ -15,7 +15,8 @@ from math import floor, pi
 
 from pc2cad.expression.breaks import SAME_POSITION, BreaksNotAlignedError
 from pc2cad.expression.derivatives import derivatives
-from pc2cad.expression.intervals import Interval, IntervalProgram, interval
+from pc2cad.expression.enclosures import IntervalProgram
+from pc2cad.expression.intervals import Interval, interval
 from pc2cad.expression.normal_form import NormalForm, normal_form, ordered, tree_of
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import (

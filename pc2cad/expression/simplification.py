@@ -15,7 +15,8 @@ from functools import lru_cache
 
 from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
-from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, ordered, tree_of
+from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
+from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
 from pc2cad.expression.scalar import evaluate, evaluate_all
 from pc2cad.expression.separable_sums import product_of, products
 from pc2cad.expression.tree import (
@@ -38,8 +39,6 @@ LARGEST = 150
 MOST_NODES = 80
 #: roots of squares with more terms are not looked for
 LONGEST_ROOT = 12
-
-_Rank = tuple[int, int, list[int]]
 
 
 @lru_cache(maxsize=8)
@@ -242,37 +241,13 @@ def _without_quotient(form: NormalForm) -> NormalForm | None:
         if not divisor:
             continue
         highest = max(e for monomial in form for a, e in monomial if a is atom)
-        above = {_less(m, atom, highest): c for m, c in form.items() if (atom, highest) in m}
-        quotient = _quotient(above, divisor)
-        if quotient is None:
+        above = {lowered(m, atom, highest): c for m, c in form.items() if (atom, highest) in m}
+        exact = quotient(above, divisor, 2 * LARGEST)
+        if exact is None:
             continue
         rest = {m: c for m, c in form.items() if (atom, highest) not in m}
         lower = power(atom, number(highest - 1))
-        return normal_form(tree_of(rest) + tree_of(quotient) * lower, LARGEST)
-    return None
-
-
-def _quotient(above: NormalForm, divisor: NormalForm) -> NormalForm | None:
-    """Return the polynomial quotient if the division leaves nothing, else None."""
-    order = _order(above, divisor)
-    lead = max(divisor, key=order)
-    rest, result = dict(above), dict[Monomial, Fraction]()
-    for _ in range(2 * LARGEST):
-        if not rest:
-            return result
-        top = max(rest, key=order)
-        share = _over(top, lead)
-        if share is None:
-            return None
-        factor = rest[top] / divisor[lead]
-        result[share] = factor
-        for monomial, coefficient in divisor.items():
-            place = _times(monomial, share)
-            left = rest.get(place, Fraction(0)) - factor * coefficient
-            if left:
-                rest[place] = left
-            else:
-                rest.pop(place, None)
+        return normal_form(tree_of(rest) + tree_of(exact) * lower, LARGEST)
     return None
 
 
@@ -283,10 +258,10 @@ def _root_of_square(form: NormalForm) -> Expr | None:
     """Return the root of a perfect square of known sign, or None."""
     for write in (lambda f: f, _in_sines):
         square = write(form)
-        order = _order(square)
+        order = order_of(square)
         lead = max(square, key=order)
         content = square[lead]
-        half = _halved(lead)
+        half = halved(lead)
         if half is None or content < 0:
             continue
         root = _completed(square, half, content, order, write)
@@ -303,7 +278,7 @@ def _completed(
     square: NormalForm,
     half: Monomial,
     content: Fraction,
-    order: Callable[[Monomial], _Rank],
+    order: Callable[[Monomial], Rank],
     write: Callable[[NormalForm], NormalForm],
 ) -> NormalForm | None:
     """Return g with content · g² = square, its leading term `half`, term by term."""
@@ -317,7 +292,7 @@ def _completed(
         if not rest:
             return root
         top = max(rest, key=order)
-        share = _over(top, half)
+        share = over(top, half)
         if share is None or share in root:
             return None
         root[share] = rest[top] / (2 * content)
@@ -338,9 +313,9 @@ def _in_sines(form: NormalForm) -> NormalForm:
             else:
                 result.pop(monomial, None)
             continue
-        lower = _less(monomial, cosine, 2)
+        lower = lowered(monomial, cosine, 2)
         sine = ((call("sin", cosine.args[0]), 2),)
-        stack += [(lower, coefficient), (_times(lower, sine), -coefficient)]
+        stack += [(lower, coefficient), (times(lower, sine), -coefficient)]
     return result
 
 
@@ -363,47 +338,3 @@ def _bounds(form: NormalForm) -> tuple[float, float]:
         low, high = low + a, high + b
     margin = 1e-12 * sum(abs(float(c)) for c in form.values())
     return low - margin, high + margin
-
-
-# -- monomials -------------------------------------------------------------------------------------
-
-
-def _order(*forms: NormalForm) -> Callable[[Monomial], _Rank]:
-    """Return a key that orders monomials: by degree, then by the exponents of their atoms."""
-    found = {a for form in forms for m in form for a, _ in m if a.op != "number"}
-    atoms = sorted(found, key=lambda a: (not a.symbols, a.rank))
-
-    def key(monomial: Monomial) -> _Rank:
-        exponents = dict(monomial)
-        moving = sum(e for a, e in monomial if a.symbols)
-        return moving, sum(exponents.values()), [exponents.get(a, 0) for a in atoms]
-
-    return key
-
-
-def _times(a: Monomial, b: Monomial) -> Monomial:
-    powers = dict(a)
-    for atom, exponent in b:
-        powers[atom] = powers.get(atom, 0) + exponent
-    return ordered(powers)
-
-
-def _less(monomial: Monomial, atom: Expr, exponent: int) -> Monomial:
-    powers = dict(monomial)
-    powers[atom] -= exponent
-    return ordered(powers)
-
-
-def _over(top: Monomial, bottom: Monomial) -> Monomial | None:
-    powers = dict(top)
-    for atom, exponent in bottom:
-        if powers.get(atom, 0) < exponent:
-            return None
-        powers[atom] -= exponent
-    return ordered(powers)
-
-
-def _halved(monomial: Monomial) -> Monomial | None:
-    if any(exponent % 2 for _, exponent in monomial):
-        return None
-    return ordered({atom: exponent // 2 for atom, exponent in monomial})

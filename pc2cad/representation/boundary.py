@@ -26,7 +26,7 @@ from pc2cad.geometry.carriers import (
     SplineSurface,
 )
 from pc2cad.geometry.recognition.from_points import Fitted, irrational
-from pc2cad.geometry.recognition.from_separable_form import SurfacePlacement
+from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.bernstein import bernstein, bezier_knots
 from pc2cad.geometry.splines.rational import (
     Parametrisation,

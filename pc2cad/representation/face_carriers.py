@@ -15,14 +15,9 @@ from pc2cad.expression.intervals import Interval
 from pc2cad.expression.tree import number
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.recognition.from_points import Fitted, fit, fit_curve, irrational
-from pc2cad.geometry.recognition.from_separable_form import (
-    SurfacePlacement,
-    arc,
-    is_straight,
-    lay,
-    plane,
-)
+from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, plane
 from pc2cad.geometry.recognition.implicit import holds
+from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.recognition.separable_form import is_planar
 
 #: boxes per parameter that the search for points off a plane begins with, the most that it goes on

@@ -14,7 +14,7 @@ from pc2cad.checked import CheckedMap
 from pc2cad.domain.restrictions import DirectionClasses, RestrictedMap
 from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, Evidence, Plane, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
-from pc2cad.geometry.recognition.from_separable_form import SurfacePlacement
+from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.spline_profile import SplineProfile
 from pc2cad.representation.face_carriers import on_line, placement_of, plane_of, simple_curve
 from pc2cad.representation.parametrisation import FaceDirection, Parametrisations

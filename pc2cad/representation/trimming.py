@@ -19,7 +19,7 @@ from pc2cad.geometry.carriers import (
 from pc2cad.geometry.parameter_path import path
 from pc2cad.geometry.point_inversion import curve_points
 from pc2cad.geometry.recognition.from_points import Fitted
-from pc2cad.geometry.recognition.from_separable_form import Along, SurfacePlacement
+from pc2cad.geometry.recognition.placement import Along, SurfacePlacement
 from pc2cad.geometry.splines.arcs import Arcs
 from pc2cad.representation.boundary_model import ModelEdge
 from pc2cad.topology.complex import EdgeUse

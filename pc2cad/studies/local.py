@@ -23,12 +23,12 @@ from types import TracebackType
 from pc2cad.errors import KernelError
 from pc2cad.studies.variant import STATUS, Job, Outcome, Task
 from pc2cad.trust.isolation import environment, interpreter, running
-from pc2cad.trust.processes import how_it_ended, resident_memory
+from pc2cad.trust.processes import Watch, how_it_ended
 
 #: seconds that a worker may take to load the kernel
 START_LIMIT = 120.0
 #: seconds between two looks at the workers' time and memory
-WATCH = 0.2
+LOOK = 0.2
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class LocalEngine:
         worker.end()
 
     def _answering(self) -> list[_Worker]:
-        return [key.data for key, _ in self._selector.select(timeout=WATCH)]
+        return [key.data for key, _ in self._selector.select(timeout=LOOK)]
 
     def _read(self, worker: _Worker) -> Outcome | None:
         """Take what a worker has written; return its outcome when it is whole."""
@@ -207,7 +207,7 @@ class LocalEngine:
         now = time.monotonic()
         if now < self._watched:
             return results
-        self._watched = now + WATCH
+        self._watched = now + LOOK
         for worker in list(self._workers):
             reason, again = self._complaint(worker, now)
             if not reason:
@@ -227,19 +227,16 @@ class LocalEngine:
                 raise WorkerNotStartedError(
                     "a worker process ended before it was ready; does 'pc2cad check pyramid' work?"
                 )
-            return f"the worker process died ({how_it_ended(code)})", True
+            return how_it_ended(code), True
         if not worker.ready:
             if now - worker.started > START_LIMIT:
                 raise WorkerNotStartedError(f"no worker was ready within {START_LIMIT:g} s")
             return "", False
         if worker.job is None:
             return "", False
-        if now - worker.begun > self._limits.seconds:
-            return f"stopped at the time limit of {self._limits.seconds:g} s", False
-        if resident_memory(worker.process.pid) > self._limits.memory:
-            limit = self._limits.memory / 1024**3
-            return f"stopped at the memory limit of {limit:g} GiB", False
-        return "", False
+        limits = self._limits
+        watch = Watch(worker.process.pid, limits.seconds, limits.memory, worker.begun)
+        return watch.broken_limit(), False
 
     def __enter__(self) -> LocalEngine:
         return self

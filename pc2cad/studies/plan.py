@@ -10,24 +10,20 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from itertools import product
 from typing import Final
 
-from pc2cad.equation.language import nearest, read_expression
+from pc2cad.equation.language import nearest
 from pc2cad.errors import InputError
-from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr
 from pc2cad.templates.bodies import BodiesTemplate
+from pc2cad.templates.ranges import LONGEST, Axis, read_axis
 from pc2cad.templates.template import Template
 
-#: more variants than this are taken for a slip of the pen
-MOST_VARIANTS: Final = 1_000_000
+#: no more variants than one parameter may have values
+MOST_VARIANTS: Final = LONGEST
 #: parameters that vary, and values of all variants together
 MOST_AXES: Final = 256
 MOST_VALUES: Final = 5_000_000
-#: a plain decimal number, which is read without an expression
-_DECIMAL: Final = re.compile(r"-?[0-9]{1,20}(?:\.[0-9]{0,20})?(?:[eE][+-]?[0-9]{1,2})?\Z")
 _SAMPLE: Final = re.compile(r"(lhs|sobol):([0-9]{1,9})\Z")
 
 Variant = Mapping[str, float]
@@ -35,15 +31,6 @@ Variant = Mapping[str, float]
 
 class PlanError(InputError):
     """The variants of a study are not well described."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """One parameter that varies: its values in order, or a range that a sample is drawn from."""
-
-    name: str
-    values: tuple[float, ...] = ()
-    range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -61,38 +48,6 @@ class Plan:
         return dict(zip(self.names, self.variants[index], strict=True))
 
 
-def read_axis(name: str, given: str | Sequence[float]) -> Axis:
-    """Return the axis of a parameter: its values, or a text that describes them.
-
-    ``0.1:0.9:17`` stands for 17 values, ends included; ``0.2,0.5`` for these; ``0.1:0.9`` for a
-    range that a sample is drawn from. Each number may be a constant expression such as ``1/3``.
-    Raises PlanError.
-    """
-    where = f"values of {name[:80]}"
-    if not isinstance(given, str):
-        return Axis(name, tuple(dict.fromkeys(read_number(where, repr(float(v))) for v in given)))
-    parts = given.split(":")
-    if len(parts) == 1:
-        if given.count(",") >= MOST_VARIANTS:
-            raise PlanError(f"{where}: there are more than {MOST_VARIANTS}")
-        values = tuple(read_number(where, part) for part in given.split(","))
-        return Axis(name, tuple(dict.fromkeys(values)))
-    if len(parts) > 3:
-        raise PlanError(f"{where}: '{given[:80]}' has more than FROM:TO:COUNT")
-    low, high = (read_number(where, part) for part in parts[:2])
-    if len(parts) == 2:
-        if not low < high:
-            raise PlanError(f"{where}: the range {low:g}:{high:g} is empty")
-        return Axis(name, range=(low, high))
-    count = parts[2].strip()
-    if not re.fullmatch(r"[0-9]{1,15}", count) or int(count) < 1:
-        raise PlanError(
-            f"{where}: the third part of '{given[:80]}' is the count of values, a whole "
-            "number from 1 on"
-        )
-    return Axis(name, _spread(name, low, high, int(count)))
-
-
 def read_axes(vary: Mapping[str, str | Sequence[float]]) -> list[Axis]:
     """Return the axes of several parameters (see `read_axis`); raise PlanError for too many."""
     axes: list[Axis] = []
@@ -104,41 +59,6 @@ def read_axes(vary: Mapping[str, str | Sequence[float]]) -> list[Axis]:
         if values > MOST_VARIANTS + MOST_AXES:
             raise PlanError(f"the axes have {values} values and more; a study has {MOST_VARIANTS}")
     return axes
-
-
-def _spread(name: str, low: float, high: float, count: int) -> tuple[float, ...]:
-    if count > MOST_VARIANTS:
-        raise PlanError(f"values of {name}: {count} are more than {MOST_VARIANTS}")
-    if (count == 1) != (low == high):
-        raise PlanError(
-            f"values of {name}: {count} from {low:g} to {high:g}; one value needs equal ends, "
-            "several need different ones"
-        )
-    if count == 1:
-        return (low,)
-    # exact steps rounded once, so that 0.1:0.9:17 holds 0.5 and not its neighbour: the values are
-    # whole numbers over one denominator, and Python rounds such a quotient right
-    first, last = Fraction(repr(low)), Fraction(repr(high))
-    step = (last - first) / (count - 1)
-    below = math.lcm(first.denominator, step.denominator)
-    begin, by = int(first * below), int(step * below)
-    return tuple((begin + by * i) / below for i in range(count))
-
-
-def read_number(where: str, text: str) -> float:
-    """Return the finite number that a constant expression stands for; raise PlanError."""
-    if _DECIMAL.match(text):
-        number = float(text) + 0.0  # no negative zero
-        if number == 0.0 or 1e-60 < abs(number) < 1e60:
-            return number
-    try:
-        tree = read_expression(text.strip(), {})
-        value = evaluate(tree, {}) if isinstance(tree, Expr) else math.nan
-    except InputError as error:
-        raise PlanError(f"{where}: '{text.strip()[:80]}': {error}") from error
-    if not math.isfinite(value):
-        raise PlanError(f"{where}: '{text.strip()[:80]}' is no finite number")
-    return value
 
 
 def grid(axes: Sequence[Axis]) -> Plan:

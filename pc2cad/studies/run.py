@@ -108,28 +108,42 @@ def run_study(
         left = [Job(key, plan.values(i)) for key, i in first.items() if key not in kept]
         table = TableWriter(folder, plan, keys, kinds)
         table.write(journal.outcomes)
-        begun, total, failures = time.monotonic(), len(first), 0
+        total = len(first)
         try:
             if left:
                 with engine(task) as running:
-                    built = 0
-                    for outcomes in running.run(left):
-                        journal.add(outcomes)
-                        table.offer(journal.outcomes)
-                        built += len(outcomes)
-                        failures += sum(outcome.status != BUILT for outcome in outcomes)
-                        if stop_after is not None and failures == built >= stop_after < len(left):
-                            raise NothingBuiltError(
-                                f"the first {built} variants all failed, the last one: "
-                                f"{outcomes[-1].reason}; --stop-after 0 goes on all the same"
-                            )
+                    for built, seconds in _work(running, left, journal, table, stop_after):
                         if progress is not None:
-                            finished = total - len(left) + built
-                            progress(Progress(finished, total, built, time.monotonic() - begun))
+                            progress(Progress(total - len(left) + built, total, built, seconds))
         finally:
             rows = table.write(journal.outcomes)
             store.sweep()
     return StudyResult(folder, rows, len(left), table.with_parquet, notes)
+
+
+def _work(
+    engine: Engine,
+    jobs: Sequence[Job],
+    journal: Journal,
+    table: TableWriter,
+    stop_after: int | None,
+) -> Iterator[tuple[int, float]]:
+    """Do the jobs, each into the journal at once; yield how many are done after how many seconds.
+
+    Raises NothingBuiltError when the first `stop_after` all fail.
+    """
+    begun, built, failures = time.monotonic(), 0, 0
+    for outcomes in engine.run(jobs):
+        journal.add(outcomes)
+        table.offer(journal.outcomes)
+        built += len(outcomes)
+        failures += sum(outcome.status != BUILT for outcome in outcomes)
+        if stop_after is not None and failures == built >= stop_after < len(jobs):
+            raise NothingBuiltError(
+                f"the first {built} variants all failed, the last one: "
+                f"{outcomes[-1].reason}; --stop-after 0 goes on all the same"
+            )
+        yield built, time.monotonic() - begun
 
 
 def _own(

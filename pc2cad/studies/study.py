@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from pc2cad.errors import FileNotWrittenError, InputError
 from pc2cad.export.files import write_atomically
 from pc2cad.export.registry import format_for
+from pc2cad.options import CompileOptions
 from pc2cad.studies.local import Limits, LocalEngine
 from pc2cad.studies.overview import contact_sheet, plot
 from pc2cad.studies.plan import Plan, check_plan, grid, read_axes, sample
@@ -63,39 +65,76 @@ def study(
     where an interrupted study stopped, if it is the same study. See `run_study` for the rest;
     raises PlanError and TemplateError besides.
     """
+    options = CompileOptions(tolerance, degree, max_degree, profile)
+    path = find_template(os.fspath(template))
+    task = _task(path, folder, store, formats, options, thumbnails, fixed or {})
+    work = _Study(path, _plan(vary or {}, table, sampling, seed), task, Path(folder), plots)
+    engine = _engine(cluster, workers, limits or Limits())
+    return work.run(engine, resume, stop_after, progress)
+
+
+def _task(
+    path: Path,
+    folder: str | os.PathLike[str],
+    store: str | None,
+    formats: Sequence[str],
+    options: CompileOptions,
+    thumbnails: bool,
+    fixed: Mapping[str, float | str],
+) -> Task:
+    """Return what every variant has in common; the template's text is read here, once."""
     if not os.fspath(folder):
         raise FileNotWrittenError("the study's folder has no name; give one")
-    path = find_template(os.fspath(template))
-    plan = _plan(vary or {}, table, sampling, seed)
-    task = Task(
+    return Task(
         template=read_template_text(path),
         name=path.stem,
         formats=_formats(formats),
         store=store or os.path.join(os.path.abspath(folder), "files"),
-        tolerance=tolerance,
-        degree=degree,
-        max_degree=max_degree,
-        profile=profile,
         thumbnails=thumbnails,
-        fixed=dict(fixed or {}),
+        fixed=dict(fixed),
+        **asdict(options),
     )
-    drawn = {f"{column}-{against}.png": (column, against) for column, against in plots}
-    sheet = (SHEET,) if thumbnails else ()
-    read = parse_template(task.template, task.name, str(path))
-    check_plan(plan, read)
-    _check_columns(plan, task, drawn.values())
-    read.bind(task.fixed)
-    _ = task.options  # refused before the work begins
-    result = run_study(
-        plan, task, Path(folder), _engine(cluster, workers, limits or Limits()),
-        resume=resume, stop_after=stop_after, progress=progress, also=(*sheet, *drawn),
-    )  # fmt: skip
-    pictures = {name: plot(result.rows, *columns) for name, columns in drawn.items()}
-    if thumbnails:
-        pictures[SHEET] = contact_sheet(result.rows, plan.names, open_store(task.store))
-    for name, image in pictures.items():
-        write_atomically(result.folder / name, image, owned=True)
-    return result
+
+
+class _Study:
+    """A plan and a task that belong together, and the pictures that are drawn of the results."""
+
+    def __init__(
+        self,
+        path: Path,
+        plan: Plan,
+        task: Task,
+        folder: Path,
+        plots: Sequence[tuple[str, str]],
+    ) -> None:
+        self._plan, self._task, self._folder = plan, task, folder
+        self._plots = {f"{column}-{against}.png": (column, against) for column, against in plots}
+        read = parse_template(task.template, task.name, str(path))
+        check_plan(plan, read)
+        _check_columns(plan, task, self._plots.values())
+        read.bind(task.fixed)
+
+    def run(
+        self,
+        engine: Callable[[Task], AbstractContextManager[Engine]],
+        resume: bool,
+        stop_after: int | None,
+        progress: Callable[[Progress], None] | None,
+    ) -> StudyResult:
+        """Run the study and draw its pictures."""
+        sheet = (SHEET,) if self._task.thumbnails else ()
+        result = run_study(
+            self._plan, self._task, self._folder, engine,
+            resume=resume, stop_after=stop_after, progress=progress, also=(*sheet, *self._plots),
+        )  # fmt: skip
+        pictures = {name: plot(result.rows, *columns) for name, columns in self._plots.items()}
+        if self._task.thumbnails:
+            pictures[SHEET] = contact_sheet(
+                result.rows, self._plan.names, open_store(self._task.store)
+            )
+        for name, image in pictures.items():
+            write_atomically(result.folder / name, image, owned=True)
+        return result
 
 
 def _check_columns(plan: Plan, task: Task, plots: Iterable[tuple[str, str]]) -> None:

@@ -18,8 +18,8 @@ from pc2cad.studies.plan import (
     PlanError,
     check_count,
     check_names,
-    read_number,
 )
+from pc2cad.templates.ranges import read_number
 
 #: bytes of a file, and of what its pages unfold to
 LARGEST_TABLE: Final = 64 * 1024 * 1024
@@ -30,7 +30,10 @@ _NUMBERS: Final = ("BOOLEAN", "INT32", "INT64", "FLOAT", "DOUBLE")
 
 
 def read_table(path: Path) -> Plan:
-    """Read the variants of a table; raise PlanError where it is none, or larger than a study."""
+    """Read the variants of a table; raise PlanError where it is none, or larger than a study.
+
+    Raises RangeError for what is no number.
+    """
     if not path.is_file():
         raise PlanError(f"{path}: there is no such file")
     if path.stat().st_size > LARGEST_TABLE:

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pc2cad.errors import KernelError
@@ -56,21 +57,31 @@ def resident_memory(process: int) -> int:
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
-def broken_limit(process: int, begun: float, seconds: float, memory: float) -> str:
-    """Return which limit a process broke, with the option that sets it; '' for none.
+@dataclass(frozen=True)
+class Watch:
+    """One piece of work of a process, and what it may take."""
 
-    `begun` is a `time.monotonic`; `seconds` and `memory` (bytes) are 0 where there is no limit.
-    """
-    if seconds and time.monotonic() >= begun + seconds:
-        return f"stopped at the time limit of {seconds:g} s (--time-limit)"
-    if memory and resident_memory(process) > memory:
-        return f"stopped at the memory limit of {memory / 1024**3:g} GiB (--memory-limit)"
-    return ""
+    process: int
+    #: of time, and bytes of memory; 0 where there is no limit
+    seconds: float
+    memory: float
+    #: when the work began, a `time.monotonic`
+    begun: float = field(default_factory=time.monotonic)
+
+    def broken_limit(self) -> str:
+        """Return which limit the work broke, with the option that sets it; '' for none."""
+        if self.seconds and time.monotonic() >= self.begun + self.seconds:
+            return f"stopped at the time limit of {self.seconds:g} s (--time-limit)"
+        if self.memory and resident_memory(self.process) > self.memory:
+            limit = self.memory / 1024**3
+            return f"stopped at the memory limit of {limit:g} GiB (--memory-limit)"
+        return ""
 
 
 def how_it_ended(code: int) -> str:
     """Return the words for an exit code as `subprocess` gives it: negative for a signal."""
-    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+    how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+    return f"the process that did the work ended by {how}"
 
 
 def end_with_parent() -> None:

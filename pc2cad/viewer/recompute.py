@@ -17,11 +17,11 @@ from typing import Any, BinaryIO
 
 from pc2cad.errors import KernelError, PointCadError
 from pc2cad.trust.isolation import environment, interpreter, running
-from pc2cad.trust.processes import CrashedError, LimitReachedError, broken_limit, how_it_ended
+from pc2cad.trust.processes import CrashedError, LimitReachedError, Watch, how_it_ended
 from pc2cad.viewer.worker import receive, send
 
 #: seconds between two looks at the time and the memory
-WATCH = 0.2
+LOOK = 0.2
 #: seconds that a part which nobody waits for any more has to be ended by itself: a new process has
 #: to load the kernel first
 GRACE = 2.0
@@ -48,11 +48,11 @@ class Recompute:
     def __call__(self, values: Mapping[str, str], stale: Stale = lambda: False) -> bytes:
         """Return the payload at these values; give it up some time after it has become `stale`."""
         worker = self._worker = self._worker or _Worker(self._make)
-        begun, unwanted = time.monotonic(), float("inf")
+        watch = Watch(worker.process.pid, self._seconds, self._memory)
+        unwanted = float("inf")
         worker.ask(values)
-        while (answer := worker.answer(WATCH)) is None:
-            pid = worker.process.pid
-            if reason := broken_limit(pid, begun, self._seconds, self._memory):
+        while (answer := worker.answer(LOOK)) is None:
+            if reason := watch.broken_limit():
                 self.close()
                 raise LimitReachedError(reason)
             if stale():
@@ -63,7 +63,7 @@ class Recompute:
         if isinstance(answer, EOFError):
             code = worker.process.wait()
             self.close()
-            raise CrashedError(f"the process that did the work ended by {how_it_ended(code)}")
+            raise CrashedError(how_it_ended(code))
         if isinstance(answer, PointCadError):
             raise answer
         assert isinstance(answer, bytes)

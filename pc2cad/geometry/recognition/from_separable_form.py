@@ -15,7 +15,6 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import (
-    AnalyticSurface,
     Arc,
     Cone,
     Cylinder,
@@ -24,57 +23,22 @@ from pc2cad.geometry.carriers import (
     Plane,
     Revolution,
     Sphere,
-    SplineCurve,
     Torus,
     frame_on,
 )
+from pc2cad.geometry.recognition.placement import (
+    SAME_ANGLE,
+    TURN,
+    Along,
+    SurfacePlacement,
+    angle_from,
+    sum_of,
+    turning,
+)
 from pc2cad.geometry.recognition.separable_form import CONSTANT, Axis, Separation, Term
 
-TURN = 2 * np.pi
 #: relations between vectors hold to this many times their rounding
 SAME = 10
-#: angles that differ by less are one (radians)
-SAME_ANGLE = 1e-12
-
-#: makes the spline along one axis of a face, the other parameter fixed at 0 or 1
-SplineMaker = Callable[[int, float], SplineCurve]
-
-
-@dataclass(frozen=True, eq=False)
-class Along:
-    """A surface parameter that follows one axis of a face."""
-
-    axis: int
-    #: surface parameter at the axis' own parameter; None: it is the parameter of the spline basis
-    values: Callable[[Array], Array] | None = None
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """The values at both ends of the axis."""
-        if self.values is None:
-            return 0.0, 1.0
-        first, last = self.values(np.array([0.0, 1.0])).tolist()
-        return first, last
-
-
-@dataclass(frozen=True, eq=False)
-class SurfacePlacement:
-    """A face laid on an analytic surface: what its parameters a and b follow."""
-
-    #: the surface, given what makes the spline along an axis (the other parameter fixed)
-    carrier: Callable[[SplineMaker], AnalyticSurface]
-    a: Along
-    b: Along
-
-    def follows(self, axis: int) -> bool:
-        """Say whether the surface's parameter along an axis is that of a spline."""
-        return any(along.axis == axis and along.values is None for along in (self.a, self.b))
-
-    @property
-    def turned(self) -> bool:
-        """True where (s, t) to (a, b) reverses the orientation."""
-        signs = [float(np.subtract(*along.ends)) for along in (self.a, self.b)]
-        return (signs[0] * signs[1] < 0) != (self.a.axis == 1)
 
 
 def lay(form: Separation) -> SurfacePlacement | None:
@@ -103,42 +67,6 @@ def plane(form: Separation) -> Plane | None:
     if size <= small * np.linalg.norm(first) or np.abs(steps @ (normal / size)).max() > small:
         return None
     return Plane(form.centre, normal / size)
-
-
-# -- the parameters --------------------------------------------------------------------------------
-
-
-def _angle_from(values: tuple[float, float]) -> tuple[float, float]:
-    """Return (shift, end - start) with whole turns made exact; shift brings the lower end to 0."""
-    start, end = values
-    run = end - start
-    if abs(abs(run) - TURN) < SAME_ANGLE:
-        run = TURN if run > 0 else -TURN
-    return -min(start, start + run), run
-
-
-def _sum_of(axis: Axis, parts: Mapping[Term, float]) -> Callable[[Array], Array]:
-    """Return Σ factor · term(t) as a function of t."""
-
-    def values(t: Array) -> Array:
-        total = np.zeros(np.shape(t))
-        for term, factor in parts.items():
-            total = total + factor * axis.values(term, t)
-        return np.asarray(total)
-
-    return values
-
-
-def _turning(axis: Axis, multiple: int, factor: float, offset: float) -> Callable[[Array], Array]:
-    """Return the angle factor · (multiple · θ(t)) + offset, ends that make a turn made exact."""
-    first, last = axis.turn(multiple, np.array([0.0, 1.0])).tolist()
-    _, run = _angle_from((factor * first, factor * last))
-
-    def values(t: Array) -> Array:
-        share = (axis.turn(multiple, np.asarray(t)) - first) / (last - first)
-        return np.asarray(factor * first + offset + run * share)
-
-    return values
 
 
 # -- revolution ------------------------------------------------------------------------------------
@@ -191,7 +119,7 @@ def _revolved(form: Separation, axis: int) -> _Revolved | None:
     )
     if not fits:
         return None
-    if _sum_of(form.axes[1 - axis], radius)(np.array([0.5]))[0] < 0:
+    if sum_of(form.axes[1 - axis], radius)(np.array([0.5]))[0] < 0:
         x, y, radius = -x, -y, {term: -value for term, value in radius.items()}
     return _Revolved(k, form.centre, np.array([x, y, z]), radius, height)
 
@@ -220,9 +148,9 @@ def _place_meridian(form: Separation, axis: int, turned: _Revolved) -> SurfacePl
     if (longest[0] * longest[1] < 0) if conical else (ends[1] < ends[0]):
         turned, sense = _upside_down(turned), -1.0
         steps = {t: step * np.array([1.0, -1.0]) for t, step in steps.items()}
-    shift, _ = _angle_from((sense * ends[0], sense * ends[1]))
+    shift, _ = angle_from((sense * ends[0], sense * ends[1]))
     x = np.cos(shift) * turned.axes[0] - np.sin(shift) * turned.axes[1]
-    a = Along(axis, _turning(form.axes[axis], turned.multiple, sense, shift))
+    a = Along(axis, turning(form.axes[axis], turned.multiple, sense, shift))
     meridian = _Meridian(other, turned.radius.get(CONSTANT, 0.0), turned.radius, turned.height,
                          steps, small)  # fmt: skip
     frame = frame_on(turned.origin, turned.axes[2], x)
@@ -244,7 +172,7 @@ class _Meridian:
 
     def point(self, t: float) -> Array:
         """Return (radius, height) at a parameter."""
-        both = (_sum_of(self.axis, self.radii), _sum_of(self.axis, self.heights))
+        both = (sum_of(self.axis, self.radii), sum_of(self.axis, self.heights))
         return np.array([values(np.array([t]))[0] for values in both])
 
 
@@ -256,7 +184,7 @@ def _straight(meridian: _Meridian, frame: Frame, a: Along, conical: bool) -> Sur
     start, end = meridian.point(0.0), meridian.point(1.0)
     other = 1 - a.axis
     if not conical:
-        heights = _sum_of(meridian.axis, meridian.heights)
+        heights = sum_of(meridian.axis, meridian.heights)
         low = min(start[1], end[1])
         along = Along(other, lambda t: heights(t) - low)
         cylinder = Cylinder(_moved(frame, low), meridian.radius)
@@ -265,7 +193,7 @@ def _straight(meridian: _Meridian, frame: Frame, a: Along, conical: bool) -> Sur
     wide = start if start[0] > end[0] else end
     direction = (end - start) / np.hypot(*(end - start))
     direction = direction if direction[1] > 0 else -direction
-    slants = _sum_of(meridian.axis, {t: float(s @ direction) for t, s in meridian.steps.items()})
+    slants = sum_of(meridian.axis, {t: float(s @ direction) for t, s in meridian.steps.items()})
     reference = float(slants(np.array([0.0 if wide is start else 1.0]))[0])
     angle = float(np.arctan2(direction[0], direction[1]))
     cone = Cone(_moved(frame, float(wide[1])), float(wide[0]), angle)
@@ -290,7 +218,7 @@ def _round(meridian: _Meridian, frame: Frame, a: Along) -> SurfacePlacement | No
     frame = _moved(frame, meridian.heights.get(CONSTANT, 0.0))
     # latitudes lie about 0; angles round a tube are counted from 0 upwards
     turns = np.round(ends.mean() / TURN) if on_axis else np.floor((ends.min() + SAME_ANGLE) / TURN)
-    raw = _turning(meridian.axis, k, sense, start - float(TURN * turns))
+    raw = turning(meridian.axis, k, sense, start - float(TURN * turns))
     along = Along(1 - a.axis, lambda t: _snap(raw(t)))
     if on_axis:
         return SurfacePlacement(lambda _: Sphere(frame, radius), a, along)
@@ -333,7 +261,7 @@ def _extruded(form: Separation, axis: int) -> SurfacePlacement | None:
     small = SAME * form.rounding
     if any(np.linalg.norm(v - (v @ direction) * direction) > small for v in steps.values()):
         return None
-    lengths = _sum_of(form.axes[axis], {term: float(v @ direction) for term, v in steps.items()})
+    lengths = sum_of(form.axes[axis], {term: float(v @ direction) for term, v in steps.items()})
     start = float(lengths(np.array([0.0]))[0])
     if lengths(np.array([1.0]))[0] < start:
         direction = -direction
@@ -398,6 +326,6 @@ def arc(form: Separation) -> tuple[Arc, Callable[[Array], Array]] | None:
     frame = frame_on(form.centre, np.cross(x, y), x)
     low = sense * (first - tilt)
     offset = -sense * tilt - TURN * np.floor((low + SAME_ANGLE) / TURN)
-    values = _turning(form.axes[0], k, sense, offset)
+    values = turning(form.axes[0], k, sense, offset)
     start, end = values(np.array([0.0, 1.0])).tolist()
     return Arc(frame, radii, start, end), values

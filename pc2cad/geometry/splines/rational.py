@@ -120,7 +120,7 @@ def homogeneous(sample: GridSampler, s: Parametrisation, t: Parametrisation) -> 
 def fit_face(
     sample: GridSampler, s: Parametrisation, t: Parametrisation
 ) -> tuple[Array, Array | None]:
-    """Return poles (n, m, 3) and weights (n, m) of the tensor-product interpolant."""
+    """Return poles (n, m, 3) and weights (n, m) of the tensor-product fit."""
     poles = fit_surface(homogeneous(sample, s, t), s.space, t.space)
     if not (s.order or t.order):
         return poles, None

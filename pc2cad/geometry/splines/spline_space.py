@@ -17,18 +17,11 @@ from functools import cached_property, lru_cache
 from math import comb, factorial
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.linalg.lapack import dtbtrs
 from scipy.sparse import csr_array
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.arrays.linear import inverse, product, solve
-
-#: up to this degree normal equations and one step of refinement hold all digits
-_NORMAL_EQUATIONS = 9
-#: up to this size full matrices cost less than banded ones, and hold all digits where no interval
-#: is shorter than this share of another
-_SMALL, _SHORTEST = 64, 1e-4
+from pc2cad.geometry.splines.spline_basis import basis_matrix, local_basis
+from pc2cad.geometry.splines.spline_projection import NORMAL_EQUATIONS, projector
 
 
 class SplineSpace:
@@ -87,7 +80,7 @@ class SplineSpace:
         """Sites, and their weights in the fit: 0 at the limits, which are met exactly."""
         p = self.degree
         # high degrees want a few in each interval
-        own = self.own + (0 if p <= _NORMAL_EQUATIONS else p // 2)
+        own = self.own + (0 if p <= NORMAL_EQUATIONS else p // 2)
         lengths = np.diff(self.points)
         sites = np.empty(own.sum())
         weights = np.empty_like(sites)
@@ -140,7 +133,7 @@ class SplineSpace:
             first, values = local_basis(knots, self.degree, sites)
             size = len(self._cycle)
         index = owner[first[:, None] + np.arange(self.degree + 1)]
-        return _projector(index, values, weights, size, self.degree, self.periodic)
+        return projector(index, values, weights, size, self.degree, self.periodic)
 
     def fit(self, values: Array) -> Array:
         """Return clamped poles of the projection: values (sites, …) to poles (size, …)."""
@@ -196,199 +189,6 @@ def _rule_on_interval(count: int, degree: int) -> tuple[Array, Array]:
         middle = (low + high) / 2
         low, high = (middle, high) if np.sign(polynomial(middle)) == sign else (low, middle)
     return np.array([low, 1 - low]), np.array([0.5, 0.5])
-
-
-def local_basis(knots: Array, degree: int, t: Array) -> tuple[Integers, Array]:
-    """Return the first of the p+1 functions that live at each t, and their values (len(t), p+1).
-
-    Values are sums of products of positive numbers.
-    """
-    p = degree
-    span = np.clip(np.searchsorted(knots, t, side="right") - 1, p, len(knots) - p - 2)
-    values = np.empty((p + 1, len(t)))
-    values[0] = 1.0
-    left = [t - knots[span + 1 - r] for r in range(1, p + 1)]
-    right = [knots[span + r] - t for r in range(1, p + 1)]
-    for r in range(1, p + 1):
-        carried = np.zeros(len(t))
-        for k in range(r):
-            share = values[k] / (right[k] + left[r - 1 - k])
-            values[k] = carried + right[k] * share
-            carried = left[r - 1 - k] * share
-        values[r] = carried
-    return span - p, values.T
-
-
-def basis_matrix(knots: Array, degree: int, t: Array) -> csr_array:
-    """Return the values of all functions at t, (len(t), functions)."""
-    first, values = local_basis(knots, degree, t)
-    return _rows(first[:, None] + np.arange(degree + 1), values, len(knots) - degree - 1)
-
-
-def _rows(index: Integers, values: Array, size: int) -> csr_array:
-    count, width = index.shape
-    starts = np.arange(0, count * width + 1, width)
-    return csr_array((values.ravel(), index.ravel(), starts), shape=(count, size))
-
-
-def _projector(
-    index: Integers, values: Array, weights: Array, size: int, degree: int, cyclic: bool
-) -> Callable[[Array], Array]:
-    """Return the map from values at sites to coefficients.
-
-    Row i of the design matrix has `values[i]` in the columns `index[i]`. Rows of weight 0 are
-    equations that hold exactly (by multipliers), the others are met in the least-squares sense.
-    """
-    inner = weights[weights > 0]
-    is_even = inner.min() >= _SHORTEST * inner.max()
-    if size <= _SMALL and is_even and degree <= _NORMAL_EQUATIONS:
-        return _by_matrix(index, values, weights, size)
-    design = _rows(index, values, size)
-    limits = np.flatnonzero(weights == 0)
-    exact = design[limits].toarray()
-    if degree <= _NORMAL_EQUATIONS:
-        by, multiply = _by_cholesky(design, index, values, weights, size, cyclic)
-    else:
-        by, multiply = _by_triangle(index, values, weights, size, cyclic)
-    correction = multiply(exact.T)
-    correction = solve(product(exact, correction).T, correction.T).T
-
-    def project(flat: Array) -> Array:
-        result: Array = np.zeros((size, flat.shape[1]))
-        for _ in range(2):
-            rest = flat - design @ result
-            step = by(rest)
-            result += step - product(correction, product(exact, step) - rest[limits])
-        return result
-
-    return project
-
-
-_Solve = Callable[[Array], Array]
-
-
-def _by_matrix(
-    index: Integers, values: Array, weights: Array, size: int
-) -> Callable[[Array], Array]:
-    """Return the map of `_projector` as one full matrix, from the equations with multipliers."""
-    count = len(index)
-    place = index + size * np.arange(count)[:, None]
-    design = np.bincount(place.ravel(), values.ravel(), minlength=count * size)
-    design = design.reshape(count, size)
-    limits = np.flatnonzero(weights == 0)
-    # functions over short intervals have small weights: they are made alike first
-    scale = 1 / np.sqrt(product(weights, design * design))
-    scaled = design * scale
-    adjoint = scaled.T * weights
-    full = np.zeros((size + len(limits),) * 2)
-    full[:size, :size] = product(adjoint, scaled)
-    full[size:, :size] = scaled[limits]
-    full[:size, size:] = scaled[limits].T
-    rows = inverse(full)[:size] * scale[:, None]
-    matrix = product(rows[:, :size], adjoint)
-    matrix[:, limits] = rows[:, size:]
-
-    def project(flat: Array) -> Array:
-        result = product(matrix, flat)
-        return result + product(matrix, flat - product(design, result))
-
-    return project
-
-
-def _order(size: int, cyclic: bool) -> Integers:
-    """Return the rows that unknowns get: those of a cycle are taken alternately from both ends."""
-    order = np.arange(size)
-    if cyclic:
-        order = np.where(order < (size + 1) // 2, 2 * order, 2 * (size - order) - 1)
-    return order
-
-
-def _by_cholesky(
-    design: csr_array, index: Integers, values: Array, weights: Array, size: int, cyclic: bool
-) -> tuple[_Solve, _Solve]:
-    """Return r ↦ (BᵀWB)⁻¹BᵀWr and b ↦ (BᵀWB)⁻¹b by a banded factorisation.
-
-    A cyclic matrix is banded, twice as wide, when its rows are taken alternately from both ends.
-    """
-    order = _order(size, cyclic)
-    place = order[index]
-    row, column = place[:, :, None], place[:, None, :]
-    product = values[:, :, None] * (values * weights[:, None])[:, None, :]
-    lower = row >= column
-    offsets = (row - column)[lower]
-    width = int(offsets.max()) + 1
-    flat = offsets * size + np.broadcast_to(column, lower.shape)[lower]
-    band = np.bincount(flat, product[lower], minlength=width * size).reshape(width, size)
-    factor = (cholesky_banded(band, lower=True, check_finite=False), True)
-    back = np.argsort(order)
-    adjoint = csr_array((design * weights[:, None]).T)
-
-    def multiply(right: Array) -> Array:
-        solved = cho_solve_banded(factor, right[back], check_finite=False)
-        return np.asarray(solved[order])
-
-    return (lambda rest: multiply(adjoint @ rest)), multiply
-
-
-def _by_triangle(
-    index: Integers, values: Array, weights: Array, size: int, cyclic: bool
-) -> tuple[_Solve, _Solve]:
-    """Return the same maps by an orthogonal factorisation, for high degrees.
-
-    Householder's reflections of a banded matrix touch few rows and columns each: one after the
-    other they cost less than those of a full matrix.
-    """
-    order = _order(size, cyclic)
-    place, roots = order[index], np.sqrt(weights)[:, None]
-    sorting = np.argsort(place.min(axis=1), kind="stable")
-    place = place[sorting]
-    table = np.zeros((len(index), size))
-    # a short cycle has one function several times in an interval
-    np.add.at(table, (np.arange(len(place))[:, None], place), (values * roots)[sorting])
-    reflections = _reflect(table, place.min(axis=1), np.maximum.accumulate(place.max(axis=1)) + 1)
-    width = max(int(np.flatnonzero(row)[-1]) - k for k, row in enumerate(table[:size])) + 1
-    band = np.zeros((width, size))
-    for k in range(width):
-        band[width - 1 - k, k:] = np.diagonal(table[:size], k)
-    back = np.argsort(order)
-
-    def multiply(right: Array) -> Array:
-        solved = _triangle(band, _triangle(band, right[back], trans=1))
-        return np.asarray(solved[order])
-
-    def solve(rest: Array) -> Array:
-        turned = (roots * rest)[sorting]
-        for k, end, vector in reflections:
-            turned[k:end] -= vector[:, None] * product(2 * vector, turned[k:end])
-        return np.asarray(_triangle(band, turned[:size])[order])
-
-    return solve, multiply
-
-
-def _reflect(table: Array, first: Integers, last: Integers) -> list[tuple[int, int, Array]]:
-    """Make a matrix triangular, in place; return the rows and the unit normal of each mirror.
-
-    Row i has entries from column first[i], ascending, and no row up to it any from last[i] on.
-    """
-    found = []
-    for k in range(table.shape[1]):
-        end = max(int(np.searchsorted(first, k, side="right")), k + 1)
-        vector = table[k:end, k].copy()
-        vector[0] += np.copysign(np.sqrt((vector * vector).sum()), vector[0])
-        vector /= np.sqrt((vector * vector).sum())
-        part = table[k:end, k : last[end - 1]]
-        part -= vector[:, None] * product(2 * vector, part)
-        table[k + 1 : end, k] = 0.0
-        found.append((k, end, vector))
-    return found
-
-
-def _triangle(band: Array, right: Array, trans: int = 0) -> Array:
-    """Return the solution of a banded upper triangle, or of its transpose, column by column."""
-    solved, singular = dtbtrs(band, right, uplo="U", trans="T" if trans else "N")
-    if singular:
-        raise np.linalg.LinAlgError("Singular matrix")
-    return np.asarray(solved)
 
 
 def _clamp_start(knots: Array, poles: Array, degree: int) -> Array:

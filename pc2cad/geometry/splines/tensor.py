@@ -24,7 +24,7 @@ class Deviation:
 
 
 def fit_surface(sample: GridSampler, s: SplineSpace, t: SplineSpace) -> Array:
-    """Return the poles (s.size, t.size, 3) of the tensor-product interpolant."""
+    """Return the poles (s.size, t.size, 3) of the tensor-product fit."""
     values = sample(s.sites, t.sites)
     along_s = s.fit(values)
     return t.fit(along_s.transpose(1, 0, 2)).transpose(1, 0, 2)

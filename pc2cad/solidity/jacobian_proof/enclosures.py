@@ -39,6 +39,11 @@ from pc2cad.expression.tree import (
     walk,
 )
 from pc2cad.solidity.jacobian_proof.determinant import determinant
+from pc2cad.solidity.jacobian_proof.small_matrices import (
+    dominant_vectors,
+    inverse_and_sign,
+    radius_bound,
+)
 
 #: a direction and the end of it (0 or 1): one side of the box
 _Side = tuple[int, int]
@@ -181,7 +186,7 @@ class _Columns:
         centre, slopes, reach = self._enclose(low, high)
         with np.errstate(all="ignore"):
             middle = centre.middle
-            inverse, sign = _inverse(middle)
+            inverse, sign = inverse_and_sign(middle)
             size = np.abs(inverse)
             bound = np.abs(inverse @ middle - np.eye(self._width))
             bound += size @ _half(centre) + 16 * ULP * (size @ np.abs(middle) + 1)
@@ -193,10 +198,10 @@ class _Columns:
                 changes.append(change * (1 + 16 * ULP) * reach[:, None, :, d])
                 bound += changes[d]
             bound *= 1 + 64 * ULP
-            weights = _weights(bound)
-            radius = _quotient(bound, weights) * (1 + 64 * ULP)
+            weights = dominant_vectors(bound)
+            radius = radius_bound(bound, weights) * (1 + 64 * ULP)
             regular = np.isfinite(bound).all(axis=(1, 2)) & (radius < 1)
-            blame = np.stack([_quotient(change, weights) for change in changes], axis=1)
+            blame = np.stack([radius_bound(change, weights) for change in changes], axis=1)
         unknown = ~np.isfinite(blame).all(axis=1)
         shape = high - low
         blame[unknown] = shape[unknown] / np.maximum(shape[unknown].max(axis=1), 1e-300)[:, None]
@@ -218,7 +223,7 @@ class _Columns:
         with np.errstate(all="ignore"):
             size = np.sqrt((matrix**2).sum(axis=1, keepdims=True))
             matrix /= size if self._width > 1 else np.median(size)
-            inverse, sign = _inverse(matrix)
+            inverse, sign = inverse_and_sign(matrix)
             largest = np.abs(inverse).max(axis=(1, 2))
         regular = np.isfinite(largest).all() and largest.max() < SINGULAR
         if not regular or abs(sign.sum()) < len(sign):
@@ -378,35 +383,3 @@ def _order(trees: tuple[Expr, ...], d: int, end: int) -> int | None:
 def _largest(program: Program, axes: Iterable[Array]) -> float:
     values = program(dict(zip(PARAMETERS, open_grid(*axes), strict=True)))
     return max(float(np.max(np.abs(value))) for value in values)
-
-
-def _inverse(matrix: Array) -> tuple[Array, Integers]:
-    """Return the inverses of matrices (n, m, m) and the sign of their determinants, 0 if unsure."""
-    if matrix.shape[-1] == 1:
-        return 1 / matrix, np.sign(matrix[:, 0, 0]).astype(int)
-    rows = matrix.transpose(1, 0, 2)
-    cofactors = np.stack([np.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)], axis=1)
-    determinant = (matrix[:, 0] * cofactors[:, 0]).sum(axis=1)
-    x, y, z = np.abs(matrix).transpose(1, 0, 2)
-    terms = (
-        x[:, 0] * (y[:, 1] * z[:, 2] + y[:, 2] * z[:, 1])
-        + x[:, 1] * (y[:, 0] * z[:, 2] + y[:, 2] * z[:, 0])
-        + x[:, 2] * (y[:, 0] * z[:, 1] + y[:, 1] * z[:, 0])
-    )
-    sure = np.abs(determinant) > 16 * ULP * terms
-    sign = np.where(sure, np.sign(determinant), 0).astype(int)
-    return cofactors.transpose(0, 2, 1) / determinant[:, None, None], sign
-
-
-def _weights(bound: Array) -> Array:
-    """Return positive vectors (n, m, 1) near the first eigenvectors of non-negative matrices."""
-    x = np.ones((*bound.shape[:2], 1))
-    for _ in range(4):
-        x = x + bound @ x
-        x = x / x.max(axis=1, keepdims=True)
-    return x
-
-
-def _quotient(bound: Array, x: Array) -> Array:
-    """Return max (bound x)_i / x_i, which is no less than the spectral radius (Collatz)."""
-    return np.asarray(((bound @ x) / x).max(axis=(1, 2)))

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from pc2cad.domain.map import Mapping3
-from pc2cad.expression.intervals import IntervalProgram, interval
+from pc2cad.expression.enclosures import IntervalProgram
+from pc2cad.expression.intervals import interval
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import PI, Expr, walk
