@@ -27,7 +27,7 @@ def contact(map_, domain=None) -> Contact | None:
     face_meshes = cut(analysis)
     found = find_contact(analysis, face_meshes)
     if not isinstance(found, Contact):
-        assert 0 < found < 1e-8 * analysis.size
+        assert 0 < found.apart < 1e-8 * analysis.size
         return None
     points = [
         face_meshes[face].function.at(*map(np.asarray, place))
