@@ -209,3 +209,27 @@ def test_places_of_a_contact_are_two_places_of_the_equation():
 def test_too_far_away_is_said_at_once(place):
     with pytest.raises(PointCadError, match="nearer to the origin"):
         pc.compile_part((V * pc.cos(THETA) + place, V * pc.sin(THETA), W))
+
+
+def ramp(bump: str, depth: float):
+    """Two turns of a ramp whose bump ends `depth` inside the turn above."""
+    t = 4 * pc.pi * U
+    height = Fraction(str(1.5 + depth))
+    gap = (U - Fraction("0.2113")) ** 2 + (V - Fraction("0.5317")) ** 2
+    rise = Fraction(1, 2) + height * pc.exp(-int(bump) * gap)
+    return (2 + V) * pc.cos(t), (2 + V) * pc.sin(t), t / pc.pi + W * rise
+
+
+@pytest.mark.parametrize("depth", [1.0, 1e-2, 1e-3, 1e-5, 1e-6, -1e-6, -1e-3])
+def test_a_bump_that_reaches_the_next_turn(depth):
+    """Between its samples a cell overshoots along its chord as well as beside it."""
+    assert (contact(ramp("400", depth)) is not None) == (depth > 0)
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-6])
+def test_walls_that_overlap_along_a_whole_turn(depth):
+    """The walls are near all the way without crossing: other faces cross them."""
+    radius = 2 + (2 - 2 * Fraction(str(depth))) * U + W
+    t = 4 * pc.pi * U
+    spiral = radius * pc.cos(t), radius * pc.sin(t), V + Fraction("0.3") * pc.sin(2 * pc.pi * U)
+    assert contact(spiral) is not None
