@@ -242,7 +242,11 @@ def _report(
         solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,
                         integrals.centroid),
         kernel_tolerance=findings.largest_tolerance,
-        warnings=(checked.orientation.warning,) if checked.orientation.warning else (),
+        warnings=tuple(
+            warning
+            for warning in (checked.orientation.warning, checked.solidity.warning)
+            if warning
+        ),
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import PointCadError
 from pc2cad.solidity.face_mesh import cut
 from pc2cad.solidity.injectivity import OverlappingMapError, check_injective
+from pc2cad.solidity.orientation import find_orientation
 from pc2cad.solidity.self_intersection import Contact, find_contact
 
 U, V, W = pc.parameters()
@@ -27,7 +28,7 @@ def contact(map_, domain=None) -> Contact | None:
     face_meshes = cut(analysis)
     found = find_contact(analysis, face_meshes)
     if not isinstance(found, Contact):
-        assert 0 < found < 1e-8 * analysis.size
+        assert 0 < found.apart < 1e-8 * analysis.size
         return None
     points = [
         face_meshes[face].function.at(*map(np.asarray, place))
@@ -209,3 +210,39 @@ def test_places_of_a_contact_are_two_places_of_the_equation():
 def test_too_far_away_is_said_at_once(place):
     with pytest.raises(PointCadError, match="nearer to the origin"):
         pc.compile_part((V * pc.cos(THETA) + place, V * pc.sin(THETA), W))
+
+
+def ramp(bump: str, depth: float):
+    """Two turns of a ramp whose bump ends `depth` inside the turn above."""
+    t = 4 * pc.pi * U
+    height = Fraction(str(1.5 + depth))
+    gap = (U - Fraction("0.2113")) ** 2 + (V - Fraction("0.5317")) ** 2
+    rise = Fraction(1, 2) + height * pc.exp(-int(bump) * gap)
+    return (2 + V) * pc.cos(t), (2 + V) * pc.sin(t), t / pc.pi + W * rise
+
+
+@pytest.mark.parametrize("depth", [1.0, 1e-2, 1e-3, 1e-5, 1e-6, -1e-6, -1e-3])
+def test_a_bump_that_reaches_the_next_turn(depth):
+    """Between its samples a cell overshoots along its chord as well as beside it."""
+    assert (contact(ramp("400", depth)) is not None) == (depth > 0)
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-6])
+def test_walls_that_overlap_along_a_whole_turn(depth):
+    """The walls are near all the way without crossing: other faces cross them."""
+    radius = 2 + (2 - 2 * Fraction(str(depth))) * U + W
+    t = 4 * pc.pi * U
+    spiral = radius * pc.cos(t), radius * pc.sin(t), V + Fraction("0.3") * pc.sin(2 * pc.pi * U)
+    assert contact(spiral) is not None
+
+
+def test_what_the_effort_leaves_open_is_said(monkeypatch):
+    """A gap too thin for the pairs that may be followed is a warning with its depth and place."""
+    monkeypatch.setattr("pc2cad.solidity.self_intersection.MOST_PAIRS", 1000)
+    radius = 2 + (2 + Fraction("1e-5")) * U + W
+    t = 4 * pc.pi * U
+    spiral = radius * pc.cos(t), radius * pc.sin(t), V + Fraction("0.3") * pc.sin(2 * pc.pi * U)
+    analysis = analyse(point_equation(spiral))
+    found = check_injective(analysis, find_orientation(analysis.map).sign)
+    assert 1e-5 < found.apart < 0.1
+    assert f"an overlap of up to {found.apart:.2g} mm is not excluded" in found.warning

@@ -161,13 +161,18 @@ def bow(samples: Array) -> Array:
 
 
 def _off_chord(start: Array, middle: Array, end: Array) -> Array:
-    """Return the distances of points from chords; along them they may move."""
+    """Return how far the middles of chords are from points, but for what they moved along them.
+
+    A quadratic whose middle moved along its chord by less than a quarter of it runs forward all the
+    way, within the chord's ends; beyond that it overshoots one of them. An eighth is let pass.
+    """
     chord, offset = end - start, middle - (start + end) / 2
     length = np.einsum("...i,...i->...", chord, chord)
     along = np.einsum("...i,...i->...", chord, offset)
     square = np.einsum("...i,...i->...", offset, offset)
-    square = square - along * along / np.where(length > 0, length, 1.0)
-    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+    across = square - along * along / np.where(length > 0, length, 1.0)
+    forward = 8 * np.abs(along) <= length
+    return np.asarray(np.sqrt(np.where(forward, np.maximum(across, 0.0), square)))
 
 
 def _factor(stack: _Stack) -> tuple[int, int]:

@@ -27,7 +27,7 @@ from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
 from pc2cad.solidity.continuity import check_continuous
 from pc2cad.solidity.face_mesh import FaceMesh, cut
-from pc2cad.solidity.self_intersection import Contact, find_contact
+from pc2cad.solidity.self_intersection import Clearance, Contact, find_contact
 from pc2cad.solidity.winding_number import ray_frame, winding_numbers
 
 #: subdivisions of a contradicting cell before the contradiction is believed, and points at a time
@@ -54,10 +54,12 @@ class Injectivity:
 
     #: inner images about which the boundary winds once
     images: int
-    #: parts of the boundary that are further apart than this were told from touching (model units)
+    #: an overlap would be no deeper than this (model units)
     apart: float
     #: index of the outer shell in the boundary complex
     outer_shell: int
+    #: a sentence where the effort ended before parts of the boundary were told from touching
+    warning: str = ""
 
 
 def check_injective(analysis: Analysis, sign: int) -> Injectivity:
@@ -72,7 +74,8 @@ def check_injective(analysis: Analysis, sign: int) -> Injectivity:
         raise OverlappingMapError(_met(analysis, face_meshes, found))
     mesh = _Mesh(face_meshes, sign)
     images = _check_images(analysis, mesh)
-    return Injectivity(images, found, _outer_shell(analysis, mesh))
+    warning = _undecided(analysis, face_meshes, found)
+    return Injectivity(images, found.apart, _outer_shell(analysis, mesh), warning)
 
 
 def _check_images(analysis: Analysis, mesh: _Mesh) -> int:
@@ -177,15 +180,33 @@ class _Mesh:
 
 def _met(analysis: Analysis, face_meshes: Sequence[FaceMesh], contact: Contact) -> str:
     """Say where the boundary meets itself, and what would mend it."""
-    places = [
-        face_meshes[face].function.shown(*local)
-        for face, local in zip(contact.faces, contact.places, strict=True)
-    ]
-    point = ", ".join(f"{x:.6g}" for x in contact.point)
+    places, point = _shown(face_meshes, contact)
     first, second = (face_meshes[face] for face in contact.faces)
     return (
         f"the map covers itself, or touches: {places[0]} and {places[1]} both lie at ({point}); "
         f"{_missed_seam(analysis, first, second) or _advice(analysis)}"
+    )
+
+
+def _shown(face_meshes: Sequence[FaceMesh], contact: Contact) -> tuple[list[str], str]:
+    """Return the two places of a contact and its point, for a message."""
+    places = [
+        face_meshes[face].function.shown(*local)
+        for face, local in zip(contact.faces, contact.places, strict=True)
+    ]
+    return places, ", ".join(f"{x:.6g}" for x in contact.point)
+
+
+def _undecided(analysis: Analysis, face_meshes: Sequence[FaceMesh], found: Clearance) -> str:
+    """Say where parts of the boundary are too near one another to be told from touching."""
+    if found.undecided is None:
+        return ""
+    places, point = _shown(face_meshes, found.undecided)
+    units = analysis.equation.units
+    return (
+        f"parts of the boundary run so near one another, as {places[0]} and {places[1]} do at "
+        f"({point}), that an overlap of up to {found.apart:.2g} {units} is not excluded there; a "
+        "wider gap would be told from one"
     )
 
 

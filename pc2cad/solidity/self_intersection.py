@@ -40,8 +40,10 @@ from pc2cad.solidity.face_mesh import FaceMesh
 
 #: parts nearer than this share of the part's size count as touching
 TOUCHING = 1e-9
-#: halvings of the cells, pairs that are followed at once, and of those some first to the end
-DEEPEST, MOST_PAIRS, FIRST = 48, 400_000, 64
+#: halvings of the cells, and pairs that are followed at once
+DEEPEST, MOST_PAIRS = 48, 400_000
+#: of those some are followed to the end first: in all, and at least of every two faces
+FIRST, FIRST_OF_FACES = 64, 16
 
 
 @dataclass(frozen=True)
@@ -54,10 +56,20 @@ class Contact:
     point: tuple[float, float, float]
 
 
+@dataclass(frozen=True)
+class Clearance:
+    """That the boundary was not found to meet itself."""
+
+    #: an overlap would be no deeper than this (model units)
+    apart: float
+    #: two parts that could not be told from touching when the effort ended
+    undecided: Contact | None = None
+
+
 def find_contact(
     analysis: Analysis, face_meshes: Sequence[FaceMesh], share: float = TOUCHING
-) -> Contact | float:
-    """Return a place where the boundary meets itself, or the distance that was told from that.
+) -> Contact | Clearance:
+    """Return a place where the boundary meets itself, or how deep that could be and not be seen.
 
     `share` of the part's size is what counts as touching.
     """
@@ -114,15 +126,15 @@ class _Descent:
     touching: float
     rounding: float
 
-    def follow(self, leaf: Level, pairs: Integers) -> Contact | float:
-        """Return a contact of paired cells, or the distance that all were told apart by."""
+    def follow(self, leaf: Level, pairs: Integers) -> Contact | Clearance:
+        """Return a contact of paired cells, or how deep one may be that was not seen."""
         if len(pairs) == 0:
-            return self.touching
+            return Clearance(self.touching)
         rows, pairs = np.unique(pairs, return_inverse=True)
         pairs = pairs.reshape(-1, 2)
         parts = self._cells(leaf, rows)
         for depth in range(DEEPEST):
-            pairs = self._unparted(parts, pairs)
+            pairs, depths = self._unparted(parts, pairs)
             if len(pairs) == 0:
                 break
             if len(pairs) <= 4 * FIRST or depth % 3 == 0:
@@ -132,26 +144,40 @@ class _Descent:
                 if all_parted:
                     break
             if len(pairs) > MOST_PAIRS or depth + 1 == DEEPEST:
-                return float(self._distances(parts, pairs).max())
+                deepest = int(depths.argmax())
+                return Clearance(float(depths[deepest]), self._contact(parts, pairs[deepest]))
             parts, pairs = self._finer(parts, pairs)
-        return self.touching
+        return Clearance(self.touching)
 
     def _dive(self, parts: _Parts, pairs: Integers) -> tuple[Contact | None, bool]:
-        """Follow the nearest pairs to the end; say whether that parted all there were."""
+        """Follow the nearest pairs to the end; say whether that parted all there were.
+
+        Of every two faces some are followed: two walls that run side by side have more pairs than
+        all others, and may be near without meeting where a third face crosses one of them.
+        """
         complete = True
         for _ in range(DEEPEST):
             if len(pairs) > 4 * FIRST:
                 complete = False
-                pairs = pairs[np.argsort(self._distances(parts, pairs))[:FIRST]]
+                pairs = self._nearest(parts, pairs)
             extent = np.abs(parts.samples - parts.samples[:, 1:2, 1:2]).max(axis=(1, 2, 3))
             small = extent[pairs].max(axis=1) <= self.touching
             if small.any():
                 return self._contact(parts, pairs[small.argmax()]), False
             parts, pairs = self._finer(parts, pairs)
-            pairs = self._unparted(parts, pairs)
+            pairs, _ = self._unparted(parts, pairs)
             if len(pairs) == 0:
                 return None, complete
         return None, False
+
+    def _nearest(self, parts: _Parts, pairs: Integers) -> Integers:
+        """Return the nearest pairs of every two faces."""
+        faces = np.sort(parts.face[pairs], axis=1)
+        group = faces[:, 0] * len(self.face_meshes) + faces[:, 1]
+        order = np.lexsort((self._distances(parts, pairs), group))
+        _, start, counts = np.unique(group[order], return_index=True, return_counts=True)
+        rank = np.arange(len(order)) - np.repeat(start, counts)
+        return np.asarray(pairs[order[rank < max(FIRST // len(counts), FIRST_OF_FACES)]])
 
     def _contact(self, parts: _Parts, pair: Integers) -> Contact:
         a, b = (int(x) for x in pair)
@@ -242,8 +268,11 @@ class _Descent:
         gap = g[pairs[:, 0], 1, 1] - g[pairs[:, 1], 1, 1]
         return np.asarray(np.sqrt(np.einsum("...i,...i->...", gap, gap)))
 
-    def _unparted(self, parts: _Parts, pairs: Integers) -> Integers:
-        """Return the pairs that neither balls, nor axes, nor the wall between them part."""
+    def _unparted(self, parts: _Parts, pairs: Integers) -> tuple[Integers, Array]:
+        """Return the pairs that neither balls, nor axes, nor the wall between them part.
+
+        With them, how far each would have to move along the best of the axes to be parted.
+        """
         g = parts.samples.reshape(-1, 9, 3)
         centre = g[:, 4]
         slack = BETWEEN * bow(parts.samples)[:, 0, 0] + self.rounding
@@ -251,7 +280,7 @@ class _Descent:
         reach = radius[pairs].sum(axis=1)
         pairs = pairs[self._distances(parts, pairs) <= reach]
         if len(pairs) == 0:
-            return pairs
+            return pairs, np.zeros(0)
         axes, radii = parts.cones()
         normal = unit(np.cross(axes[:, 0], axes[:, 1]))
         a, b = pairs[:, 0], pairs[:, 1]
@@ -260,13 +289,15 @@ class _Descent:
         tries += [unit(np.cross(axes[a, i], axes[b, j])) for i in (0, 1) for j in (0, 1)]
         left = np.arange(len(pairs))
         gap = slack[a] + slack[b]
+        depth = np.full(len(pairs), np.inf)
         for axis in tries:
             low_a, high_a = _extent(g[a[left]], axis[left])
             low_b, high_b = _extent(g[b[left]], axis[left])
-            parted = (low_b - high_a > gap[left]) | (low_a - high_b > gap[left])
-            left = left[~parted]
-        pairs = pairs[left]
-        return pairs[~self._walled(parts, (axes, radii), pairs)]
+            over = gap[left] - np.maximum(low_b - high_a, low_a - high_b)
+            depth[left] = np.minimum(depth[left], np.where(axis[left].any(axis=1), over, np.inf))
+            left = left[over >= 0]
+        kept = left[~self._walled(parts, (axes, radii), pairs[left])]
+        return pairs[kept], depth[kept]
 
     def _walled(self, parts: _Parts, cones: Cones, pairs: Integers) -> Booleans:
         """Say which pairs lie on two sides of a wall that M's tangents cannot cross back."""

@@ -19,13 +19,15 @@ class Solidity:
 
     #: inner images at which the boundary's winding number is 1
     images: int
-    #: parts of the boundary that are further apart than this were told from touching (model units)
+    #: an overlap would be no deeper than this (model units)
     apart: float
     #: index of the outer shell in the boundary complex; the others are voids
     outer_shell: int
+    #: a sentence where an overlap deeper than rounding is not excluded, or nothing
+    warning: str = ""
 
 
 def check_solidity(analysis: Analysis, sign: int) -> Solidity:
     """Return the evidence; raise NotASolidError (a subclass) where the image is no solid."""
     injective = check_injective(analysis, sign)
-    return Solidity(injective.images, injective.apart, injective.outer_shell)
+    return Solidity(injective.images, injective.apart, injective.outer_shell, injective.warning)
