@@ -1,6 +1,6 @@
 """Several bodies to one solid: each compiled from its equation, then joined by the kernel.
 
-    Bodies  ─compile→  a Part per body
+    Bodies  ─compile→  a Body per equation
             ─combine→  Booleans step by step, each held against the volumes of its operands
             ─report→   faces by body and side, edges where bodies meet, which volumes add up
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between
 from pc2cad.brep.build import KERNEL_TOLERANCE
@@ -20,15 +19,11 @@ from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.csg.intersection_edges import BOTH, Side, prove_intersection_edges, sides_of
 from pc2cad.errors import KernelError, NotASolidError, PointCadError, ToleranceNotReachedError
-from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
-from pc2cad.part import SIDE_COLOURS, Part, Solid
-from pc2cad.report import BodiesReport, EdgeReport, FaceReport, Integrals, Report, StepReport
+from pc2cad.export.model import NamedFace
+from pc2cad.part import Body, Part, body_colour
+from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
 from pc2cad.templates.bodies import Bodies, Kind, Tree
 from pc2cad.validation import check_expectations
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
-
 
 #: share of a part's size that a tolerance of the kernel's may be
 LOOSEST = 0.01
@@ -50,58 +45,12 @@ class VolumesDisagreeError(KernelError):
     """The volumes of two bodies, of their Boolean and of their common part do not add up."""
 
 
-@dataclass(frozen=True, eq=False)
-class BodiesPart(Solid):
-    """One validated solid of several bodies."""
-
-    bodies: Mapping[str, Part]
-    result: NamedShape
-    #: the edges between differently named faces
-    edges: tuple[NamedEdge, ...]
-    report: BodiesReport
-    about: str = ""
-
-    @property
-    def shape(self) -> TopoDS_Solid:
-        """The kernel's solid, in the template's units."""
-        return self.result.solids[0]
-
-    @property
-    def named_faces(self) -> tuple[tuple[str, TopoDS_Face], ...]:
-        """The kernel's faces as ``body:side``; several may be parts of one side."""
-        return tuple((BOTH.join(names), face) for face, names in self.result.faces)
-
-    def colour(self, name: str) -> tuple[float, float, float]:
-        """Return the colour of a face: that of its body."""
-        order = list(self.bodies).index(name.partition(":")[0])
-        return SIDE_COLOURS[order % 3][order // 3 % 2]
-
-    def exportable(self, colours: bool = False) -> Exportable:
-        """Return what the writers take."""
-        report = self.report
-        return Exportable(
-            solid=self.shape,
-            name=self.title,
-            description=self.about.strip(),
-            units=report.units,
-            faces=tuple(
-                NamedFace(name, face, self.colour(name) if colours else None)
-                for name, face in self.named_faces
-            ),
-            properties=GeometricProperties(
-                report.solid.volume, report.solid.area, report.solid.centroid
-            ),
-            tolerance=report.tolerance,
-            evidence=report.statements(),
-        )
-
-
 def compile_bodies(
-    bodies: Bodies, compile_body: Callable[..., Part], progress: Callable[[str], None] | None = None
-) -> BodiesPart:
+    bodies: Bodies, compile_body: Callable[..., Body], progress: Callable[[str], None] | None = None
+) -> Part:
     """Compile every body and join them; see `compiler.compile_equation` for what is raised.
 
-    `compile_body` turns an equation, and a progress to tell, into a part. Raises EmptyResultError
+    `compile_body` turns an equation, and a progress to tell, into a body. Raises EmptyResultError
     and SeveralPiecesError besides.
     """
     tell = progress or (lambda stage: None)
@@ -124,7 +73,13 @@ def compile_bodies(
     report = _report(bodies, joining, joined, edges)
     check_expectations(bodies.expectations, report)
     times["validate"] = time.perf_counter() - start
-    return BodiesPart(parts, joined.shape, edges, replace(report, times=times), bodies.about)
+    order = list(parts)
+    faces = tuple(
+        NamedFace(BOTH.join(names), face, body_colour(order.index(names[0].partition(":")[0])))
+        for face, names in joined.shape.faces
+    )
+    solid = joined.shape.solids[0]
+    return Part(parts, solid, faces, replace(report, times=times), edges, bodies.about)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +94,7 @@ class _Joined:
 class _Joining:
     """Carries out Booleans one by one, and remembers which volumes add up."""
 
-    def __init__(self, parts: Mapping[str, Part]) -> None:
+    def __init__(self, parts: Mapping[str, Body]) -> None:
         self.parts = parts
         self.steps: list[StepReport] = []
         self._reach = max(KERNEL_TOLERANCE, *(p.report.tolerance for p in parts.values()))
@@ -148,7 +103,7 @@ class _Joining:
         """Return a body or a Boolean, with all that it is made of."""
         if isinstance(tree, str):
             part = self.parts[tree]
-            faces = tuple((face, (f"{tree}:{side}",)) for side, face in part.named_faces)
+            faces = tuple((face, (f"{tree}:{side}",)) for side, face in part.faces.items())
             return _Joined(tree, NamedShape(part.shape, faces), solid_integrals(part.shape))
         first, *others = (self.join(operand) for operand in tree.operands)
         for other in others:
@@ -205,7 +160,7 @@ def _sentence(kind: str, a: float, b: float, common: float, result: float, slack
 
 def _report(
     bodies: Bodies, joining: _Joining, joined: _Joined, edges: tuple[NamedEdge, ...]
-) -> BodiesReport:
+) -> Report:
     shape, found = joined.shape, joined.integrals
     solids = shape.solids
     if len(solids) != 1:
@@ -241,13 +196,13 @@ def _report(
         / 6
     )
     error = (strips + sum(abs(step.gap) for step in joining.steps)) / found.volume
-    return BodiesReport(
-        bodies.name, bodies.title, bodies.units, dict(bodies.parameters),
-        size, tolerance, str(bodies.result), reports,
-        tuple(joining.steps), _faces(shape, found, joining.parts), curves, len(edges),
+    return Report(
+        bodies.name, bodies.title, bodies.units, dict(bodies.parameters), size, tolerance,
+        _faces(shape, found, joining.parts), curves, len(edges),
         len({v for edge in edges for v in edge.ends}), findings.shells, findings.euler,
         Integrals("B-rep (divergence theorem)", found.volume, found.area, found.centroid, error),
         kernel_tolerance=findings.largest_tolerance,
+        result=str(bodies.result), bodies=reports, steps=tuple(joining.steps),
         warnings=tuple(_warnings(reports, joining.steps, curves, loosest)),
     )  # fmt: skip
 
@@ -292,7 +247,7 @@ def _bodies(names: tuple[str, ...]) -> set[str]:
 
 
 def _faces(
-    shape: NamedShape, found: SolidIntegrals, parts: Mapping[str, Part]
+    shape: NamedShape, found: SolidIntegrals, parts: Mapping[str, Body]
 ) -> tuple[FaceReport, ...]:
     """Return each face of the result as its body's face is known, with its own area."""
     known = {
