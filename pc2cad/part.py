@@ -22,7 +22,7 @@ from pc2cad.export.registry import write
 from pc2cad.options import CompileOptions
 from pc2cad.report import Integrals, Report, SeveralBodiesError
 from pc2cad.representation.boundary_model import BoundaryModel
-from pc2cad.topology.cells import Cell, normal_direction
+from pc2cad.topology.cells import Cell, SideKey, normal_direction
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -55,10 +55,22 @@ class OfOneEquation(ABC):
         return self.body.checked.equation
 
     @property
+    def kernel_sides(self) -> dict[SideKey, TopoDS_Face]:
+        """The kernel's faces by their side, without those between layers."""
+        model, built = self.body.model, self.body.built
+        return {model.faces[i].key: built.faces[i] for i in model.outer}
+
+    @property
+    def side_areas(self) -> dict[SideKey, float]:
+        """The equation's area of each of those, in units squared."""
+        model, areas = self.body.model, self.body.checked.mass.face_areas
+        outer = (model.faces[i] for i in model.outer)
+        return {face.key: sum(areas[cell] for cell in face.cells) for face in outer}
+
+    @property
     def faces(self) -> dict[str, TopoDS_Face]:
         """The kernel's faces by the name of their side, without those between layers."""
-        model, built = self.body.model, self.body.built
-        return {model.faces[i].name: built.faces[i] for i in model.outer}
+        return {side.label: face for side, face in self.kernel_sides.items()}
 
     @property
     def layers(self) -> dict[str, TopoDS_Solid]:
@@ -72,9 +84,7 @@ class OfOneEquation(ABC):
 
         In units squared.
         """
-        model, areas = self.body.model, self.body.checked.mass.face_areas
-        outer = (model.faces[i] for i in model.outer)
-        return {face.name: sum(areas[cell] for cell in face.cells) for face in outer}
+        return {side.label: area for side, area in self.side_areas.items()}
 
     def mesh(
         self,

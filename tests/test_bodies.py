@@ -15,7 +15,7 @@ from pc2cad.brep import booleans
 from pc2cad.cli.main import main
 from pc2cad.csg.bodies import EmptyResultError, SeveralPiecesError, VolumesDisagreeError
 from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
-from pc2cad.part import Part
+from pc2cad.part import Part, body_colour
 from pc2cad.report import SeveralBodiesError
 from pc2cad.studies.variant import BUILT, Job, Task, run_variant
 from pc2cad.templates.file import parse_template
@@ -87,6 +87,15 @@ def test_faces_are_named_by_body_and_side_and_keep_their_evidence():
         f"big:u=1 / small:{s}" for s in ("v=0", "v=1", "w=0", "w=1")
     }
     assert part.report.evidence == "exact"
+
+
+def test_the_colour_of_a_face_is_that_of_its_body_and_not_read_from_its_name():
+    part = cubes("cut(big, small)", 1.5)
+    colours = {face.name: face.colour for face in part.exportable(colours=True).faces}
+    assert len(colours) == 11
+    assert {c for name, c in colours.items() if name.startswith("big")} == {body_colour(0)}
+    assert {c for name, c in colours.items() if name.startswith("small")} == {body_colour(1)}
+    assert {face.colour for face in part.exportable().faces} == {None}
 
 
 def test_faces_that_coincide_have_both_names():

@@ -29,7 +29,7 @@ from scipy.interpolate import BSpline
 import pc2cad as pc
 from pc2cad.bounds.edge_bounds import bound_edge
 from pc2cad.brep import to_kernel
-from pc2cad.brep.booleans import NamedEdge, edge_functions
+from pc2cad.brep.booleans import NamedEdge, edge_functions, label
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
 from pc2cad.csg.bodies import KernelTooLooseError
 from pc2cad.errors import ToleranceNotReachedError
@@ -56,7 +56,7 @@ def compiled(result: str, tolerance: float | None = None, **bodies: tuple[str, .
 
 def meetings(part: Part) -> list[tuple[NamedEdge, EdgeReport]]:
     """Return the edges where bodies meet, each with what is reported of it."""
-    names = [" / ".join(" = ".join(side) for side in edge.names) for edge in part.edges]
+    names = [" / ".join(label(side) for side in edge.names) for edge in part.edges]
     met = [edge for edge, name in zip(part.edges, names, strict=True)
            if name in {curve.name for curve in part.report.curves}]  # fmt: skip
     return list(zip(met, part.report.curves, strict=True))

@@ -12,17 +12,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
-from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between
+from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between, label
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
-from pc2cad.csg.intersection_edges import BOTH, Side, prove_intersection_edges, sides_of
+from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.errors import KernelError, NotASolidError, PointCadError, ToleranceNotReachedError
 from pc2cad.export.model import NamedFace
 from pc2cad.part import Body, Part, body_colour
 from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
 from pc2cad.templates.bodies import Bodies, Kind, Tree
+from pc2cad.topology.cells import SideKey
 from pc2cad.validation import check_expectations
 
 #: share of a part's size that a tolerance of the kernel's may be
@@ -75,7 +77,7 @@ def compile_bodies(
     times["validate"] = time.perf_counter() - start
     order = list(parts)
     faces = tuple(
-        NamedFace(BOTH.join(names), face, body_colour(order.index(names[0].partition(":")[0])))
+        NamedFace(label(names), face, body_colour(order.index(names[0].body)))
         for face, names in joined.shape.faces
     )
     solid = joined.shape.solids[0]
@@ -97,13 +99,17 @@ class _Joining:
     def __init__(self, parts: Mapping[str, Body]) -> None:
         self.parts = parts
         self.steps: list[StepReport] = []
+        #: steps that change nothing
+        self.idle: list[str] = []
         self._reach = max(KERNEL_TOLERANCE, *(p.report.tolerance for p in parts.values()))
 
     def join(self, tree: Tree) -> _Joined:
         """Return a body or a Boolean, with all that it is made of."""
         if isinstance(tree, str):
             part = self.parts[tree]
-            faces = tuple((face, (f"{tree}:{side}",)) for side, face in part.faces.items())
+            faces = tuple(
+                (face, (replace(key, body=tree),)) for key, face in part.kernel_sides.items()
+            )
             return _Joined(tree, NamedShape(part.shape, faces), solid_integrals(part.shape))
         first, *others = (self.join(operand) for operand in tree.operands)
         for other in others:
@@ -129,7 +135,10 @@ class _Joining:
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {_EMPTY[kind]}")
         common = found.volume if kind == "intersect" else held
-        sentence = _sentence(kind, a, b, common, found.volume, slack)
+        relation = _relation(a, b, common, slack)
+        if kind == "cut" and relation is Relation.APART:
+            self.idle.append(name)
+        sentence = _sentence(kind, relation, a, b, common, found.volume)
         self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, sentence))
         return _Joined(f"step {len(self.steps)}", result, found)
 
@@ -141,18 +150,37 @@ _EMPTY = {
 }
 
 
-def _sentence(kind: str, a: float, b: float, common: float, result: float, slack: float) -> str:
-    apart, inside = common <= slack, abs(common - b) <= slack
+class Relation(Enum):
+    """How two shapes lie to one another."""
+
+    APART = "nothing in common"
+    SECOND_INSIDE = "the second lies inside the first"
+    FIRST_INSIDE = "the first lies inside the second"
+    ACROSS = "each has a part outside the other"
+
+
+def _relation(a: float, b: float, common: float, slack: float) -> Relation:
+    """Return how shapes of volumes a and b lie that have a volume in common."""
+    if common <= slack:
+        return Relation.APART
+    if abs(common - b) <= slack:
+        return Relation.SECOND_INSIDE
+    return Relation.FIRST_INSIDE if abs(common - a) <= slack else Relation.ACROSS
+
+
+def _sentence(
+    kind: Kind, relation: Relation, a: float, b: float, common: float, result: float
+) -> str:
     if kind == "union":
-        if apart:
+        if relation is Relation.APART:
             return f"nothing in common, the volumes add up: {a:.10g} + {b:.10g} = {result:.10g}"
-        if inside or abs(common - a) <= slack:
+        if relation is not Relation.ACROSS:
             return f"one lies inside the other: {result:.10g}"
         return f"{common:.10g} in common: {a:.10g} + {b:.10g} - {common:.10g} = {result:.10g}"
     if kind == "cut":
-        if apart:
+        if relation is Relation.APART:
             return f"nothing in common, nothing is cut: {result:.10g}"
-        if inside:
+        if relation is Relation.SECOND_INSIDE:
             return f"wholly inside, the volumes subtract: {a:.10g} - {b:.10g} = {result:.10g}"
         return f"{common:.10g} of {b:.10g} inside: {a:.10g} - {common:.10g} = {result:.10g}"
     return f"{result:.10g} in common of {a:.10g} and {b:.10g}"
@@ -172,7 +200,7 @@ def _report(
     reports = {name: part.report for name, part in joining.parts.items()}
     tolerance = max(report.tolerance for report in reports.values())
     size = max(report.size for report in reports.values())
-    sides: dict[str, Side] = {}
+    sides: dict[SideKey, Side] = {}
     for name, part in joining.parts.items():
         sides |= sides_of(name, part.model)
     meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
@@ -203,21 +231,20 @@ def _report(
         Integrals("B-rep (divergence theorem)", found.volume, found.area, found.centroid, error),
         kernel_tolerance=findings.largest_tolerance,
         result=str(bodies.result), bodies=reports, steps=tuple(joining.steps),
-        warnings=tuple(_warnings(reports, joining.steps, curves, loosest)),
+        warnings=tuple(_warnings(reports, joining.idle, curves, loosest)),
     )  # fmt: skip
 
 
 def _warnings(
     reports: Mapping[str, Report],
-    steps: Sequence[StepReport],
+    idle: Sequence[str],
     curves: Sequence[EdgeReport],
     loosest: float,
 ) -> Iterator[str]:
     for name, report in reports.items():
         yield from (f"body {name}: {text}" for text in report.warnings)
-    for step in steps:
-        if "nothing is cut" in step.sentence:
-            yield f"{step.name} changes nothing: the bodies have nothing in common"
+    for name in idle:
+        yield f"{name} changes nothing: the bodies have nothing in common"
     for curve in curves:
         if curve.evidence == "bounded" and curve.deviation > loosest:
             yield (
@@ -242,8 +269,8 @@ def _check(findings: KernelFindings, size: float, units: str) -> None:
         raise NotASolidError(f"the result is no valid solid: {what}")
 
 
-def _bodies(names: tuple[str, ...]) -> set[str]:
-    return {name.partition(":")[0] for name in names}
+def _bodies(names: tuple[SideKey, ...]) -> set[str]:
+    return {name.body for name in names}
 
 
 def _faces(
@@ -251,9 +278,11 @@ def _faces(
 ) -> tuple[FaceReport, ...]:
     """Return each face of the result as its body's face is known, with its own area."""
     known = {
-        f"{body}:{face.name}": face for body, part in parts.items() for face in part.report.faces
+        replace(face.key, body=name): known
+        for name, body in parts.items()
+        for face, known in zip(body.model.faces, body.report.faces, strict=True)
     }
     return tuple(
-        replace(known[names[0]], name=BOTH.join(names), area=area)
+        replace(known[names[0]], name=label(names), area=area)
         for (_, names), area in zip(shape.faces, found.face_areas, strict=True)
     )

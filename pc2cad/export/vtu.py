@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.export.mesh_files import CellBlock, cell_blocks, whole_sides
+from pc2cad.export.mesh_files import CellBlock, cell_blocks
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import clean
@@ -33,7 +33,7 @@ def write(mesh: VolumeMesh, path: Path) -> None:
     cells = sum(len(block.nodes) for block in blocks)
     corners = sum(block.nodes.size for block in blocks)
     whole = "i8" if corners >= 2**31 else "i4"
-    named = [*enumerate(whole_sides(mesh.sides), start=1), *enumerate(mesh.layers, start=1)]
+    named = [*enumerate(mesh.whole_sides, start=1), *enumerate(mesh.layers, start=1)]
 
     def constant(value: Callable[[CellBlock], int]) -> Callable[[], Iterable[NDArray[Any]]]:
         return lambda: _constant([(len(block.nodes), value(block)) for block in blocks])

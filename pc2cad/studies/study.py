@@ -17,7 +17,7 @@ from pc2cad.studies.plan import Plan, check_plan, grid, read_axes, sample
 from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
 from pc2cad.studies.store import open_store
 from pc2cad.studies.table import COLUMNS
-from pc2cad.studies.variant import Task
+from pc2cad.studies.variant import Task, file_name
 from pc2cad.studies.variants_table import read_table
 from pc2cad.templates.file import parse_template, read_template_text
 from pc2cad.templates.shipped import find_template
@@ -92,7 +92,9 @@ def study(
     )  # fmt: skip
     pictures = {name: plot(result.rows, *columns) for name, columns in drawn.items()}
     if thumbnails:
-        pictures[SHEET] = contact_sheet(result.rows, plan.names, open_store(task.store))
+        keys = (task.key(plan.values(number)) for number in range(len(plan)))
+        files = [file_name(key, "thumbnail") for key in keys]
+        pictures[SHEET] = contact_sheet(result.rows, plan.names, files, open_store(task.store))
     for name, image in pictures.items():
         write_atomically(result.folder / name, image, owned=True)
     return result
