@@ -11,7 +11,7 @@ frozen value. Rooms are imported where they are used: only parts and tetrahedra 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Literal
 
 from pc2cad.checked import CheckedMap, Progress, Stages, check_map
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
@@ -20,7 +20,6 @@ from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.templates.bodies import Bodies
 
 if TYPE_CHECKING:
-    from pc2cad.csg.bodies import BodiesPart
     from pc2cad.mesh.meshing import MeshOptions
     from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -28,23 +27,11 @@ if TYPE_CHECKING:
     from pc2cad.representation.volume import VolumeModel
 
 
-@overload
-def compile_solid(
-    equation: PointEquation,
-    options: CompileOptions = DEFAULTS,
-    progress: Progress | None = None,
-) -> Part: ...
-@overload
-def compile_solid(
-    equation: Bodies,
-    options: CompileOptions = DEFAULTS,
-    progress: Progress | None = None,
-) -> BodiesPart: ...
 def compile_solid(
     equation: PointEquation | Bodies,
     options: CompileOptions = DEFAULTS,
     progress: Progress | None = None,
-) -> Part | BodiesPart:
+) -> Part:
     """Compile a point equation, or several with their Booleans, into a validated part.
 
     Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing doubtful is
@@ -54,7 +41,7 @@ def compile_solid(
 
     if isinstance(equation, Bodies):
         return compile_bodies(
-            equation, lambda body, tell: compile_solid(body, options, tell), progress
+            equation, lambda body, tell: compile_solid(body, options, tell).body, progress
         )
     from pc2cad.validation import check_thickness
 
@@ -67,7 +54,7 @@ def compile_checked(
 ) -> Part:
     """Return the part of a checked map: represented, built and validated."""
     from pc2cad.brep.build import build
-    from pc2cad.part import Part
+    from pc2cad.part import Body, part_of
     from pc2cad.representation.boundary import represent
     from pc2cad.validation import validate
 
@@ -75,29 +62,9 @@ def compile_checked(
     model = run("represent", lambda: represent(checked, options))
     built = run("build", lambda: build(model))
     report = run("validate", lambda: validate(checked, model, built))
-    return Part(checked, model, built, replace(report, times=run.times))
+    return part_of(Body(checked, model, built, replace(report, times=run.times)))
 
 
-@overload
-def compile_equation(
-    equation: PointEquation,
-    tolerance: float | None = None,
-    degree: int | None = None,
-    progress: Progress | None = None,
-    *,
-    max_degree: int | None = None,
-    profile: str = "compact",
-) -> Part: ...
-@overload
-def compile_equation(
-    equation: Bodies,
-    tolerance: float | None = None,
-    degree: int | None = None,
-    progress: Progress | None = None,
-    *,
-    max_degree: int | None = None,
-    profile: str = "compact",
-) -> BodiesPart: ...
 def compile_equation(
     equation: PointEquation | Bodies,
     tolerance: float | None = None,
@@ -106,7 +73,7 @@ def compile_equation(
     *,
     max_degree: int | None = None,
     profile: str = "compact",
-) -> Part | BodiesPart:
+) -> Part:
     """Compile a point equation, or several with their Booleans, into a validated part.
 
     `tolerance` is the largest distance, in model units, that a face may have from the equation;

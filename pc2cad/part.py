@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from pc2cad.brep.build import BuiltSolid
@@ -18,14 +20,15 @@ from pc2cad.export.model import (
 )
 from pc2cad.export.registry import write
 from pc2cad.options import CompileOptions
-from pc2cad.report import BodiesReport, Integrals, Report
-from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
-from pc2cad.topology.cells import Cell, normal_direction
+from pc2cad.report import Integrals, Report, SeveralBodiesError
+from pc2cad.representation.boundary_model import BoundaryModel
+from pc2cad.topology.cells import Cell, SideKey, normal_direction
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
+    from pc2cad.brep.booleans import NamedEdge
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.representation.volume import VolumeModel
     from pc2cad.sampling.interior import Location, PointSet
@@ -38,24 +41,192 @@ SIDE_COLOURS = (
 )
 
 
-class Solid:
-    """One validated solid: what a part of one equation and one of several bodies have in common."""
+class OfOneEquation(ABC):
+    """What is asked of the one equation of a part, or of one body of several."""
 
-    report: Report | BodiesReport
+    @property
+    @abstractmethod
+    def body(self) -> Body:
+        """The one body; SeveralBodiesError where there are several."""
+
+    @property
+    def equation(self) -> PointEquation:
+        """The point equation."""
+        return self.body.checked.equation
+
+    @property
+    def kernel_sides(self) -> dict[SideKey, TopoDS_Face]:
+        """The kernel's faces by their side, without those between layers."""
+        model, built = self.body.model, self.body.built
+        return {model.faces[i].key: built.faces[i] for i in model.outer}
+
+    @property
+    def side_areas(self) -> dict[SideKey, float]:
+        """The equation's area of each of those, in units squared."""
+        model, areas = self.body.model, self.body.checked.mass.face_areas
+        outer = (model.faces[i] for i in model.outer)
+        return {face.key: sum(areas[cell] for cell in face.cells) for face in outer}
+
+    @property
+    def faces(self) -> dict[str, TopoDS_Face]:
+        """The kernel's faces by the name of their side, without those between layers."""
+        return {side.label: face for side, face in self.kernel_sides.items()}
+
+    @property
+    def layers(self) -> dict[str, TopoDS_Solid]:
+        """The solids of a part in layers by name; they share the faces between them."""
+        layers = zip(self.body.model.layers, self.body.built.layers, strict=True)
+        return {layer.name: solid for layer, solid in layers}
+
+    @property
+    def face_areas(self) -> dict[str, float]:
+        """The equation's area of each face by the name of its side, without those between layers.
+
+        In units squared.
+        """
+        return {side.label: area for side, area in self.side_areas.items()}
+
+    def mesh(
+        self,
+        *,
+        cells: tuple[int, int, int] | None = None,
+        size: float | None = None,
+        order: Literal[1, 2] = 1,
+        shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
+        core: Literal["grid", "ogrid"] = "grid",
+    ) -> VolumeMesh:
+        """Return structured hexahedra of the equation's own (u,v,w) grid, or gmsh's tetrahedra.
+
+        Tetrahedra are of the compiled solid, with its tolerance and its splines.
+        `cells` along u, v and w, or the `size` of the longest ones in model units. The `core` at an
+        axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Raises
+        UnsuitableGridError, or InvertedElementError where the cells are too coarse.
+        """
+        from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
+
+        options = MeshOptions(cells, size, order, shape, core=core)
+        if shape == "tetrahedra":
+            return mesh_solid(self.body, options)[0]
+        return mesh_volume(self.body.checked, options)[0]
+
+    def splines(
+        self,
+        tolerance: float | None = None,
+        *,
+        degree: int | None = None,
+        max_degree: int | None = None,
+        profile: str = "compact",
+    ) -> VolumeModel:
+        """Return the volume itself as trivariate splines, exact where M is polynomial or rational.
+
+        `tolerance` bounds the distance elsewhere; it and the rest are those of `compile_equation`.
+        """
+        from pc2cad.representation.volume import represent_volume
+
+        options = CompileOptions(tolerance, degree, max_degree, profile)
+        return represent_volume(self.body.checked, options)
+
+    def sample(
+        self,
+        count: int = 1000,
+        *,
+        method: Literal["uniform", "blue"] = "uniform",
+        seed: int = 0,
+    ) -> PointSet:
+        """Return random points of the interior, uniform in space or kept apart (blue noise)."""
+        from pc2cad.sampling.interior import sample_blue, sample_uniform
+
+        draw = sample_blue if method == "blue" else sample_uniform
+        return draw(self.body.checked, count, seed)
+
+    def locate(self, points: ArrayLike) -> Location:
+        """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""
+        from pc2cad.sampling.interior import locate
+
+        return locate(self.body.checked, points)
+
+
+@dataclass(frozen=True, eq=False)
+class Body(OfOneEquation):
+    """One point equation with its solid, by itself: all of a part, or an operand of Booleans."""
+
+    checked: CheckedMap
+    model: BoundaryModel
+    built: BuiltSolid
+    report: Report
+
+    @property
+    def body(self) -> Body:
+        """The body itself."""
+        return self
 
     @property
     def shape(self) -> TopoDS_Solid:
-        """The kernel's solid, in the model's units."""
-        raise NotImplementedError
+        """The kernel's solid, in the equation's units."""
+        return self.built.solid
+
+
+@dataclass(frozen=True, eq=False)
+class Part(OfOneEquation):
+    """One validated solid, of one point equation or of several bodies joined by Booleans."""
+
+    bodies: Mapping[str, Body]
+    #: the kernel's solid, in the part's units
+    shape: TopoDS_Solid
+    #: the faces of its boundary with their names, and colours that tell sides or bodies apart
+    surface: tuple[NamedFace, ...]
+    report: Report
+    #: edges between differently named faces, where Booleans have made them
+    edges: tuple[NamedEdge, ...] = ()
+    about: str = ""
+
+    @property
+    def body(self) -> Body:
+        """The one body; SeveralBodiesError where there are several."""
+        if len(self.bodies) > 1:
+            raise SeveralBodiesError(self.report.name, self.bodies)
+        return next(iter(self.bodies.values()))
+
+    @property
+    def checked(self) -> CheckedMap:
+        """What is known of the one equation."""
+        return self.body.checked
+
+    @property
+    def model(self) -> BoundaryModel:
+        """The boundary of the one equation's solid, before the kernel."""
+        return self.body.model
+
+    @property
+    def built(self) -> BuiltSolid:
+        """The kernel's solid of the one equation, face by face of the model."""
+        return self.body.built
 
     @property
     def named_faces(self) -> tuple[tuple[str, TopoDS_Face], ...]:
-        """The kernel's faces, each with its name."""
-        raise NotImplementedError
+        """The kernel's faces, each with the name of its side, without those between layers.
+
+        Of several bodies it is ``body:side``, and several faces may be parts of one side.
+        """
+        return tuple((face.name, face.face) for face in self.surface)
 
     def exportable(self, colours: bool = False) -> Exportable:
         """Return what the writers take."""
-        raise NotImplementedError
+        report = self.report
+        layers, between = (self.layers, _between(self.body)) if len(self.bodies) == 1 else ({}, ())
+        best = report.integrals
+        return Exportable(
+            solid=self.shape,
+            name=self.title,
+            description=self.about.strip(),
+            units=report.units,
+            faces=_painted(self.surface, colours),
+            interfaces=_painted(between, colours),
+            layers=tuple(NamedSolid(*item) for item in layers.items()),
+            properties=GeometricProperties(best.volume, best.area, best.centroid),
+            tolerance=report.tolerance,
+            evidence=report.statements(),
+        )
 
     @property
     def title(self) -> str:
@@ -98,137 +269,35 @@ class Solid:
         return Integrals(source, found.volume, found.area, found.centroid)
 
 
-@dataclass(frozen=True, eq=False)
-class Part(Solid):
-    """One validated solid of one point equation."""
+def part_of(body: Body) -> Part:
+    """Return the part that one body is."""
+    faces = tuple(_named(body, index) for index in body.model.outer)
+    equation = body.equation
+    return Part({equation.name: body}, body.shape, faces, body.report, about=equation.about)
 
-    checked: CheckedMap
-    model: BoundaryModel
-    built: BuiltSolid
-    report: Report
 
-    @property
-    def equation(self) -> PointEquation:
-        """The point equation."""
-        return self.checked.equation
+def _between(body: Body) -> tuple[NamedFace, ...]:
+    """Return the faces between the layers of a body."""
+    outer, count = body.model.outer, len(body.model.faces)
+    return tuple(_named(body, index) for index in range(count) if index not in outer)
 
-    @property
-    def shape(self) -> TopoDS_Solid:
-        """The kernel's solid, in the equation's units."""
-        return self.built.solid
 
-    @property
-    def faces(self) -> dict[str, TopoDS_Face]:
-        """The kernel's faces by the name of their side, without those between layers."""
-        return dict(self.named_faces)
+def _named(body: Body, index: int) -> NamedFace:
+    face = body.model.faces[index]
+    colour = side_colour(body.model.complex.faces[face.cells[0]].patch)
+    return NamedFace(face.name, body.built.faces[index], colour)
 
-    @property
-    def layers(self) -> dict[str, TopoDS_Solid]:
-        """The solids of a part in layers by name; they share the faces between them."""
-        return {x.name: s for x, s in zip(self.model.layers, self.built.layers, strict=True)}
 
-    @property
-    def named_faces(self) -> tuple[tuple[str, TopoDS_Face], ...]:
-        """The kernel's faces, each with the name of its side, without those between layers."""
-        return tuple((self.model.faces[i].name, self.built.faces[i]) for i in self.model.outer)
-
-    @property
-    def face_areas(self) -> dict[str, float]:
-        """The equation's area of each face by the name of its side, without those between layers.
-
-        In units squared.
-        """
-        areas, outer = self.checked.mass.face_areas, (self.model.faces[i] for i in self.model.outer)
-        return {face.name: sum(areas[cell] for cell in face.cells) for face in outer}
-
-    def mesh(
-        self,
-        *,
-        cells: tuple[int, int, int] | None = None,
-        size: float | None = None,
-        order: Literal[1, 2] = 1,
-        shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
-        core: Literal["grid", "ogrid"] = "grid",
-    ) -> VolumeMesh:
-        """Return structured hexahedra of the equation's own (u,v,w) grid, or gmsh's tetrahedra.
-
-        Tetrahedra are of this part's solid, with its tolerance and its splines.
-        `cells` along u, v and w, or the `size` of the longest ones in model units. The `core` at an
-        axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Raises
-        UnsuitableGridError, or InvertedElementError where the cells are too coarse.
-        """
-        from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
-
-        options = MeshOptions(cells, size, order, shape, core=core)
-        if shape == "tetrahedra":
-            return mesh_solid(self, options)[0]
-        return mesh_volume(self.checked, options)[0]
-
-    def splines(
-        self,
-        tolerance: float | None = None,
-        *,
-        degree: int | None = None,
-        max_degree: int | None = None,
-        profile: str = "compact",
-    ) -> VolumeModel:
-        """Return the volume itself as trivariate splines, exact where M is polynomial or rational.
-
-        `tolerance` bounds the distance elsewhere; it and the rest are those of `compile_equation`.
-        """
-        from pc2cad.representation.volume import represent_volume
-
-        options = CompileOptions(tolerance, degree, max_degree, profile)
-        return represent_volume(self.checked, options)
-
-    def sample(
-        self,
-        count: int = 1000,
-        *,
-        method: Literal["uniform", "blue"] = "uniform",
-        seed: int = 0,
-    ) -> PointSet:
-        """Return random points of the interior, uniform in space or kept apart (blue noise)."""
-        from pc2cad.sampling.interior import sample_blue, sample_uniform
-
-        draw = sample_blue if method == "blue" else sample_uniform
-        return draw(self.checked, count, seed)
-
-    def locate(self, points: ArrayLike) -> Location:
-        """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""
-        from pc2cad.sampling.interior import locate
-
-        return locate(self.checked, points)
-
-    def exportable(self, colours: bool = False) -> Exportable:
-        """Return what the writers take."""
-        named = [
-            NamedFace(face.name, kernel, self._colour(face) if colours else None)
-            for face, kernel in zip(self.model.faces, self.built.faces, strict=True)
-        ]
-        outer = self.model.outer
-        return Exportable(
-            solid=self.built.solid,
-            name=self.title,
-            description=self.equation.about.strip(),
-            units=self.equation.units,
-            faces=tuple(f for i, f in enumerate(named) if i in outer),
-            interfaces=tuple(f for i, f in enumerate(named) if i not in outer),
-            layers=tuple(NamedSolid(*item) for item in self.layers.items()),
-            properties=GeometricProperties(
-                self.report.equation.volume,
-                self.report.equation.area,
-                self.report.equation.centroid,
-            ),
-            tolerance=self.report.tolerance,
-            evidence=self.report.statements(),
-        )
-
-    def _colour(self, face: ModelFace) -> tuple[float, float, float]:
-        return side_colour(self.model.complex.faces[face.cells[0]].patch)
+def _painted(faces: tuple[NamedFace, ...], colours: bool) -> tuple[NamedFace, ...]:
+    return faces if colours else tuple(replace(face, colour=None) for face in faces)
 
 
 def side_colour(patch: Cell) -> tuple[float, float, float]:
     """Return the colour (red, green, blue in 0…1) of a side of the box, or of a piece of one."""
     direction = normal_direction(patch)
     return SIDE_COLOURS[direction][1 if patch[direction] else 0]
+
+
+def body_colour(number: int) -> tuple[float, float, float]:
+    """Return the colour (red, green, blue in 0…1) of a body of several."""
+    return SIDE_COLOURS[number % 3][number // 3 % 2]

@@ -3,8 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
+
+from pc2cad.errors import InputError
+
+
+class SeveralBodiesError(InputError):
+    """One equation is asked for, and there are several bodies."""
+
+    def __init__(self, name: str, bodies: Mapping[str, Any]) -> None:
+        super().__init__(
+            f"{name} is made of several bodies ({', '.join(bodies)}), and what was asked for "
+            "belongs to one equation; ask one of its bodies"
+        )
 
 
 @dataclass(frozen=True)
@@ -143,68 +155,6 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class Report(Evidence):
-    """Everything that is known of a compiled part; lengths are in `units`."""
-
-    name: str
-    title: str
-    units: str
-    parameters: Mapping[str, float]
-    size: float
-    tolerance: float
-    sides: tuple[SideReport, ...]
-    faces: tuple[FaceReport, ...]
-    #: the edges between different faces
-    curves: tuple[EdgeReport, ...]
-    #: edges between different faces, and their ends
-    edges: int
-    vertices: int
-    #: genus of each shell, the outer one first
-    genus: tuple[int, ...]
-    euler: int
-    #: of a channel: what frame carries its section along which guide; otherwise nothing
-    frame: str
-    #: of a channel: how far it is from breaking, by search (sampled)
-    limits: tuple[LimitReport, ...]
-    #: det J keeps its sign: proved or sampled
-    determinant: str
-    #: inner images with winding number 1, and how near parts of the boundary may come to one
-    #: another before they count as touching: an overlap deeper than that would have been seen
-    images: int
-    contact_clearance: float
-    equation: Integrals
-    solid: Integrals
-    #: those of the solid's triangles, where they were asked for (`Part.triangle_integrals`)
-    triangles: Integrals | None = field(default=None, kw_only=True)
-    #: largest tolerance of a vertex, edge or face of the kernel's solid
-    kernel_tolerance: float
-    #: the solids of a part in layers, from w = 0 up
-    layers: tuple[LayerReport, ...] = ()
-    #: what is unusual about the map but does not hinder, in sentences
-    warnings: tuple[str, ...] = ()
-    #: seconds per stage
-    times: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def shells(self) -> int:
-        """Number of shells: 1, and 1 more for each void."""
-        return len(self.genus)
-
-    @property
-    def integrals(self) -> Integrals:
-        """The best figures of the solid: those of the equation."""
-        return self.equation
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the report as plain data for JSON."""
-        data = asdict(self)
-        data["shells"] = self.shells
-        data["deviation"] = self.deviation
-        data["evidence"] = self.evidence
-        return data
-
-
-@dataclass(frozen=True)
 class StepReport:
     """One Boolean of two shapes: which volumes add up (model units)."""
 
@@ -224,13 +174,40 @@ class StepReport:
 
 
 @dataclass(frozen=True)
-class BodiesReport(Evidence):
-    """What is known of a solid made of several bodies; lengths are in `units`.
+class EquationReport:
+    """What is known of a part from its one point equation; lengths in the part's units."""
 
-    A face is known as its body's face is that it is a part of; its deviation is that of the whole
-    side. `curves` are the edges where bodies meet, found by the kernel; their deviation bounds the
-    distance from places common to both equations' faces, and what was seen of it is that from
-    where the carriers meet. Sampled, it is the largest distance seen from the surface of either.
+    sides: tuple[SideReport, ...]
+    #: genus of each shell, the outer one first
+    genus: tuple[int, ...]
+    #: of a channel: what frame carries its section along which guide; otherwise nothing
+    frame: str
+    #: of a channel: how far it is from breaking, by search (sampled)
+    limits: tuple[LimitReport, ...]
+    #: det J keeps its sign: proved or sampled
+    determinant: str
+    #: inner images with winding number 1, and how near parts of the boundary may come to one
+    #: another before they count as touching: an overlap deeper than that would have been seen
+    images: int
+    contact_clearance: float
+    #: integrated over the box
+    integrals: Integrals
+    #: the solids of a part in layers, from w = 0 up
+    layers: tuple[LayerReport, ...] = ()
+
+
+@dataclass(frozen=True)
+class Report(Evidence):
+    """Everything that is known of a compiled part; lengths are in `units`.
+
+    A part is made of one point equation, and `own` says what is known of that, or of several
+    `bodies`, each with a report as it would have alone, joined in `steps`. Then a face is known as
+    its body's face is that it is a part of; its deviation is that of the whole side. `curves` are
+    the edges where bodies meet, found by the kernel; their deviation bounds the distance from
+    places common to both equations' faces, and what was seen of it is that from where the carriers
+    meet. Sampled, it is the largest distance seen from the surface of either.
+
+    What belongs to one equation raises SeveralBodiesError where there are several.
     """
 
     name: str
@@ -239,34 +216,110 @@ class BodiesReport(Evidence):
     parameters: Mapping[str, float]
     size: float
     tolerance: float
-    #: how the bodies join
-    result: str
-    #: body -> its own report
-    bodies: Mapping[str, Report]
-    steps: tuple[StepReport, ...]
     faces: tuple[FaceReport, ...]
+    #: the edges between different faces, or where bodies meet
     curves: tuple[EdgeReport, ...]
-    #: edges between differently named faces, and their ends
+    #: edges between different faces, and their ends
     edges: int
     vertices: int
+    #: 1, and 1 more for each void
     shells: int
     euler: int
     solid: Integrals
-    #: those of the solid's triangles, where they were asked for
+    #: those of the solid's triangles, where they were asked for (`Part.triangle_integrals`)
     triangles: Integrals | None = field(default=None, kw_only=True)
+    #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
+    #: what is known of the one equation; None where there are several bodies
+    own: EquationReport | None = None
+    #: how several bodies join, as in the template, and which volumes add up
+    result: str = ""
+    bodies: Mapping[str, Report] = field(default_factory=dict)
+    steps: tuple[StepReport, ...] = ()
+    #: what is unusual about the map but does not hinder, in sentences
     warnings: tuple[str, ...] = ()
+    #: seconds per stage
     times: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def one(self) -> EquationReport:
+        """What is known of the one equation; SeveralBodiesError where there are several."""
+        if self.own is None:
+            raise SeveralBodiesError(self.name, self.bodies)
+        return self.own
+
+    @property
     def integrals(self) -> Integrals:
-        """The best figures of the solid: those of its B-rep."""
-        return self.solid
+        """The best figures of the solid: of its one equation, or of the B-rep of several bodies."""
+        return self.solid if self.own is None else self.own.integrals
+
+    @property
+    def equation(self) -> Integrals:
+        """Volume, area and centroid of the one equation."""
+        return self.one.integrals
+
+    @property
+    def sides(self) -> tuple[SideReport, ...]:
+        """The fate of every side of the one equation's box."""
+        return self.one.sides
+
+    @property
+    def genus(self) -> tuple[int, ...]:
+        """Genus of each shell, the outer one first."""
+        return self.one.genus
+
+    @property
+    def frame(self) -> str:
+        """Of a channel: what frame carries its section along which guide; otherwise nothing."""
+        return self.one.frame
+
+    @property
+    def limits(self) -> tuple[LimitReport, ...]:
+        """Of a channel: how far it is from breaking, by search (sampled)."""
+        return self.one.limits
+
+    @property
+    def determinant(self) -> str:
+        """Whether it is proved or sampled that det J keeps its sign."""
+        return self.one.determinant
+
+    @property
+    def images(self) -> int:
+        """Number of inner images with winding number 1."""
+        return self.one.images
+
+    @property
+    def contact_clearance(self) -> float:
+        """How near parts of the boundary may come to one another before they count as touching."""
+        return self.one.contact_clearance
+
+    @property
+    def layers(self) -> tuple[LayerReport, ...]:
+        """The solids of a part in layers, from w = 0 up."""
+        return self.one.layers
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain data for JSON."""
-        data = asdict(self)
-        data["bodies"] = {name: report.to_dict() for name, report in self.bodies.items()}
-        data["deviation"] = self.deviation
-        data["evidence"] = self.evidence
-        return data
+        if self.own is None:
+            bodies = {name: body.to_dict() for name, body in self.bodies.items()}
+            known = asdict(replace(self, bodies={})) | {"bodies": bodies}
+            order: tuple[str, ...] = _OF_BODIES
+        else:
+            known, order = asdict(self), _OF_EQUATION
+            known |= known["own"] | {"equation": known["own"]["integrals"]}
+        known |= {"deviation": self.deviation, "evidence": self.evidence}
+        return {key: known[key] for key in order}
+
+
+#: what plain data hold, in the order that they have always had
+_OF_EQUATION = (
+    "name", "title", "units", "parameters", "size", "tolerance", "sides", "faces", "curves",
+    "edges", "vertices", "genus", "euler", "frame", "limits", "determinant", "images",
+    "contact_clearance", "equation", "solid", "triangles", "kernel_tolerance", "layers", "warnings",
+    "times", "shells", "deviation", "evidence",
+)  # fmt: skip
+_OF_BODIES = (
+    "name", "title", "units", "parameters", "size", "tolerance", "result", "bodies", "steps",
+    "faces", "curves", "edges", "vertices", "shells", "euler", "solid", "triangles",
+    "kernel_tolerance", "warnings", "times", "deviation", "evidence",
+)  # fmt: skip

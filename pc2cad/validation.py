@@ -30,8 +30,8 @@ from pc2cad.geometry.carriers import (
 from pc2cad.geometry.scale import Scale
 from pc2cad.integrals.mass_properties import Properties
 from pc2cad.report import (
-    BodiesReport,
     EdgeReport,
+    EquationReport,
     FaceReport,
     Integrals,
     LayerReport,
@@ -66,8 +66,8 @@ def validate(checked: CheckedMap, model: BoundaryModel, built: BuiltSolid) -> Re
     _check_kernel(findings, model)
     integrals = solid_integrals(built.solid)
     _check_integrals(integrals, checked.mass, model)
-    report = _report(checked, model, integrals, findings)
-    report = replace(report, layers=_layers(checked.mass, model, built))
+    layers = _layers(checked.mass, model, built)
+    report = _report(checked, model, integrals, findings, layers)
     check_expectations(checked.equation.expectations, report)
     return report
 
@@ -169,7 +169,7 @@ _CARRIER_KEYS = {
 }
 
 
-def check_expectations(expected: Expectations, report: Report | BodiesReport) -> None:
+def check_expectations(expected: Expectations, report: Report) -> None:
     """Raise ExpectationNotMetError for the first figure of a template that is not met."""
     counts = {
         "faces": len(report.faces), "edges": report.edges, "vertices": report.vertices,
@@ -203,8 +203,9 @@ def _report(
     model: BoundaryModel,
     integrals: SolidIntegrals,
     findings: KernelFindings,
+    layers: tuple[LayerReport, ...],
 ) -> Report:
-    equation, boundary, properties = checked.equation, model.complex, checked.mass
+    equation, properties = checked.equation, checked.mass
     return Report(
         name=equation.name,
         title=equation.title,
@@ -212,7 +213,6 @@ def _report(
         parameters=dict(equation.parameters),
         size=model.size,
         tolerance=model.tolerance,
-        sides=tuple(_side(side, boundary) for side in boundary.sides),
         faces=tuple(
             _face(model, face, sum(_areas(properties)[cell] for cell in face.cells))
             for face in model.faces
@@ -220,14 +220,34 @@ def _report(
         curves=tuple(_edge(model, index) for index in sorted(model.creases())),
         edges=len(model.creases()),
         vertices=len(model.crease_vertices()),
+        shells=len(model.shells),
+        euler=model.complex.euler,
+        solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,
+                        integrals.centroid),
+        kernel_tolerance=findings.largest_tolerance,
+        own=_own(checked, model, layers),
+        warnings=tuple(
+            warning
+            for warning in (checked.orientation.warning, checked.solidity.warning)
+            if warning
+        ),
+    )  # fmt: skip
+
+
+def _own(
+    checked: CheckedMap, model: BoundaryModel, layers: tuple[LayerReport, ...]
+) -> EquationReport:
+    """Return what is known from the equation itself."""
+    boundary, properties = model.complex, checked.mass
+    return EquationReport(
+        sides=tuple(_side(side, boundary) for side in boundary.sides),
         genus=tuple(
             shell.genus
             for members in model.shells
             for shell in boundary.shells
             if model.faces[members[0]].cells[0] in shell.faces
         ),
-        euler=boundary.euler,
-        frame=equation.frame,
+        frame=checked.equation.frame,
         limits=tuple(
             LimitReport(limit.name, limit.value, limit.breaks_at, limit.sentence)
             for limit in checked.limits
@@ -235,18 +255,11 @@ def _report(
         determinant=checked.orientation.verdict.value,
         images=checked.solidity.images,
         contact_clearance=checked.solidity.apart,
-        equation=Integrals(
+        integrals=Integrals(
             properties.source, properties.volume, properties.area,
             properties.centroid, properties.relative_error,
         ),
-        solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,
-                        integrals.centroid),
-        kernel_tolerance=findings.largest_tolerance,
-        warnings=tuple(
-            warning
-            for warning in (checked.orientation.warning, checked.solidity.warning)
-            if warning
-        ),
+        layers=layers,
     )  # fmt: skip
 
 

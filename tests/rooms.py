@@ -35,7 +35,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "representation": ("checked", "domain", "bounds", "topology", "geometry", "expression"),
     "mesh": ("checked", "integrals", "domain", "topology", "geometry"),
     "sampling": ("checked", "domain", "topology"),
-    "brep": ("representation", "geometry"),
+    "brep": ("representation", "topology", "geometry"),
     "validation": (
         "brep", "representation", "checked", "integrals", "solidity", "domain", "topology",
         "geometry", "equation", "expression", "report",
@@ -46,8 +46,8 @@ LAYERS: dict[str, tuple[str, ...]] = {
         "report",
     ),
     "csg": (
-        "part", "export", "validation", "brep", "representation", "bounds", "geometry",
-        "templates", "report",
+        "part", "export", "validation", "brep", "representation", "bounds", "topology",
+        "geometry", "templates", "report",
     ),
 }  # fmt: skip
 

@@ -8,7 +8,7 @@ import pytest
 
 import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
-from pc2cad.part import Solid
+from pc2cad.part import Part
 from pc2cad.templates.shipped import bodies_paths, template_paths
 
 #: with many faces or many poles, a second or more each: tests of every template leave them to the
@@ -31,7 +31,7 @@ def checked_of(name: str) -> CheckedMap:
 
 
 @cache
-def part_of(name: str) -> Solid:
+def part_of(name: str) -> Part:
     """Compile a shipped template with its own values, once for all tests of a process."""
     path = (template_paths() | bodies_paths())[name]
     return pc.compile_equation(pc.read_template(path).bind())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from math import pi
+from operator import attrgetter
 
 import cadquery as cq
 import pytest
@@ -12,8 +13,10 @@ import pc2cad as pc
 import pc2cad.cadquery as pcq
 from pc2cad.brep import booleans
 from pc2cad.cli.main import main
-from pc2cad.csg.bodies import BodiesPart, EmptyResultError, SeveralPiecesError, VolumesDisagreeError
+from pc2cad.csg.bodies import EmptyResultError, SeveralPiecesError, VolumesDisagreeError
 from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
+from pc2cad.part import Part, body_colour
+from pc2cad.report import SeveralBodiesError
 from pc2cad.studies.variant import BUILT, Job, Task, run_variant
 from pc2cad.templates.file import parse_template
 from pc2cad.templates.shipped import bodies_paths
@@ -41,7 +44,7 @@ z = "w + 1/2"
 """
 
 
-def cubes(result: str, d: float, more: str = "") -> BodiesPart:
+def cubes(result: str, d: float, more: str = "") -> Part:
     template = parse_template(CUBES.format(result=result) + more, "cubes")
     return pc.compile_equation(template.bind({"d": d}))
 
@@ -86,6 +89,15 @@ def test_faces_are_named_by_body_and_side_and_keep_their_evidence():
     assert part.report.evidence == "exact"
 
 
+def test_the_colour_of_a_face_is_that_of_its_body_and_not_read_from_its_name():
+    part = cubes("cut(big, small)", 1.5)
+    colours = {face.name: face.colour for face in part.exportable(colours=True).faces}
+    assert len(colours) == 11
+    assert {c for name, c in colours.items() if name.startswith("big")} == {body_colour(0)}
+    assert {c for name, c in colours.items() if name.startswith("small")} == {body_colour(1)}
+    assert {face.colour for face in part.exportable().faces} == {None}
+
+
 def test_faces_that_coincide_have_both_names():
     part = cubes("intersect(big, small)", 1)
     assert "big:u=1 = small:u=1" in [face.name for face in part.report.faces]
@@ -108,6 +120,41 @@ def test_shipped_templates_meet_their_closed_forms(name, tmp_path):
     part.write(tmp_path / "part.step", colours=True)
     text = (tmp_path / "part.step").read_text()
     assert all(f"'{face.name}'" in text for face in report.faces)
+
+
+ONE_EQUATION = (
+    "equation", "checked", "model", "built", "faces", "layers", "face_areas", "report.equation",
+    "report.sides", "report.genus", "report.frame", "report.limits", "report.determinant",
+    "report.images", "report.contact_clearance", "report.layers",
+)  # fmt: skip
+
+
+def test_what_belongs_to_one_equation_is_asked_of_one_body():
+    part = cubes("cut(big, small)", 1.5)
+    alone = part.bodies["big"]
+    assert len(ONE_EQUATION) == 16
+    for name in ONE_EQUATION:
+        with pytest.raises(SeveralBodiesError, match=r"several bodies \(big, small\)"):
+            attrgetter(name)(part)
+    calls = (part.mesh, part.splines, part.sample, lambda: part.locate([[0.5, 0.5, 0.5]]))
+    for call in calls:
+        with pytest.raises(SeveralBodiesError, match="belongs to one equation"):
+            call()
+    assert alone.report is part.report.bodies["big"]
+    assert alone.report.equation.volume == pytest.approx(8)
+    assert set(alone.faces) == {"u=0", "u=1", "v=0", "v=1", "w=0", "w=1"}
+    assert len(alone.mesh(cells=(2, 2, 2)).points) == 27
+    assert alone.locate([[0.5, 0.5, 0.5]]).inside.tolist() == [True]
+
+
+def test_one_equation_is_a_tree_of_one_body():
+    u, v, w = pc.parameters()
+    part = pc.compile_part((u, v, w))
+    assert list(part.bodies) == ["part"]
+    assert part.body is part.bodies["part"]
+    assert part.body.report is part.report
+    assert part.report.shells == len(part.report.genus) == 1
+    assert (part.report.bodies, part.report.steps, part.edges) == ({}, (), ())
 
 
 def test_three_pairs_in_one_expression():

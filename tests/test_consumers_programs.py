@@ -33,7 +33,7 @@ from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
 from shipped import LONG, part_of
 
 from pc2cad.export.kernel import subshapes
-from pc2cad.part import Solid
+from pc2cad.part import Part
 from pc2cad.templates.shipped import bodies_paths, template_paths
 
 pytestmark = pytest.mark.interop
@@ -51,21 +51,21 @@ def needs(tool: object, name: str):
     return pytest.mark.skipif(not tool, reason=f"{name} is not installed")
 
 
-def in_mm3(part: Solid) -> float:
+def in_mm3(part: Part) -> float:
     return (
         part.report.solid.volume
         * {"mm": 1.0, "cm": 1e3, "m": 1e9, "in": 25.4**3}[part.report.units]
     )
 
 
-def plain_mm3(part: Solid) -> float:
+def plain_mm3(part: Part) -> float:
     """The volume by the kernel's plain rule, which programs on the same kernel take."""
     found = GProp_GProps()
     BRepGProp.VolumeProperties_s(part.shape, found)
     return found.Mass() * in_mm3(part) / part.report.solid.volume
 
 
-def counts(part: Solid) -> tuple[int, int, int]:
+def counts(part: Part) -> tuple[int, int, int]:
     """The solids, shells and faces that a STEP file of the part holds."""
     bodies = part.exportable().bodies
     shells, faces = (

@@ -29,12 +29,13 @@ from scipy.interpolate import BSpline
 import pc2cad as pc
 from pc2cad.bounds.edge_bounds import bound_edge
 from pc2cad.brep import to_kernel
-from pc2cad.brep.booleans import NamedEdge, edge_functions
+from pc2cad.brep.booleans import NamedEdge, edge_functions, label
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
-from pc2cad.csg.bodies import BodiesPart, KernelTooLooseError
+from pc2cad.csg.bodies import KernelTooLooseError
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import SplineCurve, SplinePath, SplineSurface
 from pc2cad.geometry.jets import EdgeFunction, SurfaceFunction, Trace
+from pc2cad.part import Part
 from pc2cad.report import EdgeReport
 from pc2cad.templates.file import parse_template
 from pc2cad.templates.shipped import bodies_paths
@@ -42,7 +43,7 @@ from pc2cad.templates.shipped import bodies_paths
 Array = NDArray[np.float64]
 
 
-def compiled(result: str, tolerance: float | None = None, **bodies: tuple[str, ...]) -> BodiesPart:
+def compiled(result: str, tolerance: float | None = None, **bodies: tuple[str, ...]) -> Part:
     tables = "".join(
         f'[[bodies]]\nname = "{name}"\n'
         + (f"domain = {{ {domain[0]} }}\n" if domain else "")
@@ -53,9 +54,9 @@ def compiled(result: str, tolerance: float | None = None, **bodies: tuple[str, .
     return pc.compile_equation(template.bind(), tolerance)
 
 
-def meetings(part: BodiesPart) -> list[tuple[NamedEdge, EdgeReport]]:
+def meetings(part: Part) -> list[tuple[NamedEdge, EdgeReport]]:
     """Return the edges where bodies meet, each with what is reported of it."""
-    names = [" / ".join(" = ".join(side) for side in edge.names) for edge in part.edges]
+    names = [" / ".join(label(side) for side in edge.names) for edge in part.edges]
     met = [edge for edge, name in zip(part.edges, names, strict=True)
            if name in {curve.name for curve in part.report.curves}]  # fmt: skip
     return list(zip(met, part.report.curves, strict=True))
@@ -73,12 +74,12 @@ def places(edge: NamedEdge, count: int) -> Array:
     return np.asarray(BSpline(np.repeat(knots, counts), poles, curve.Degree())(t))
 
 
-def off_faces(edge: NamedEdge, part: BodiesPart, count: int) -> float:
+def off_faces(edge: NamedEdge, part: Part, count: int) -> float:
     """Return the largest distance from the surfaces of the faces, as the kernel evaluates them."""
     first, last = BRep_Tool.Range_s(edge.edge)
     curve, largest = BRep_Tool.Curve_s(edge.edge, first, last), 0.0
     for index in edge.faces:
-        face = part.result.faces[index][0]
+        face = part.surface[index].face
         surface = BRep_Tool.Surface_s(face)
         path = BRep_Tool.CurveOnSurface_s(edge.edge, face, first, last)
         for t in np.linspace(first, last, count).tolist():
@@ -92,7 +93,7 @@ MEETINGS = {"common_of_pipes": 6, "cooled_block": 2, "pipe_cross": 16}
 
 
 @pytest.fixture(scope="module")
-def shipped() -> dict[str, BodiesPart]:
+def shipped() -> dict[str, Part]:
     paths = bodies_paths().items()
     return {name: pc.compile_equation(pc.read_template(path).bind()) for name, path in paths}
 

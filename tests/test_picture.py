@@ -176,7 +176,8 @@ def test_deviation_map_finds_a_face_that_is_elsewhere():
     import dataclasses
 
     slanted = pc.compile_part(list(np.array(pc.parameters()) * (1, 1, 1.01)))
-    wrong = dataclasses.replace(cube(), built=slanted.built)
+    body = dataclasses.replace(cube().body, built=slanted.built)
+    wrong = dataclasses.replace(cube(), bodies={"cube": body})
     assert drawing(wrong, Style(map="deviation")).bar.high == pytest.approx(0.01, rel=1e-9)
 
 

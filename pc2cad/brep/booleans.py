@@ -25,6 +25,7 @@ from pc2cad.arrays import Array
 from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import EdgeFunction, SurfaceFunction, Trace
+from pc2cad.topology.cells import SideKey
 
 _OPERATIONS = {
     "union": BOPAlgo_Operation.BOPAlgo_FUSE,
@@ -44,12 +45,17 @@ _CURVES = {
 PLACES = 65
 
 
+def label(names: tuple[SideKey, ...]) -> str:
+    """Return what a face is called: parts of faces that coincide carry both names."""
+    return " = ".join(name.label for name in names)
+
+
 @dataclass(frozen=True, eq=False)
 class NamedShape:
-    """Solids, and the names of their faces: several where faces of two solids coincide."""
+    """Solids, and the sides that their faces are parts of: several where two solids coincide."""
 
     shape: TopoDS_Shape
-    faces: tuple[tuple[TopoDS_Face, tuple[str, ...]], ...]
+    faces: tuple[tuple[TopoDS_Face, tuple[SideKey, ...]], ...]
 
     @property
     def solids(self) -> tuple[TopoDS_Solid, ...]:
@@ -89,11 +95,11 @@ def combine(
 
 def _named(
     algorithm: BRepAlgoAPI_BooleanOperation, first: NamedShape, second: NamedShape
-) -> Iterator[tuple[TopoDS_Face, tuple[str, ...]]]:
+) -> Iterator[tuple[TopoDS_Face, tuple[SideKey, ...]]]:
     """Yield the faces of the result with the names of the faces that they are parts of."""
     faces = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(algorithm.Shape(), TopAbs_FACE, faces)
-    names: dict[int, list[str]] = {i: [] for i in range(1, faces.Extent() + 1)}
+    names: dict[int, list[SideKey]] = {i: [] for i in range(1, faces.Extent() + 1)}
     for face, known in (*first.faces, *second.faces):
         for part in [*algorithm.Modified(face)] or [face]:
             index = faces.FindIndex(part)
@@ -110,7 +116,7 @@ class NamedEdge:
     """An edge between two differently named faces."""
 
     edge: TopoDS_Edge
-    names: tuple[tuple[str, ...], tuple[str, ...]]
+    names: tuple[tuple[SideKey, ...], tuple[SideKey, ...]]
     #: numbers of those faces in the shape, and of its vertices
     faces: tuple[int, int]
     ends: frozenset[int]

@@ -37,7 +37,6 @@ from OCP.IntTools import IntTools_Context  # noqa: E402
 from pc2cad.api import parameters as parameters  # noqa: E402
 from pc2cad.api import points as points  # noqa: E402
 from pc2cad.compiler import compile_solid  # noqa: E402
-from pc2cad.csg.bodies import BodiesPart  # noqa: E402
 from pc2cad.equation.point_equation import (  # noqa: E402
     Domain,
     Equation,
@@ -55,7 +54,7 @@ from pc2cad.templates.template import Template  # noqa: E402
 #: a template's name or file, a template, an equation in any form that `compile_part` takes, a part
 Source = (
     str | os.PathLike[str] | Template | BodiesTemplate | PointEquation | Bodies | Equation
-    | Part | BodiesPart
+    | Part
 )  # fmt: skip
 #: True or "a": fuse with the chain's solid; "cut" or "s": cut from it; False: keep apart
 CombineMode = bool | str
@@ -203,7 +202,7 @@ def channelSolid(
     return pointSolid(self, _channel(channel), domain, combine, clean, prefix, **parameters)
 
 
-def pointParts(self: cq.Workplane) -> tuple[Part | BodiesPart, ...]:
+def pointParts(self: cq.Workplane) -> tuple[Part, ...]:
     """Return the compiled parts of this chain, with their reports, in the order of their making."""
     return tuple(vars(self.ctx).get(_PARTS, ()))
 
@@ -218,7 +217,7 @@ def _compile(
     domain: Domain | None,
     options: CompileOptions,
     parameters: Mapping[str, Any],
-) -> Part | BodiesPart:
+) -> Part:
     if isinstance(source, (str, os.PathLike)):
         source = read_template(find_template(os.fspath(source)))
     if isinstance(source, (Template, BodiesTemplate)):
@@ -228,7 +227,7 @@ def _compile(
             f"only a template has parameters, and {next(iter(parameters))} was given with "
             "something else"
         )
-    if isinstance(source, (Part, BodiesPart)):
+    if isinstance(source, Part):
         return source
     if not isinstance(source, (PointEquation, Bodies)):
         source = point_equation(source, domain)
@@ -239,7 +238,7 @@ def _compile(
     return part
 
 
-def _solid(part: Part | BodiesPart, location: cq.Location) -> cq.Solid:
+def _solid(part: Part, location: cq.Location) -> cq.Solid:
     solid = cq.Solid(part.shape).moved(location)
     solid.part = part
     solid.label = part.title
@@ -247,7 +246,7 @@ def _solid(part: Part | BodiesPart, location: cq.Location) -> cq.Solid:
 
 
 def _sides(
-    part: Part | BodiesPart, copies: Iterable[cq.Solid], result: cq.Workplane
+    part: Part, copies: Iterable[cq.Solid], result: cq.Workplane
 ) -> dict[str, list[cq.Face]]:
     """Return the faces of the result that lie on each side of the copies; sides cut away miss."""
     found: dict[str, list[cq.Face]] = {}

@@ -21,8 +21,8 @@ from pc2cad.errors import FileNotWrittenError, named
 
 if TYPE_CHECKING:
     from pc2cad.export.model import ExportOptions
-    from pc2cad.part import Solid
-    from pc2cad.report import BodiesReport, Report
+    from pc2cad.part import Part
+    from pc2cad.report import Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def summary(report: Report | BodiesReport) -> str:
+def summary(report: Report) -> str:
     """Return volume, area, faces and evidence on one line."""
     units = report.units
     exact = report.evidence == "exact"
@@ -126,7 +126,7 @@ def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
 
 
 def _encode(
-    part: Solid, options: ExportOptions, arguments: argparse.Namespace, progress: Progress
+    part: Part, options: ExportOptions, arguments: argparse.Namespace, progress: Progress
 ) -> dict[str, bytes]:
     """Return the contents of every file: what fails here leaves no file at all."""
     from pc2cad.export.registry import format_for

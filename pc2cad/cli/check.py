@@ -18,11 +18,10 @@ from pc2cad.cli.inputs import (
 )
 from pc2cad.cli.output import Progress, one_line, say, table
 from pc2cad.errors import named
-from pc2cad.report import BodiesReport, Report
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import Expectations
-    from pc2cad.report import EdgeReport, FaceReport
+    from pc2cad.report import EdgeReport, EquationReport, FaceReport, Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         with named(arguments.template):
             part = compile_solid(equation, options, progress)
-            report: Report | BodiesReport = part.report
+            report = part.report
             if arguments.triangles:
                 progress("mesh")
                 report = replace(report, triangles=part.triangle_integrals())
@@ -59,11 +58,11 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _paragraphs(report: Report | BodiesReport, expected: Expectations) -> Iterator[str]:
+def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield one_line(f"{report.name}: {report.title}" if report.title else report.name)
     if report.parameters:
         yield "  " + ", ".join(f"{name} = {x:.12g}" for name, x in report.parameters.items())
-    yield from _bodies(report) if isinstance(report, BodiesReport) else _sides(report)
+    yield from _bodies(report) if report.own is None else _sides(report.own)
     yield f"\nFaces (deviation in {report.units}, area in {report.units}^2)"
     yield _faces(report)
     yield f"\nEdges (deviation in {report.units})"
@@ -71,22 +70,8 @@ def _paragraphs(report: Report | BodiesReport, expected: Expectations) -> Iterat
     yield f"\nTopology\n  {_topology(report)}"
     yield f"\nIntegrals ({report.units})"
     yield _integrals(report)
-    if isinstance(report, Report) and report.layers:
-        yield f"\nLayers ({report.units}; from w = 0 up)"
-        yield table(
-            [("", "volume", "B-rep", "area", "centroid")]
-            + [
-                (x.name, f"{x.volume:.12g}", f"{x.solid_volume:.12g}", f"{x.area:.10g}",
-                 ", ".join(f"{c:.9g}" for c in x.centroid))
-                for x in report.layers
-            ]
-        )  # fmt: skip
-    if isinstance(report, Report) and report.limits:
-        yield f"\nLimits of the channel ({report.units}; found by search)"
-        yield table(
-            [("", "found", "breaks at", "where")]
-            + [(x.name, f"{x.value:.6g}", f"{x.breaks_at:.6g}", x.sentence) for x in report.limits]
-        )
+    if report.own is not None:
+        yield from _layers_and_limits(report.own, report.units)
     yield "\nEvidence"
     yield table(_evidence(report, expected))
     for warning in report.warnings:
@@ -94,14 +79,33 @@ def _paragraphs(report: Report | BodiesReport, expected: Expectations) -> Iterat
     yield f"\nTimes\n  {', '.join(f'{k} {1000 * s:.0f} ms' for k, s in report.times.items())}"
 
 
-def _sides(report: Report) -> Iterator[str]:
-    if report.frame:
-        yield f"  frame: {one_line(report.frame)}"
+def _sides(own: EquationReport) -> Iterator[str]:
+    if own.frame:
+        yield f"  frame: {one_line(own.frame)}"
     yield "\nSides of the parameter box"
-    yield table([(s.name, s.fate, s.verdict, s.detail) for s in report.sides])
+    yield table([(s.name, s.fate, s.verdict, s.detail) for s in own.sides])
 
 
-def _bodies(report: BodiesReport) -> Iterator[str]:
+def _layers_and_limits(own: EquationReport, units: str) -> Iterator[str]:
+    if own.layers:
+        yield f"\nLayers ({units}; from w = 0 up)"
+        yield table(
+            [("", "volume", "B-rep", "area", "centroid")]
+            + [
+                (x.name, f"{x.volume:.12g}", f"{x.solid_volume:.12g}", f"{x.area:.10g}",
+                 ", ".join(f"{c:.9g}" for c in x.centroid))
+                for x in own.layers
+            ]
+        )  # fmt: skip
+    if own.limits:
+        yield f"\nLimits of the channel ({units}; found by search)"
+        yield table(
+            [("", "found", "breaks at", "where")]
+            + [(x.name, f"{x.value:.6g}", f"{x.breaks_at:.6g}", x.sentence) for x in own.limits]
+        )
+
+
+def _bodies(report: Report) -> Iterator[str]:
     yield f"  result = {report.result}"
     yield f"\nBodies (volume in {report.units}^3)"
     yield table([("body", "volume", "faces", "evidence", "deviation")] + [
@@ -113,7 +117,7 @@ def _bodies(report: BodiesReport) -> Iterator[str]:
     yield table([(step.name, step.sentence, f"gap {step.gap:.1e}") for step in report.steps])
 
 
-def _faces(report: Report | BodiesReport) -> str:
+def _faces(report: Report) -> str:
     rows: list[tuple[str, ...]] = [
         ("face", "carrier", "evidence", "deviation", "seen", "samples", "degrees", "poles", "area")
     ]
@@ -132,7 +136,7 @@ def _carrier(face: FaceReport) -> str:
     return ", ".join([face.carrier, *(f"{name} {x:.6g}" for name, x in face.figures.items())])
 
 
-def _edges(report: Report | BodiesReport) -> str:
+def _edges(report: Report) -> str:
     rows: list[tuple[str, ...]] = [
         ("edge", "carrier", "evidence", "deviation", "seen", "degree", "poles", "off faces")
     ]
@@ -143,8 +147,7 @@ def _edges(report: Report | BodiesReport) -> str:
         )
         for edge in report.curves
     ]  # fmt: skip
-    joined = isinstance(report, BodiesReport)
-    return table([row if joined else row[:-1] for row in rows])
+    return table([row if report.own is None else row[:-1] for row in rows])
 
 
 def _deviations(part: FaceReport | EdgeReport) -> tuple[str, str]:
@@ -154,10 +157,10 @@ def _deviations(part: FaceReport | EdgeReport) -> tuple[str, str]:
     return f"{part.deviation:.2g}", f"{part.sampled:.2g}"
 
 
-def _topology(report: Report | BodiesReport) -> str:
+def _topology(report: Report) -> str:
     genus = ""
-    if isinstance(report, Report):
-        genus = f" of genus {', '.join(str(g) for g in report.genus)}"
+    if report.own is not None:
+        genus = f" of genus {', '.join(str(g) for g in report.own.genus)}"
     return (
         f"{len(report.faces)} faces, {report.edges} edges, {report.vertices} vertices, "
         f"{_count(report.shells, 'shell')}{genus}; Euler number {report.euler}"
@@ -168,12 +171,12 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _integrals(report: Report | BodiesReport) -> str:
+def _integrals(report: Report) -> str:
     truth = report.integrals
-    others = [("B-rep", report.solid)] if isinstance(report, Report) else []
+    others = [] if report.own is None else [("B-rep", report.solid)]
     if report.triangles is not None:
         others.append(("triangles", report.triangles))
-    rows: list[list[str]] = [["", "equation" if isinstance(report, Report) else "B-rep"]]
+    rows: list[list[str]] = [["", "B-rep" if report.own is None else "equation"]]
     # a centroid may lie in the origin: its difference is held against the part's size
     figures = [("volume", abs(truth.volume)), ("area", abs(truth.area))]
     figures += [(f"centroid {axis}", report.size) for axis in "xyz"]
@@ -187,7 +190,7 @@ def _integrals(report: Report | BodiesReport) -> str:
     return table([tuple(row) for row in rows])
 
 
-def _evidence(report: Report | BodiesReport, expected: Expectations) -> list[tuple[str, ...]]:
+def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
     units = report.units
     stated = [name for name, value in vars(expected).items() if value is not None]
     error = report.integrals.relative_error
@@ -200,11 +203,11 @@ def _evidence(report: Report | BodiesReport, expected: Expectations) -> list[tup
     ]
     if error and math.isfinite(error):
         rows.append(("error estimate", f"{error:.1e} (estimate, relative)"))
-    if isinstance(report, Report):
+    if report.own is not None:
         rows += [
             ("solid", "valid in the kernel, closed, of the derived topology and right integrals"),
-            ("det J", f"keeps its sign ({report.determinant})"),
-            ("overlap", _overlap(report)),
+            ("det J", f"keeps its sign ({report.own.determinant})"),
+            ("overlap", _overlap(report.own, report.units)),
         ]
     else:
         rows.append(("solid", "valid in the kernel and closed; volumes of all steps add up"))
@@ -212,7 +215,7 @@ def _evidence(report: Report | BodiesReport, expected: Expectations) -> list[tup
     return [(name, value) for name, value in rows]
 
 
-def _deviation(report: Report | BodiesReport) -> str:
+def _deviation(report: Report) -> str:
     if report.evidence == "exact":
         return "none: every face and edge is exact"
     text = f"{report.deviation:.2g} {report.units} ({report.evidence})"
@@ -220,10 +223,10 @@ def _deviation(report: Report | BodiesReport) -> str:
     return f"{text}; no bound for {'; '.join(places)}" if places else text
 
 
-def _overlap(report: Report) -> str:
-    if not report.images:
+def _overlap(own: EquationReport, units: str) -> str:
+    if not own.images:
         return "not examined"
     return (
-        f"none deeper than {report.contact_clearance:.2g} {report.units}; "
-        f"{report.images} inner points have winding number 1 (sampled)"
+        f"none deeper than {own.contact_clearance:.2g} {units}; "
+        f"{own.images} inner points have winding number 1 (sampled)"
     )

@@ -1,6 +1,6 @@
 """Several bodies to one solid: each compiled from its equation, then joined by the kernel.
 
-    Bodies  ─compile→  a Part per body
+    Bodies  ─compile→  a Body per equation
             ─combine→  Booleans step by step, each held against the volumes of its operands
             ─report→   faces by body and side, edges where bodies meet, which volumes add up
 
@@ -12,23 +12,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from enum import Enum
 
-from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between
+from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between, label
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
-from pc2cad.csg.intersection_edges import BOTH, Side, prove_intersection_edges, sides_of
+from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError, named
-from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
-from pc2cad.part import SIDE_COLOURS, Part, Solid
-from pc2cad.report import BodiesReport, EdgeReport, FaceReport, Integrals, Report, StepReport
+from pc2cad.export.model import NamedFace
+from pc2cad.part import Body, Part, body_colour
+from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
 from pc2cad.templates.bodies import Bodies, Kind, Tree
+from pc2cad.topology.cells import SideKey
 from pc2cad.validation import check_expectations
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
-
 
 #: share of a part's size that a tolerance of the kernel's may be
 LOOSEST = 0.01
@@ -50,58 +47,12 @@ class VolumesDisagreeError(KernelError):
     """The volumes of two bodies, of their Boolean and of their common part do not add up."""
 
 
-@dataclass(frozen=True, eq=False)
-class BodiesPart(Solid):
-    """One validated solid of several bodies."""
-
-    bodies: Mapping[str, Part]
-    result: NamedShape
-    #: the edges between differently named faces
-    edges: tuple[NamedEdge, ...]
-    report: BodiesReport
-    about: str = ""
-
-    @property
-    def shape(self) -> TopoDS_Solid:
-        """The kernel's solid, in the template's units."""
-        return self.result.solids[0]
-
-    @property
-    def named_faces(self) -> tuple[tuple[str, TopoDS_Face], ...]:
-        """The kernel's faces as ``body:side``; several may be parts of one side."""
-        return tuple((BOTH.join(names), face) for face, names in self.result.faces)
-
-    def colour(self, name: str) -> tuple[float, float, float]:
-        """Return the colour of a face: that of its body."""
-        order = list(self.bodies).index(name.partition(":")[0])
-        return SIDE_COLOURS[order % 3][order // 3 % 2]
-
-    def exportable(self, colours: bool = False) -> Exportable:
-        """Return what the writers take."""
-        report = self.report
-        return Exportable(
-            solid=self.shape,
-            name=self.title,
-            description=self.about.strip(),
-            units=report.units,
-            faces=tuple(
-                NamedFace(name, face, self.colour(name) if colours else None)
-                for name, face in self.named_faces
-            ),
-            properties=GeometricProperties(
-                report.solid.volume, report.solid.area, report.solid.centroid
-            ),
-            tolerance=report.tolerance,
-            evidence=report.statements(),
-        )
-
-
 def compile_bodies(
-    bodies: Bodies, compile_body: Callable[..., Part], progress: Callable[[str], None] | None = None
-) -> BodiesPart:
+    bodies: Bodies, compile_body: Callable[..., Body], progress: Callable[[str], None] | None = None
+) -> Part:
     """Compile every body and join them; see `compiler.compile_equation` for what is raised.
 
-    `compile_body` turns an equation, and a progress to tell, into a part. Raises EmptyResultError
+    `compile_body` turns an equation, and a progress to tell, into a body. Raises EmptyResultError
     and SeveralPiecesError besides.
     """
     tell = progress or (lambda stage: None)
@@ -121,7 +72,13 @@ def compile_bodies(
     report = _report(bodies, joining, joined, edges)
     check_expectations(bodies.expectations, report)
     times["validate"] = time.perf_counter() - start
-    return BodiesPart(parts, joined.shape, edges, replace(report, times=times), bodies.about)
+    order = list(parts)
+    faces = tuple(
+        NamedFace(label(names), face, body_colour(order.index(names[0].body)))
+        for face, names in joined.shape.faces
+    )
+    solid = joined.shape.solids[0]
+    return Part(parts, solid, faces, replace(report, times=times), edges, bodies.about)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,16 +93,20 @@ class _Joined:
 class _Joining:
     """Carries out Booleans one by one, and remembers which volumes add up."""
 
-    def __init__(self, parts: Mapping[str, Part]) -> None:
+    def __init__(self, parts: Mapping[str, Body]) -> None:
         self.parts = parts
         self.steps: list[StepReport] = []
+        #: steps that change nothing
+        self.idle: list[str] = []
         self._reach = max(KERNEL_TOLERANCE, *(p.report.tolerance for p in parts.values()))
 
     def join(self, tree: Tree) -> _Joined:
         """Return a body or a Boolean, with all that it is made of."""
         if isinstance(tree, str):
             part = self.parts[tree]
-            faces = tuple((face, (f"{tree}:{side}",)) for side, face in part.named_faces)
+            faces = tuple(
+                (face, (replace(key, body=tree),)) for key, face in part.kernel_sides.items()
+            )
             return _Joined(tree, NamedShape(part.shape, faces), solid_integrals(part.shape))
         first, *others = (self.join(operand) for operand in tree.operands)
         for other in others:
@@ -171,7 +132,10 @@ class _Joining:
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {_EMPTY[kind]}")
         common = found.volume if kind == "intersect" else held
-        sentence = _sentence(kind, a, b, common, found.volume, slack)
+        relation = _relation(a, b, common, slack)
+        if kind == "cut" and relation is Relation.APART:
+            self.idle.append(name)
+        sentence = _sentence(kind, relation, a, b, common, found.volume)
         self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, sentence))
         return _Joined(f"step {len(self.steps)}", result, found)
 
@@ -183,18 +147,37 @@ _EMPTY = {
 }
 
 
-def _sentence(kind: str, a: float, b: float, common: float, result: float, slack: float) -> str:
-    apart, inside = common <= slack, abs(common - b) <= slack
+class Relation(Enum):
+    """How two shapes lie to one another."""
+
+    APART = "nothing in common"
+    SECOND_INSIDE = "the second lies inside the first"
+    FIRST_INSIDE = "the first lies inside the second"
+    ACROSS = "each has a part outside the other"
+
+
+def _relation(a: float, b: float, common: float, slack: float) -> Relation:
+    """Return how shapes of volumes a and b lie that have a volume in common."""
+    if common <= slack:
+        return Relation.APART
+    if abs(common - b) <= slack:
+        return Relation.SECOND_INSIDE
+    return Relation.FIRST_INSIDE if abs(common - a) <= slack else Relation.ACROSS
+
+
+def _sentence(
+    kind: Kind, relation: Relation, a: float, b: float, common: float, result: float
+) -> str:
     if kind == "union":
-        if apart:
+        if relation is Relation.APART:
             return f"nothing in common, the volumes add up: {a:.10g} + {b:.10g} = {result:.10g}"
-        if inside or abs(common - a) <= slack:
+        if relation is not Relation.ACROSS:
             return f"one lies inside the other: {result:.10g}"
         return f"{common:.10g} in common: {a:.10g} + {b:.10g} - {common:.10g} = {result:.10g}"
     if kind == "cut":
-        if apart:
+        if relation is Relation.APART:
             return f"nothing in common, nothing is cut: {result:.10g}"
-        if inside:
+        if relation is Relation.SECOND_INSIDE:
             return f"wholly inside, the volumes subtract: {a:.10g} - {b:.10g} = {result:.10g}"
         return f"{common:.10g} of {b:.10g} inside: {a:.10g} - {common:.10g} = {result:.10g}"
     return f"{result:.10g} in common of {a:.10g} and {b:.10g}"
@@ -202,7 +185,7 @@ def _sentence(kind: str, a: float, b: float, common: float, result: float, slack
 
 def _report(
     bodies: Bodies, joining: _Joining, joined: _Joined, edges: tuple[NamedEdge, ...]
-) -> BodiesReport:
+) -> Report:
     shape, found = joined.shape, joined.integrals
     solids = shape.solids
     if len(solids) != 1:
@@ -214,7 +197,7 @@ def _report(
     reports = {name: part.report for name, part in joining.parts.items()}
     tolerance = max(report.tolerance for report in reports.values())
     size = max(report.size for report in reports.values())
-    sides: dict[str, Side] = {}
+    sides: dict[SideKey, Side] = {}
     for name, part in joining.parts.items():
         sides |= sides_of(name, part.model)
     meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
@@ -240,28 +223,27 @@ def _report(
         / 6
     )
     error = (strips + sum(abs(step.gap) for step in joining.steps)) / found.volume
-    return BodiesReport(
-        bodies.name, bodies.title, bodies.units, dict(bodies.parameters),
-        size, tolerance, str(bodies.result), reports,
-        tuple(joining.steps), _faces(shape, found, joining.parts), curves, len(edges),
+    return Report(
+        bodies.name, bodies.title, bodies.units, dict(bodies.parameters), size, tolerance,
+        _faces(shape, found, joining.parts), curves, len(edges),
         len({v for edge in edges for v in edge.ends}), findings.shells, findings.euler,
         Integrals("B-rep (divergence theorem)", found.volume, found.area, found.centroid, error),
         kernel_tolerance=findings.largest_tolerance,
-        warnings=tuple(_warnings(reports, joining.steps, curves, loosest)),
+        result=str(bodies.result), bodies=reports, steps=tuple(joining.steps),
+        warnings=tuple(_warnings(reports, joining.idle, curves, loosest)),
     )  # fmt: skip
 
 
 def _warnings(
     reports: Mapping[str, Report],
-    steps: Sequence[StepReport],
+    idle: Sequence[str],
     curves: Sequence[EdgeReport],
     loosest: float,
 ) -> Iterator[str]:
     for name, report in reports.items():
         yield from (f"body {name}: {text}" for text in report.warnings)
-    for step in steps:
-        if "nothing is cut" in step.sentence:
-            yield f"{step.name} changes nothing: the bodies have nothing in common"
+    for name in idle:
+        yield f"{name} changes nothing: the bodies have nothing in common"
     for curve in curves:
         if curve.evidence == "bounded" and curve.deviation > loosest:
             yield (
@@ -286,18 +268,20 @@ def _check(findings: KernelFindings, size: float, units: str) -> None:
         raise NotASolidError(f"the result is no valid solid: {what}")
 
 
-def _bodies(names: tuple[str, ...]) -> set[str]:
-    return {name.partition(":")[0] for name in names}
+def _bodies(names: tuple[SideKey, ...]) -> set[str]:
+    return {name.body for name in names}
 
 
 def _faces(
-    shape: NamedShape, found: SolidIntegrals, parts: Mapping[str, Part]
+    shape: NamedShape, found: SolidIntegrals, parts: Mapping[str, Body]
 ) -> tuple[FaceReport, ...]:
     """Return each face of the result as its body's face is known, with its own area."""
     known = {
-        f"{body}:{face.name}": face for body, part in parts.items() for face in part.report.faces
+        replace(face.key, body=name): known
+        for name, body in parts.items()
+        for face, known in zip(body.model.faces, body.report.faces, strict=True)
     }
     return tuple(
-        replace(known[names[0]], name=BOTH.join(names), area=area)
+        replace(known[names[0]], name=label(names), area=area)
         for (_, names), area in zip(shape.faces, found.face_areas, strict=True)
     )

@@ -7,18 +7,16 @@ algebra, and *bounded* where its distance from where the equations' faces meet i
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 from pc2cad.bounds.edge_bounds import EdgeBound, bound_edge
-from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions
+from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, label
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
 from pc2cad.geometry.recognition.implicit import ROUNDING, holds, point_along
 from pc2cad.report import EdgeReport
 from pc2cad.representation.boundary_model import BoundaryModel
-
-#: parts of faces that coincide carry both names
-BOTH = " = "
+from pc2cad.topology.cells import SideKey
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +29,8 @@ class Side:
     exact: tuple[Plane | AnalyticSurface | Line | Arc, ...]
 
 
-def sides_of(name: str, model: BoundaryModel) -> dict[str, Side]:
-    """Return the faces of a body by the names that they have in a shape."""
+def sides_of(name: str, model: BoundaryModel) -> dict[SideKey, Side]:
+    """Return the faces of a body by the keys that they have in a shape."""
     found = {}
     for face in model.faces:
         exact: list[Plane | AnalyticSurface | Line | Arc] = []
@@ -41,16 +39,16 @@ def sides_of(name: str, model: BoundaryModel) -> dict[str, Side]:
         for edge in (model.edges[index] for index in face.border):
             if edge.evidence == "exact" and isinstance(edge.carrier, Line | Arc):
                 exact.append(edge.carrier)
-        found[f"{name}:{face.name}"] = Side(face.evidence, face.deviation, tuple(exact))
+        found[replace(face.key, body=name)] = Side(face.evidence, face.deviation, tuple(exact))
     return found
 
 
 def prove_intersection_edges(
-    shape: NamedShape, edges: Sequence[NamedEdge], faces: Mapping[str, Side], size: float
+    shape: NamedShape, edges: Sequence[NamedEdge], faces: Mapping[SideKey, Side], size: float
 ) -> Iterator[EdgeReport]:
     """Yield what is known of edges between faces of different bodies.
 
-    `faces` are the bodies' own, by the names that the shape's faces have, `size` is that of the
+    `faces` are the bodies' own, by the keys that the shape's faces have, `size` is that of the
     part.
     """
     for edge, function in zip(edges, edge_functions(shape, edges), strict=True):
@@ -59,7 +57,7 @@ def prove_intersection_edges(
         off = max(found.off)
         evidence, deviation, where = _judged(edge, sides, found, size)
         yield EdgeReport(
-            " / ".join(BOTH.join(names) for names in edge.names), edge.curve, evidence, deviation,
+            " / ".join(label(names) for names in edge.names), edge.curve, evidence, deviation,
             0.0 if evidence == "exact" else found.seen if evidence == "bounded" else deviation,
             where, *edge.spline,
             off if isfinite(off) else found.off_seen,
@@ -77,7 +75,7 @@ def _judged(
     """Return the evidence, the deviation and where no bound could be had."""
     for side, names in zip(sides, edge.names, strict=True):
         if side.evidence == "sampled":
-            return "sampled", found.off_seen, f"all of it, as {names[0]} is"
+            return "sampled", found.off_seen, f"all of it, as {names[0].label} is"
     fine = isfinite(max(found.off)) and found.across_seen <= ROUNDING * size
     if fine and _lies_on(edge, sides):
         return "exact", 0.0, ""

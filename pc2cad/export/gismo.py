@@ -16,9 +16,9 @@ def encode(model: VolumeModel) -> str:
     joined = interfaces(model)
     taken = {(i.first, i.first_side) for i in joined} | {(i.second, i.second_side) for i in joined}
     free: dict[str, list[str]] = {}
-    for patch, side, name, _ in sides(model):
+    for patch, side, key, _ in sides(model):
         if (patch, side) not in taken:
-            free.setdefault(name.partition(" (")[0], []).append(f"{patch} {side + 1}")
+            free.setdefault(key.whole.label, []).append(f"{patch} {side + 1}")
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         "<xml>",

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pc2cad.arrays import Integers
-from pc2cad.export.mesh_files import cell_blocks, reordered, whole_sides
+from pc2cad.export.mesh_files import cell_blocks, reordered
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import percent
 
@@ -30,7 +30,7 @@ _CHUNK = 1 << 18
 
 def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh; physical volumes are the layers, or one called ``solid``."""
-    sides = whole_sides(mesh.sides)
+    sides = mesh.whole_sides
     names = [f'2 {k} "{_quotable(name)}"' for k, name in enumerate(sides, start=1)]
     volumes = enumerate(mesh.layers or ["solid"], start=len(sides) + 1)
     names += [f'3 {k} "{_quotable(name)}"' for k, name in volumes]

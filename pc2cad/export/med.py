@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.arrays import Integers
-from pc2cad.export.mesh_files import cell_blocks, whole_sides
+from pc2cad.export.mesh_files import cell_blocks
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import percent
@@ -33,7 +33,7 @@ def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh, version 3.0 of the format, which all readers in use take."""
     import h5py
 
-    sides = whole_sides(mesh.sides)
+    sides = mesh.whole_sides
     with h5py.File(path, "w", locking=False) as file:
         _attributes(file.create_group("INFOS_GENERALES"), MAJ=3, MIN=0, REL=0)
         body = file.create_group("ENS_MAA").create_group("mesh")
@@ -95,7 +95,7 @@ def _turned(kind: str, nodes: Integers, order: int) -> Integers:
 
 def _node_families(mesh: VolumeMesh) -> tuple[Integers, dict[int, list[str]]]:
     """Return the family of each node and the groups of each family: a node may be in many sets."""
-    names = whole_sides(mesh.node_sets)
+    names = [name for name in mesh.node_sets if name not in mesh.pieces]
     member = np.zeros(len(mesh.points), dtype=np.int64)
     for bit, name in enumerate(names):
         member[mesh.node_sets[name]] |= 1 << bit

@@ -114,11 +114,6 @@ def write_mesh(mesh: VolumeMesh, path: str | os.PathLike[str]) -> None:
         module.write(mesh, temporary)
 
 
-def whole_sides(names: Iterable[str]) -> list[str]:
-    """Return the names of whole sides, without those of single patches of a creased one."""
-    return [name for name in names if " (" not in name]
-
-
 @dataclass(frozen=True)
 class CellBlock:
     """Cells of one type and one set: volumes, or facets of a side."""
@@ -140,7 +135,7 @@ def cell_blocks(mesh: VolumeMesh) -> list[CellBlock]:
         for k, layer in enumerate(layers, start=1)
         for kind, numbers in layer.items()
     ] or [CellBlock(kind, block) for kind, block in mesh.blocks.items()]
-    for number, side in enumerate(whole_sides(mesh.sides), start=1):
+    for number, side in enumerate(mesh.whole_sides, start=1):
         blocks += [
             CellBlock(shape, nodes, number) for shape, nodes in mesh.facet_nodes(side).items()
         ]

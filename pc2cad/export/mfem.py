@@ -19,7 +19,7 @@ from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.mesh.grid import Grid
 from pc2cad.mesh.node_merging import cell_nodes, joined, partner_nodes
 from pc2cad.representation.volume import VolumeModel
-from pc2cad.topology.cells import directions_of
+from pc2cad.topology.cells import IDENTITY, directions_of
 from pc2cad.topology.complex import SideFate
 
 #: corners of a hexahedron in MFEM's order, and its sides, outwards
@@ -82,7 +82,7 @@ def _lattice(model: VolumeModel) -> _Lattice:
     turning = {
         d
         for side in sides
-        if side.symmetry is not None and str(side.symmetry) != "(s, t)"
+        if side.symmetry not in (None, IDENTITY)
         for d in directions_of(side.patch)
     }
     halves = [2 * n if d in turning else n for d, n in enumerate(parts)]
@@ -96,7 +96,7 @@ def _lattice(model: VolumeModel) -> _Lattice:
         if knots is not None:
             break
     else:
-        counts, sides = parts, [side for side in sides if str(side.symmetry) == "(s, t)"]
+        counts, sides = parts, [side for side in sides if side.symmetry == IDENTITY]
         knots = _directed(model, sides, counts)
         assert knots is not None
     sizes = [n * k for n, k in zip(model.pieces, counts, strict=True)]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pc2cad.representation.volume import Patch, VolumeModel
-from pc2cad.topology.cells import IDENTITY, Cell, Symmetry
+from pc2cad.topology.cells import IDENTITY, Cell, SideKey, Symmetry
 from pc2cad.topology.complex import SideFate
 
 
@@ -26,14 +26,14 @@ class Interface:
     forward: tuple[bool, bool, bool]
 
 
-def sides(model: VolumeModel) -> Iterator[tuple[int, int, str, SideFate | None]]:
-    """Give patch, side, name and fate of every side of a patch on the box; fate None inside."""
+def sides(model: VolumeModel) -> Iterator[tuple[int, int, SideKey, SideFate | None]]:
+    """Give patch, side, key and fate of every side of a patch on the box; fate None inside."""
     fates = {side.patch: side for side in model.boundary.sides}
     for index, patch in enumerate(model.patches):
         for side in range(6):
             cell = _cell(model, patch, side)
-            name = model.side_name(patch, side // 2, bool(side % 2))
-            yield index, side, name, fates.get(cell)
+            key = model.side_key(patch, side // 2, bool(side % 2))
+            yield index, side, key, fates.get(cell)
 
 
 def interfaces(model: VolumeModel) -> list[Interface]:

@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.export.mesh_files import CellBlock, cell_blocks, whole_sides
+from pc2cad.export.mesh_files import CellBlock, cell_blocks
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import clean
@@ -80,7 +80,7 @@ def _head(mesh: VolumeMesh, columns: dict[str, _Column]) -> str:
             f'format="appended" offset="{offsets[name]}"/>'
         )
 
-    named = [*enumerate(whole_sides(mesh.sides), start=1), *enumerate(mesh.layers, start=1)]
+    named = [*enumerate(mesh.whole_sides, start=1), *enumerate(mesh.layers, start=1)]
     field = "".join(
         f'<DataArray type="Int32" Name={quoteattr(clean(name))} NumberOfTuples="1" '
         f'format="ascii">{k}</DataArray>\n'

@@ -15,8 +15,9 @@ from typing import Final
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.evaluation import Program
-from pc2cad.expression.intervals import ULP, Interval, IntervalProgram
+from pc2cad.expression.intervals import ULP, Interval
 from pc2cad.expression.normal_form import Monomial
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr

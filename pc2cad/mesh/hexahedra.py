@@ -21,8 +21,8 @@ from pc2cad.mesh.degenerate_cells import Pattern, Piece, is_flat, ring_of, singl
 from pc2cad.mesh.elements import HEXAHEDRON, TYPES
 from pc2cad.mesh.grid import Grid
 from pc2cad.mesh.node_merging import cell_nodes, glued_cells, joined, merged_nodes, side_cells
-from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
-from pc2cad.topology.cells import Cell, normal_direction
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side, pieces_among
+from pc2cad.topology.cells import Cell, SideKey, normal_direction
 
 #: points evaluated, and cells numbered, at once: the arrays stay in the cache
 _CHUNK = 1 << 16
@@ -77,14 +77,14 @@ class _Assembly:
             numbers[moved] = numbers[stands]
         patches = self._analysis.boundary.faces
         sides = {
-            self._analysis.boundary.name(face.patch): self._facets(face.patch, irregular)
+            self._analysis.boundary.key(face.patch): self._facets(face.patch, irregular)
             for face in patches
         }
         equation = self._analysis.equation
         return VolumeMesh(
             equation.name, equation.units, self._order, points, blocks,
             self._by_side(sides), self._node_sets(numbers, count),
-            self._layers(irregular),
+            self._layers(irregular), pieces_among(self._analysis.boundary),
         )  # fmt: skip
 
     # -- elements ------------------------------------------------------------------------------
@@ -343,13 +343,13 @@ class _Assembly:
             for name, elements, own in rows
         )
 
-    def _by_side(self, patches: dict[str, tuple[Facets, ...]]) -> dict[str, tuple[Facets, ...]]:
+    def _by_side(self, patches: dict[SideKey, tuple[Facets, ...]]) -> dict[str, tuple[Facets, ...]]:
         """Name whole sides, and also their patches where creases make several."""
         sides: dict[str, tuple[Facets, ...]] = {}
-        for name, facets in patches.items():
-            whole = by_whole_side(name)[0]
+        for key, facets in patches.items():
+            whole = key.whole.label
             sides[whole] = sides.get(whole, ()) + facets
-        return {**sides, **patches}
+        return {**sides, **{key.label: facets for key, facets in patches.items()}}
 
     def _layers(self, irregular: Integers) -> dict[str, dict[str, Integers]]:
         """Return the elements of each layer; layers are the crease pieces of w."""
@@ -369,9 +369,8 @@ class _Assembly:
         sets: dict[str, list[Integers]] = {}
         boundary = self._analysis.boundary
         for side in boundary.sides:
-            name = boundary.name(side.patch)
             nodes = numbers[cell_nodes(self._fine, side.patch).ravel()]
-            for key in by_whole_side(name):
+            for key in by_whole_side(boundary.key(side.patch)):
                 sets.setdefault(key, []).append(nodes[nodes >= 0])
         member = np.zeros(count, dtype=bool)
         found: dict[str, Integers] = {}

@@ -17,6 +17,7 @@ from pc2cad.mesh.ogrid import o_grid
 from pc2cad.mesh.quality import measure
 from pc2cad.mesh.report import MeshReport, by_side, report_on, side_areas
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.topology.cells import SideKey
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
@@ -62,11 +63,11 @@ class KernelSolid(Protocol):
         """The kernel's solid."""
 
     @property
-    def faces(self) -> dict[str, TopoDS_Face]:
-        """The kernel's faces by the name of their side."""
+    def kernel_sides(self) -> dict[SideKey, TopoDS_Face]:
+        """The kernel's faces by their side."""
 
     @property
-    def face_areas(self) -> dict[str, float]:
+    def side_areas(self) -> dict[SideKey, float]:
         """The equation's areas of the same faces, in units squared."""
 
     @property
@@ -111,9 +112,9 @@ def mesh_solid(
     size = options.size or float(mass.volume ** (1 / 3)) / 10
     mesh = run(
         "mesh",
-        lambda: tetrahedra(part.shape, part.faces, size, options.order,
+        lambda: tetrahedra(part.shape, part.kernel_sides, size, options.order,
                            name=equation.name, units=equation.units, layers=part.layers),
     )  # fmt: skip
     quality = run("quality", lambda: measure(mesh))
     check_whole(mesh, quality.volume)
-    return mesh, report_on(mesh, quality, mass, by_side(part.face_areas.items()), None, run.times)
+    return mesh, report_on(mesh, quality, mass, by_side(part.side_areas.items()), None, run.times)

@@ -23,7 +23,7 @@ from pc2cad.mesh.elements import HEXAHEDRON
 from pc2cad.mesh.grid import Grid, UnsuitableGridError
 from pc2cad.mesh.hexahedra import FACE_AT, hexahedra
 from pc2cad.mesh.node_merging import joined
-from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side, pieces_among
 from pc2cad.topology.cells import Cell
 
 
@@ -134,7 +134,7 @@ class _Layout:
             row = _elements(lattice.nodes, self._order)
             for patch, d, end in self._patches(lattice.block):
                 on_side = (shares[:, d] == end) | np.isnan(shares[:, d])
-                for key in by_whole_side(self._analysis.boundary.name(patch)):
+                for key in by_whole_side(self._analysis.boundary.key(patch)):
                     sets.setdefault(key, []).append(nodes[on_side])
                     if names[patch] == "face":
                         sides.setdefault(key, []).extend(self._facets(lattice, d, end, first))
@@ -156,7 +156,7 @@ class _Layout:
             equation.name, equation.units, self._order, self._analysis.map.points(*places[used].T),
             {HEXAHEDRON.name: numbers.reshape(block.shape)},
             {name: tuple(parts) for name, parts in sides.items() if parts}, node_sets,
-            of_layer,
+            of_layer, pieces_among(self._analysis.boundary),
         )  # fmt: skip
 
     def _shares(self, lattice: _Lattice) -> Array:

@@ -10,6 +10,7 @@ from pc2cad.checked import CheckedMap
 from pc2cad.integrals.mass_properties import Properties
 from pc2cad.mesh.quality import Quality
 from pc2cad.mesh.volume_mesh import VolumeMesh, by_whole_side
+from pc2cad.topology.cells import SideKey
 
 
 @dataclass(frozen=True)
@@ -85,14 +86,14 @@ def report_on(
 def side_areas(checked: CheckedMap) -> dict[str, float]:
     """Return the equation's area of every side, and of every patch of a creased one."""
     boundary = checked.analysis.boundary
-    names = [boundary.name(face.patch) for face in boundary.faces]
-    return by_side(zip(names, checked.mass.face_areas, strict=True))
+    keys = [boundary.key(face.patch) for face in boundary.faces]
+    return by_side(zip(keys, checked.mass.face_areas, strict=True))
 
 
-def by_side(named: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """Return areas by name, and those of whole sides where they come in pieces."""
+def by_side(measured: Iterable[tuple[SideKey, float]]) -> dict[str, float]:
+    """Return areas by name of the side, and those of whole sides where they come in pieces."""
     areas: dict[str, float] = {}
-    for name, area in named:
-        for key in by_whole_side(name):
-            areas[key] = areas.get(key, 0.0) + area
+    for side, area in measured:
+        for name in by_whole_side(side):
+            areas[name] = areas.get(name, 0.0) + area
     return areas

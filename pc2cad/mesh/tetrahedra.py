@@ -23,7 +23,8 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from pc2cad.arrays import Integers
 from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
-from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
+from pc2cad.topology.cells import SideKey
 
 #: gmsh numbers the last two middles of a tetrahedron the other way round
 _FROM_GMSH = {1: [0, 1, 2, 3], 2: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
@@ -35,7 +36,7 @@ class MeshingFailedError(KernelError):
 
 def tetrahedra(
     solid: TopoDS_Shape,
-    faces: Mapping[str, TopoDS_Face],
+    faces: Mapping[SideKey, TopoDS_Face],
     size: float,
     order: int = 1,
     *,
@@ -45,7 +46,7 @@ def tetrahedra(
 ) -> VolumeMesh:
     """Return tetrahedra with edges of about `size` (model units) that fill a solid.
 
-    `faces` are the solid's faces by the name of their side, `layers` the solids that it consists
+    `faces` are the solid's faces by their side, `layers` the solids that it consists
     of, which share the faces between them. Needs gmsh (``pc2cad[fea]``). Raises MeshingFailedError.
     """
     layers = layers or {}
@@ -85,7 +86,7 @@ def _together(solids: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
     return whole
 
 
-def _in_order(solid: TopoDS_Shape, faces: Mapping[str, TopoDS_Face]) -> list[str | None]:
+def _in_order(solid: TopoDS_Shape, faces: Mapping[SideKey, TopoDS_Face]) -> list[SideKey | None]:
     """Return the faces' names in the order in which gmsh numbers them; None between layers."""
     found = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(solid, TopAbs_FACE, found)
@@ -123,7 +124,10 @@ def _model(solid: TopoDS_Shape) -> Iterator[Any]:
 
 
 def _check_order(
-    gmsh: Any, surfaces: list[int], names: list[str | None], faces: Mapping[str, TopoDS_Face]
+    gmsh: Any,
+    surfaces: list[int],
+    names: list[SideKey | None],
+    faces: Mapping[SideKey, TopoDS_Face],
 ) -> None:
     """Hold the area of each surface in gmsh against that of the face it is taken for."""
     if len(surfaces) != len(names):
@@ -138,7 +142,7 @@ def _check_order(
         here, there = found.Mass(), gmsh.model.occ.getMass(2, tag)
         if abs(here - there) > 1e-3 * here:
             raise MeshingFailedError(
-                f"gmsh's surface {tag} has the area {there:.6g}, the face {name} {here:.6g}"
+                f"gmsh's surface {tag} has the area {there:.6g}, the face {name.label} {here:.6g}"
             )
 
 
@@ -165,7 +169,7 @@ def _mesh(
     tags: Any,
     coordinates: Any,
     block: Integers,
-    triangles: dict[str, Integers],
+    triangles: dict[SideKey, Integers],
     order: int,
     name: str,
     units: str,
@@ -182,11 +186,12 @@ def _mesh(
     sides: dict[str, tuple[Facets, ...]] = {}
     for side, (elements, faces) in on_side.items():
         # a side in pieces is one set as well
-        for key in dict.fromkeys((side.partition(" (")[0], side)):
-            sides[key] = (*sides.get(key, ()), Facets(kind, elements, faces))
-    mesh = VolumeMesh(name, units, order, points, {kind: block}, sides, {})
+        for label in by_whole_side(side):
+            sides[label] = (*sides.get(label, ()), Facets(kind, elements, faces))
+    pieces = frozenset(side.label for side in triangles if side.is_piece)
+    mesh = VolumeMesh(name, units, order, points, {kind: block}, sides, {}, pieces=pieces)
     sets = {side: np.unique(mesh.facet_nodes(side)["triangle"]) for side in sides}
-    return VolumeMesh(name, units, order, points, {kind: block}, sides, sets)
+    return replace(mesh, node_sets=sets)
 
 
 def _facets(block: Integers, triangles: Integers) -> tuple[Integers, NDArray[np.int8]]:

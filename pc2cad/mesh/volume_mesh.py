@@ -11,6 +11,8 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import product
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
+from pc2cad.topology.cells import SideKey
+from pc2cad.topology.complex import BoundaryComplex
 
 #: facets integrated at once
 _CHUNK = 100_000
@@ -25,9 +27,15 @@ class Facets:
     faces: Integers
 
 
-def by_whole_side(name: str) -> list[str]:
+def by_whole_side(side: SideKey) -> list[str]:
     """Return the sets that a patch of a side belongs to: the whole side, and its own of several."""
-    return list(dict.fromkeys((name.partition(" (")[0], name)))
+    return [key.label for key in dict.fromkeys((side.whole, side))]
+
+
+def pieces_among(boundary: BoundaryComplex) -> frozenset[str]:
+    """Return the names of the patches that are pieces of a side, and no whole one."""
+    keys = (boundary.key(side.patch) for side in boundary.sides)
+    return frozenset(key.label for key in keys if key.is_piece)
 
 
 def by_layer(
@@ -60,6 +68,8 @@ class VolumeMesh:
     node_sets: Mapping[str, Integers]
     #: layer -> its elements: numbers within each type; empty where the solid is one
     layers: Mapping[str, Mapping[str, Integers]] = field(default_factory=dict)
+    #: names of sets that are single patches of a creased side, which is a set as well
+    pieces: frozenset[str] = frozenset()
 
     @property
     def elements(self) -> int:
@@ -107,7 +117,7 @@ class VolumeMesh:
     @property
     def whole_sides(self) -> list[str]:
         """The names of whole sides, without those of single patches of a creased one."""
-        return [name for name in self.sides if " (piece" not in name]
+        return [name for name in self.sides if name not in self.pieces]
 
     @cached_property
     def centre(self) -> Array:

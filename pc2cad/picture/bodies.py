@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.csg.bodies import BodiesPart
 from pc2cad.errors import InputError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.surface import faces_in_order, smooth_normals, surface
+from pc2cad.part import Part
 from pc2cad.picture.scene import Colour, Label, Lines, Scene, Surface
 from pc2cad.picture.style import STEEL, Style
 
 
-def shown_faces(part: BodiesPart, turn: float, colour: Colour | None = None) -> Iterator[Surface]:
+def shown_faces(part: Part, turn: float, colour: Colour | None = None) -> Iterator[Surface]:
     """Yield the faces in the report's order, in one colour or each in that of its body.
 
     `turn` is the largest angle in radians between neighbouring chords.
@@ -28,11 +28,11 @@ def shown_faces(part: BodiesPart, turn: float, colour: Colour | None = None) -> 
         triangles, points = triangles.reshape(own.shape), mesh.vertices[used]
         yield Surface(
             face.name, points, triangles, smooth_normals(points, triangles),
-            colour or part.colour(face.name),
+            colour or face.colour or STEEL,
         )  # fmt: skip
 
 
-def bodies_drawing(part: BodiesPart, style: Style, turn: float) -> Scene:
+def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
     """Return the scene of a part of several bodies; raise InputError for what it has not."""
     if style.isolines or style.points or style.map:
         raise InputError(
@@ -57,7 +57,7 @@ def bodies_drawing(part: BodiesPart, style: Style, turn: float) -> Scene:
     return Scene(moved, lines, labels=labels)
 
 
-def _offset(part: BodiesPart, face: Surface, explode: float) -> Array:
+def _offset(part: Part, face: Surface, explode: float) -> Array:
     """Return how far a face is moved: away from the middle of the solid."""
     away: Array = face.points[face.triangles].mean(axis=(0, 1)) - np.asarray(
         part.report.solid.centroid

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.csg.bodies import BodiesPart
 from pc2cad.part import Part, side_colour
 from pc2cad.picture.bodies import bodies_drawing
 from pc2cad.picture.colours import shares, viridis
@@ -20,13 +19,13 @@ MAP_NODES = 72
 PLACES = 21
 
 
-def drawing(part: Part | BodiesPart, style: Style | None = None) -> Scene:
+def drawing(part: Part, style: Style | None = None) -> Scene:
     """Return the scene of a part.
 
     Raises InputError for a thickness where there is no wall, and for what several bodies have not.
     """
     style = style or Style()
-    if isinstance(part, BodiesPart):
+    if len(part.bodies) > 1:
         return bodies_drawing(part, style, TURN)
     sides = Sides(part)
     patches = list(sides.patches(None if style.map is None else MAP_NODES))

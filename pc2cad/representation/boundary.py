@@ -238,7 +238,7 @@ class _Fits:
         """
         index, cells = group[0], self.work.cells
         function, cell = cells.faces[index], cells.boundary.faces[index]
-        name = cells.boundary.name(cell.patch)
+        key = cells.boundary.key(cell.patch)
         inward = cells.sign(cell.patch) < 0
         flat, placement = cells.planes[index], self.plan.placements[index]
         if flat is not None:
@@ -248,7 +248,7 @@ class _Fits:
             if on_surface is None:
                 return None
             surface, sides = on_surface
-            return ModelFace(name, (index,), surface, cell.uses, (), sides, placement.turned,
+            return ModelFace(key, (index,), surface, cell.uses, (), sides, placement.turned,
                              inward != placement.turned, "exact", 0.0, 0)  # fmt: skip
         square = whole_square(cell.uses)
         s, t = (
@@ -261,7 +261,7 @@ class _Fits:
         ):
             degrees = (exact.shape[0] - 1, exact.shape[1] - 1)
             knots = (bezier_knots(degrees[0]), bezier_knots(degrees[1]))
-            return ModelFace(name, (index,), SplineSurface(degrees, knots, exact), cell.uses, (),
+            return ModelFace(key, (index,), SplineSurface(degrees, knots, exact), cell.uses, (),
                              square, False, inward, "exact", 0.0, 0)  # fmt: skip
         poles, weights = fit_face(function, s, t)
         self._take_edges(poles, cell.uses, edges)
@@ -270,7 +270,7 @@ class _Fits:
             (s.space.degree, t.space.degree), (s.space.knots, t.space.knots), poles, weights
         )
         evidence: Evidence = "exact" if s.exact and t.exact else "sampled"
-        return ModelFace(name, (index,), carrier, cell.uses, (), square, False, inward, evidence,
+        return ModelFace(key, (index,), carrier, cell.uses, (), square, False, inward, evidence,
                          seen.largest, seen.samples)  # fmt: skip
 
     def _on_surface(

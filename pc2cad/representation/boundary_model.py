@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, PCurve, SurfaceCarrier
+from pc2cad.topology.cells import SideKey
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 
@@ -39,7 +40,7 @@ class ModelFace:
     goes clockwise in the carrier's parameters.
     """
 
-    name: str
+    key: SideKey
     #: the faces of the boundary complex that it covers: several where patches lie in one plane
     cells: tuple[int, ...]
     carrier: SurfaceCarrier
@@ -55,6 +56,11 @@ class ModelFace:
     #: the largest distance seen, and the parameters (of the patch) where no bound could be had
     sampled: float = 0.0
     open: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What the side is called."""
+        return self.key.label
 
     @property
     def border(self) -> set[int]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pc2cad.geometry.carriers import Arc, Evidence, Line, Plane
 from pc2cad.representation.boundary_model import ModelEdge, ModelFace, Wire
-from pc2cad.topology.cells import DIRECTIONS, Cell, cell_name, normal_direction
+from pc2cad.topology.cells import DIRECTIONS, Cell, SideKey, normal_direction
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 #: planes that differ by less (as an angle) are one: what a least-squares fit of samples leaves
@@ -72,7 +72,7 @@ def plane_face(
     `inward`: M_s × M_t points into the solid there, so that the patches' walks turn round.
     """
     uses = tuple(use for index in group for use in boundary.faces[index].uses)
-    name = _name(group, boundary)
+    key = _key(group, boundary)
     counts = [use.edge for use in uses]
     walk = [
         (use.edge, use.forward != inward)
@@ -85,21 +85,21 @@ def plane_face(
         carrier = Plane(carrier.origin, -carrier.normal)
         walk = [(edge, not forward) for edge, forward in walk]
     wires = _chains(walk, boundary, edges)
-    return ModelFace(name, group, carrier, uses, wires, (), False, against, evidence, 0.0, 0)
+    return ModelFace(key, group, carrier, uses, wires, (), False, against, evidence, 0.0, 0)
 
 
-def _name(group: tuple[int, ...], boundary: BoundaryComplex) -> str:
-    """Return the name of a face of several patches: what they share tells them from others."""
+def _key(group: tuple[int, ...], boundary: BoundaryComplex) -> SideKey:
+    """Return the key of a face of several patches: what they share tells them from others."""
     patches = [boundary.faces[i].patch for i in group]
     shared = [d for d in DIRECTIONS if len({patch[d] for patch in patches}) == 1]
     same = [face for face in boundary.faces
             if all(face.patch[d] == patches[0][d] for d in shared)]  # fmt: skip
     if len(same) > len(group):
-        return boundary.name(patches[0])
+        return boundary.key(patches[0])
     d = normal_direction(patches[0])
     every = [f for f in boundary.faces if _side(f.patch) == _side(patches[0])]
     alone = [k for k in shared if k != d and len({face.patch[k] for face in every}) > 1]
-    return cell_name(patches[0], boundary.labels, [d, *alone])
+    return SideKey.of(patches[0], boundary.labels, [d, *alone])
 
 
 def join_straight_edges(

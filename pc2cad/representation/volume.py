@@ -28,7 +28,7 @@ from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.representation.deviation_proof import bound_volume
 from pc2cad.representation.parametrisation import exact_course
 from pc2cad.representation.tightening import Attempt, tighten
-from pc2cad.topology.cells import Cell, cell_name
+from pc2cad.topology.cells import Cell, SideKey
 from pc2cad.topology.complex import BoundaryComplex
 
 #: cross sections on which a direction is resolved: ends and Gauss nodes
@@ -88,11 +88,11 @@ class VolumeModel:
         """Return the volume of all patches."""
         return sum(patch.volume.volume() for patch in self.patches)
 
-    def side_name(self, patch: Patch, axis: int, upper: bool) -> str:
-        """Return the name of the cell of the box that a side of a patch is, e.g. ``u=0``."""
+    def side_key(self, patch: Patch, axis: int, upper: bool) -> SideKey:
+        """Return the cell of the box that a side of a patch is."""
         cell = list(patch.cell)
         cell[self.directions[axis]] += 1 if upper else -1
-        return cell_name((cell[0], cell[1], cell[2]), self.boundary.labels)
+        return self.boundary.key((cell[0], cell[1], cell[2]))
 
 
 def represent_volume(checked: CheckedMap, options: CompileOptions = DEFAULTS) -> VolumeModel:

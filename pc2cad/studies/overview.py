@@ -43,12 +43,15 @@ def plot(table: Sequence[Row], column: str, against: str) -> bytes:
         pyplot.close(figure)
 
 
-def contact_sheet(table: Sequence[Row], parameters: Sequence[str], store: Store) -> bytes:
+def contact_sheet(
+    table: Sequence[Row], parameters: Sequence[str], files: Sequence[str], store: Store
+) -> bytes:
     """Return a PNG of the parts' pictures with their parameters, evenly chosen.
 
-    There are `MOST_PICTURES` at most; where nothing was built, the status stands in the place.
+    `files` are the names of the rows' pictures in the store. `MOST_PICTURES` are shown at most;
+    where nothing was built, the status stands in the place.
     """
-    chosen = table[:: -(-len(table) // MOST_PICTURES)]
+    chosen = list(zip(table, files, strict=True))[:: -(-len(table) // MOST_PICTURES)]
     columns = min(6, len(chosen))
     lines = -(-len(chosen) // columns)
     pyplot = _pyplot()
@@ -58,12 +61,11 @@ def contact_sheet(table: Sequence[Row], parameters: Sequence[str], store: Store)
     try:
         for axes in grid.flat:
             axes.axis("off")
-        for row, axes in zip(chosen, grid.flat, strict=False):
+        for (row, file), axes in zip(chosen, grid.flat, strict=False):
             values = ", ".join(f"{name}={row[name]:.4g}" for name in parameters)
             axes.set_title(values, fontsize=7)
             if row.get("thumbnail"):
-                data = store.read(str(row["thumbnail"]).rpartition("/")[2])
-                axes.imshow(pyplot.imread(io.BytesIO(data), format="png"))
+                axes.imshow(pyplot.imread(io.BytesIO(store.read(file)), format="png"))
             else:
                 axes.text(0.5, 0.5, row["status"], ha="center", va="center", fontsize=8)
         return _png(figure)

@@ -19,7 +19,7 @@ from pc2cad.studies.plan import Plan, check_plan, grid, read_axes, sample
 from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
 from pc2cad.studies.store import open_store
 from pc2cad.studies.table import COLUMNS
-from pc2cad.studies.variant import Task
+from pc2cad.studies.variant import Task, file_name
 from pc2cad.studies.variants_table import read_table
 from pc2cad.templates.file import parse_template, read_template_text
 from pc2cad.templates.shipped import find_template
@@ -113,6 +113,7 @@ class _Study:
         check_plan(plan, read)
         _check_columns(plan, task, self._plots.values())
         read.bind(task.fixed)
+        _ = task.options  # refused before the work begins
 
     def run(
         self,
@@ -129,9 +130,10 @@ class _Study:
         )  # fmt: skip
         pictures = {name: plot(result.rows, *columns) for name, columns in self._plots.items()}
         if self._task.thumbnails:
-            pictures[SHEET] = contact_sheet(
-                result.rows, self._plan.names, open_store(self._task.store)
-            )
+            keys = (self._task.key(self._plan.values(n)) for n in range(len(self._plan)))
+            files = [file_name(key, "thumbnail") for key in keys]
+            store = open_store(self._task.store)
+            pictures[SHEET] = contact_sheet(result.rows, self._plan.names, files, store)
         for name, image in pictures.items():
             write_atomically(result.folder / name, image, owned=True)
         return result

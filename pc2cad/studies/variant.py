@@ -17,9 +17,8 @@ from pc2cad.studies.store import open_store
 from pc2cad.trust.names import visible
 
 if TYPE_CHECKING:
-    from pc2cad.csg.bodies import BodiesPart
     from pc2cad.part import Part
-    from pc2cad.report import BodiesReport, Report
+    from pc2cad.report import Report
     from pc2cad.templates.bodies import BodiesTemplate
     from pc2cad.templates.template import Template
 
@@ -152,7 +151,7 @@ def file_name(key: str, kind: str) -> str:
     return f"{key}.{ENDINGS.get(kind, kind)}"
 
 
-def _thumbnail(part: Part | BodiesPart) -> bytes:
+def _thumbnail(part: Part) -> bytes:
     from pc2cad.picture.camera import VIEWS
     from pc2cad.picture.drawing import drawing
     from pc2cad.picture.image import camera_for, encode
@@ -168,7 +167,7 @@ def _template(text: str, name: str) -> Template | BodiesTemplate:
     return parse_template(text, name, name)
 
 
-def figures_of(report: Report | BodiesReport) -> dict[str, float | int | str]:
+def figures_of(report: Report) -> dict[str, float | int | str]:
     """Return the figures of a report that a row of the results table holds."""
     x, y, z = report.integrals.centroid
     return {

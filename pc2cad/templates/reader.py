@@ -243,18 +243,19 @@ class Reader(Tables):
         if not exact or (value < 0 and "euler" not in key):
             self.fail(key, f"is a whole number, and {tree!r} was given")
 
-    def _expected(self) -> dict[str, tuple[Expr, ...]]:
+    def _expected(self) -> dict[tuple[str, ...], tuple[Expr, ...]]:
         table = dict(self.table("expect"))
         self.check_keys(table, _EXPECTED, "[expect] ")
-        result = {}
+        result: dict[tuple[str, ...], tuple[Expr, ...]] = {}
         carriers = table.pop("carriers", {})
         if not isinstance(carriers, dict):
             self.fail("[expect] carriers", "is a table such as { sphere = 1, plane = 1 }")
         self.check_keys(carriers, _CARRIERS, "[expect] carriers ")
-        table |= {f"carriers {kind}": count for kind, count in carriers.items()}
-        for name, raw in table.items() if not self._moved else ():
+        entries: dict[tuple[str, ...], Any] = {(name,): raw for name, raw in table.items()}
+        entries |= {("carriers", kind): count for kind, count in carriers.items()}
+        for path, raw in entries.items() if not self._moved else ():
             # what is stated of the points as written need not hold of moved ones
-            key = f"[expect] {name}"
+            key, name = f"[expect] {' '.join(path)}", path[0]
             values = raw if name == "centroid" else [raw]
             if not isinstance(values, list) or len(values) != (3 if name == "centroid" else 1):
                 self.fail(key, "is a list of three coordinates")
@@ -263,5 +264,5 @@ class Reader(Tables):
                 self.fail(key, "must not depend on u, v or w")
             if name not in _MEASURED and not trees[0].symbols:
                 self._check_count(key, trees[0])
-            result[name] = trees
+            result[path] = trees
         return result

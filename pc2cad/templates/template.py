@@ -114,7 +114,7 @@ class Template(Header):
     solid: tuple[Definition, ...]
     M: Combination
     #: name of the figure -> the tree that states it (three for the centroid)
-    expected: Mapping[str, tuple[Expr, ...]]
+    expected: Mapping[tuple[str, ...], tuple[Expr, ...]]
 
     #: reads the template again with values for its parameters and other points
     _again: Callable[[Mapping[str, Expr], Mapping[str, Moved]], Template] = field(repr=False)
@@ -180,16 +180,15 @@ class Template(Header):
         return equation.layered([layer.name for layer in self.layers])
 
 
-def expectations(expected: Mapping[str, tuple[Expr, ...]]) -> Expectations:
-    """Return the figures that trees without parameters state, by their names."""
+def expectations(expected: Mapping[tuple[str, ...], tuple[Expr, ...]]) -> Expectations:
+    """Return the figures that trees without parameters state, by their keys in [expect]."""
     figures: dict[str, Any] = {}
-    for name, trees in expected.items():
+    for (name, *below), trees in expected.items():
         numbers = tuple(evaluate(tree, {}) for tree in trees)
         if name == "centroid":
             figures[name] = numbers
-        elif name.startswith("carriers "):
-            kind = name.removeprefix("carriers ")
-            figures.setdefault("carriers", {})[kind] = round(numbers[0])
+        elif below:
+            figures.setdefault(name, {})[below[0]] = round(numbers[0])
         else:
             whole = name not in ("volume", "area")
             figures[name] = round(numbers[0]) if whole else numbers[0]

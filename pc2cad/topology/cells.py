@@ -9,7 +9,7 @@ interior.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Final
 
@@ -100,20 +100,63 @@ def outward_sign(patch: Cell) -> int:
     return handed if patch[d] > 0 else -handed
 
 
-def cell_name(cell: Cell, labels: Labels, shown: Iterable[int] = DIRECTIONS) -> str:
-    """Return a name such as ``u=0``, ``v=1, w=0`` or, with breaks, ``w=1 (piece 2 of v)``.
+@dataclass(frozen=True)
+class SideKey:
+    """A cell of the boundary as what it is told by: a side, a piece of one, or an edge of sides.
 
-    ``labels[d]`` holds the printed limits and breaks of direction d, in ascending order; only
-    directions that are `shown` take part.
+    Faces and edges carry it through the kernel and into files; what is printed is its `label`.
     """
-    fixed, piece = [], []
-    for d in sorted(shown):
-        name = "uvw"[d]
-        if cell[d] % 2 == 0:
-            fixed.append(f"{name}={labels[d][cell[d] // 2]}")
-        elif len(labels[d]) > 2:
-            piece.append(f"piece {cell[d] // 2 + 1} of {name}")
-    return ", ".join(fixed) + (f" ({', '.join(piece)})" if piece else "")
+
+    #: positions per direction; None where the whole direction is covered
+    cell: tuple[int | None, int | None, int | None]
+    #: what the limits and breaks are called, which tells no cells apart
+    labels: Labels = field(compare=False, repr=False)
+    #: the body whose side it is, where a part has several
+    body: str = ""
+
+    @classmethod
+    def of(cls, cell: Cell, labels: Labels, shown: Iterable[int] = DIRECTIONS) -> SideKey:
+        """Return the key of a cell, or of all cells that agree with it in the `shown` directions.
+
+        ``labels[d]`` holds the printed limits and breaks of direction d, in ascending order.
+        """
+        told = set(shown)
+        u, v, w = (
+            p if d in told and (p % 2 == 0 or len(labels[d]) > 2) else None
+            for d, p in enumerate(cell)
+        )
+        return cls((u, v, w), labels)
+
+    @property
+    def is_piece(self) -> bool:
+        """Whether it is one of several pieces between breaks."""
+        return any(p is not None and p % 2 for p in self.cell)
+
+    @property
+    def whole(self) -> SideKey:
+        """The whole side that it is a piece of, or itself."""
+        u, v, w = (None if p is None or p % 2 else p for p in self.cell)
+        return replace(self, cell=(u, v, w))
+
+    @property
+    def label(self) -> str:
+        """A name such as ``u=0``, ``v=1, w=0`` or, with breaks, ``w=1 (piece 2 of v)``.
+
+        With a body it is ``body:u=0``.
+        """
+        fixed, piece = [], []
+        for name, labels, position in zip("uvw", self.labels, self.cell, strict=True):
+            if position is not None and position % 2:
+                piece.append(f"piece {position // 2 + 1} of {name}")
+            elif position is not None:
+                fixed.append(f"{name}={labels[position // 2]}")
+        side = ", ".join(fixed) + (f" ({', '.join(piece)})" if piece else "")
+        return f"{self.body}:{side}" if self.body else side
+
+
+def cell_name(cell: Cell, labels: Labels) -> str:
+    """Return the printed name of a cell; see `SideKey.label`."""
+    return SideKey.of(cell, labels).label
 
 
 @dataclass(frozen=True)

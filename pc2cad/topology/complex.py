@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pc2cad.expression.identity import Verdict
-from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name
+from pc2cad.topology.cells import Cell, Labels, SideKey, Symmetry
 
 Fate = Literal["face", "curve", "point", "interface"]
 
@@ -104,7 +104,11 @@ class BoundaryComplex:
 
     def name(self, cell: Cell) -> str:
         """Return the printed name of a cell."""
-        return cell_name(cell, self.labels)
+        return self.key(cell).label
+
+    def key(self, cell: Cell) -> SideKey:
+        """Return what tells a cell from others, whatever it is called."""
+        return SideKey.of(cell, self.labels)
 
     @property
     def euler(self) -> int:

@@ -11,20 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.arrays import Array
-from pc2cad.csg.bodies import BodiesPart
 from pc2cad.errors import InputError
 from pc2cad.part import Part, side_colour
 from pc2cad.picture.bodies import shown_faces
 from pc2cad.picture.colours import viridis
 from pc2cad.picture.scene import Surface
 from pc2cad.picture.sides import Sides
-from pc2cad.report import BodiesReport, FaceReport, Report
+from pc2cad.report import FaceReport, Report
 
 #: angle in radians between neighbouring tangents of a page's grid
 TURN = 0.09
 
 
-def payload(part: Part | BodiesPart, points: tuple[int, int, int] | None = None) -> bytes:
+def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
     """Return a part, and the points of a grid of its box if asked for, compressed.
 
     Four bytes give the length of the header, JSON in UTF-8; the arrays follow at the next multiple
@@ -37,7 +36,7 @@ def payload(part: Part | BodiesPart, points: tuple[int, int, int] | None = None)
         "parameters": dict(part.report.parameters),
         "facts": _facts(part.report),
     }
-    if isinstance(part, BodiesPart):
+    if len(part.bodies) > 1:
         if points is not None:
             raise InputError("a point set belongs to one equation, and here are several bodies")
         faces = shown_faces(part, TURN)
@@ -135,16 +134,13 @@ def _padded(rows: Array, value: float) -> Array:
     return np.column_stack((rows, np.full(len(rows), value)))
 
 
-def _facts(report: Report | BodiesReport) -> list[tuple[str, str]]:
+def _facts(report: Report) -> list[tuple[str, str]]:
     units = report.units
     off = "" if report.evidence == "exact" else f", within {report.deviation:.2g} {units}"
-    shells = (
-        str(report.shells) if isinstance(report, BodiesReport)
-        else f"{report.shells}, of genus {', '.join(map(str, report.genus))}"
-    )  # fmt: skip
+    genus = "" if report.own is None else f", of genus {', '.join(map(str, report.own.genus))}"
     return [
         ("volume", f"{report.integrals.volume:.10g} {units}³"),
         ("area", f"{report.integrals.area:.10g} {units}²"),
         ("evidence", f"{report.evidence}{off}"),
-        ("shells", shells),
+        ("shells", f"{report.shells}{genus}"),
     ]
