@@ -137,6 +137,12 @@ class NamedEdge:
         return None if isinstance(curve, Geom_BSplineCurve) else conic_terms(curve)
 
     @property
+    def range(self) -> tuple[float, float]:
+        """The parameters of its curve at which it begins and ends."""
+        first, last = BRep_Tool.Range_s(self.edge)
+        return first, last
+
+    @property
     def spline(self) -> tuple[int, int]:
         """A B-spline's degree and number of poles, zeros for others."""
         curve = self._curve

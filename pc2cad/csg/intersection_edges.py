@@ -92,5 +92,5 @@ def _lies_on(edge: NamedEdge, sides: Sequence[Side]) -> bool:
     """Say whether an edge is a conic that lies on both equations' faces by algebra."""
     if edge.conic is None:
         return False
-    point = point_along(*edge.conic)
+    point = point_along(*edge.conic, edge.range)
     return all(any(holds(carrier, point) for carrier in side.exact) for side in sides)

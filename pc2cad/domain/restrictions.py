@@ -79,6 +79,11 @@ class RestrictedMap:
         """Return a place as the equation's own parameters, for a message."""
         return self.analysis.map.shown(float(x) for x in self._places(local))
 
+    def place(self, *local: float) -> tuple[float, float, float]:
+        """Return a place as local coordinates of the box, each from 0 to 1."""
+        u, v, w = (float(x) for x in self._places(local))
+        return u, v, w
+
     def _places(self, local: Sequence[Array | float]) -> list[Array]:
         """Return local coordinates of the map."""
         free = iter(local)

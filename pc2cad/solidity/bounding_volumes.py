@@ -175,6 +175,17 @@ def _off_chord(start: Array, middle: Array, end: Array) -> Array:
     return np.asarray(np.sqrt(np.where(forward, np.maximum(across, 0.0), square)))
 
 
+def overshoots(samples: Array) -> Booleans:
+    """Say of cells (N, 3, 3, 3) whether one may run beyond the ends of its chords along s."""
+    chord, offset = (
+        samples[:, 2] - samples[:, 0],
+        samples[:, 1] - (samples[:, 0] + samples[:, 2]) / 2,
+    )
+    length = np.einsum("...i,...i->...", chord, chord)
+    along = np.einsum("...i,...i->...", chord, offset)
+    return np.asarray((8 * np.abs(along) > length).any(axis=1))
+
+
 def _factor(stack: _Stack) -> tuple[int, int]:
     """Return how many rows and columns to join: along the shorter side of the blocks first."""
     low, high, axes, _ = stack

@@ -38,6 +38,8 @@ MOST_DOUBTS = 12
 SHORTENINGS, LARGEST_TRIED = 7, 4000
 #: what counts as touching in that search, as a share of the part's size
 ROUGHLY = 1e-4
+#: a place this near to an end of a parameter (of a range of length 1) is at that end
+END = 1e-6
 
 
 class OverlappingMapError(NotASolidError):
@@ -181,10 +183,22 @@ class _Mesh:
 def _met(analysis: Analysis, face_meshes: Sequence[FaceMesh], contact: Contact) -> str:
     """Say where the boundary meets itself, and what would mend it."""
     places, point = _shown(face_meshes, contact)
-    first, second = (face_meshes[face] for face in contact.faces)
+    first, second = (
+        face_meshes[face].function.place(*local)
+        for face, local in zip(contact.faces, contact.places, strict=True)
+    )
+    # the ends of one parameter: what was found may lie on an edge that one side has with a third
+    apart = [d for d in range(3) if abs(first[d] - second[d]) > 1 - END]
+    ends = [
+        mesh
+        for d in apart[:1]
+        for cell in (0, 2 * len(analysis.bounds[d]) - 2)
+        for mesh in [m for m in face_meshes if m.function.cell[d] == cell][:1]
+    ]
+    seam = _missed_seam(analysis, *ends) if len(ends) == 2 else ""
     return (
         f"the map covers itself, or touches: {places[0]} and {places[1]} both lie at ({point}); "
-        f"{_missed_seam(analysis, first, second) or _advice(analysis)}"
+        f"{seam or _advice(analysis)}"
     )
 
 

@@ -33,6 +33,7 @@ from pc2cad.solidity.bounding_volumes import (
     independent,
     meet,
     opposite_faces,
+    overshoots,
     spread,
     unit,
 )
@@ -231,6 +232,8 @@ class _Descent:
             np.sqrt(((g[:, :, 2] - g[:, :, 0]) ** 2).sum(axis=-1)).max(axis=1),
         ]
         cut = np.stack((lengths[0] >= 0.6 * lengths[1], lengths[1] >= 0.6 * lengths[0]), axis=1)
+        # a direction in which cells may overshoot is not resolved, however short they are there
+        cut |= np.stack([overshoots(g), overshoots(g.swapaxes(1, 2))], axis=1)
         children = np.full((len(g), 4), -1)
         pieces: list[_Parts] = []
         count = 0

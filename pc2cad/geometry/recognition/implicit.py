@@ -12,6 +12,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.expression.magnitudes import largest_seen
+from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.rounded_identity import is_zero_to_rounding
 from pc2cad.expression.tree import ZERO, Expr, call, number, symbol
 from pc2cad.geometry.carriers import (
@@ -45,12 +46,14 @@ def holds(carrier: Plane | AnalyticSurface | CurveCarrier, point: Point) -> bool
     return all(is_zero_to_rounding(*equation) for equation in _equations(carrier, point))
 
 
-def point_along(start: Array, terms: Mapping[str, Array]) -> Point:
-    """Return a place plus vectors times functions of a parameter, as trees: a line or a conic.
+def point_along(start: Array, terms: Mapping[str, Array], ends: tuple[float, float]) -> Point:
+    """Return a place plus vectors times functions of a parameter t, as trees: a line or a conic.
 
-    The functions are t, t**2, cos, sin, cosh and sinh.
+    The functions are t, t**2, cos, sin, cosh and sinh. `ends` are those of t, which the trees run
+    through as their symbol runs from 0 to 1: what may be left of an equation is asked between them.
     """
-    t = symbol("t")
+    low, high = (number(end) for end in ends)
+    t = low + (high - low) * symbol(PARAMETERS[0])
     point = [number(float(c)) for c in start]
     for name, along in terms.items():
         factor = {"t": t, "t**2": t**2}.get(name) or call(name, t)
