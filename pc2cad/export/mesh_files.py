@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from pc2cad.arrays import Integers
 from pc2cad.errors import require
@@ -79,12 +79,6 @@ MESH_FORMATS: tuple[MeshFormat, ...] = (
         ("h5py",),
     ),
 )
-
-if TYPE_CHECKING:
-    # every module of the table is held against its contract
-    from pc2cad.export import gmsh_mesh, inp, med, vtk_legacy, vtu
-
-    _MODULES: tuple[MeshModule, ...] = (vtu, inp, gmsh_mesh, vtk_legacy, med)
 
 
 def mesh_format(path: str | os.PathLike[str]) -> MeshFormat:

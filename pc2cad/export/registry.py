@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.export.model import Exportable, ExportOptions
@@ -121,12 +121,6 @@ FORMATS: tuple[Format, ...] = (
         triangles=True,
     ),
 )
-
-if TYPE_CHECKING:
-    # every module of the table is held against its contract
-    from pc2cad.export import brep, glb, iges, step, stl, stl_text, threemf, vtp
-
-    _MODULES: tuple[SolidModule, ...] = (step, brep, iges, stl, stl_text, threemf, glb, vtp)
 
 
 def format_for(path: str | os.PathLike[str]) -> Format:

@@ -6,7 +6,7 @@ import importlib
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.geometry.splines.trivariate import SplineVolume
@@ -65,12 +65,6 @@ SPLINE_FORMATS: tuple[SplineFormat, ...] = (
         "pc2cad.export.gotools",
     ),
 )
-
-if TYPE_CHECKING:
-    # every module of the table is held against its contract
-    from pc2cad.export import gismo, gotools, irit, mfem
-
-    _MODULES: tuple[SplineModule, ...] = (gismo, mfem, irit, gotools)
 
 
 def spline_format(path: str | os.PathLike[str]) -> SplineFormat:
