@@ -1,7 +1,7 @@
 """Channels: a section carried along a guide, with a wall, as one point equation M(u, v, w).
 
 K = N + x·(R-N) + y·(Q-N) runs round the section; the wall is laid along NK, as the paper does, or
-along the section's true normal (paper, Fig. 7; spec sections 1.7 and 2).
+along the section's true normal (the paper, Fig. 7).
 """
 
 from __future__ import annotations

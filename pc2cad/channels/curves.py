@@ -1,7 +1,7 @@
 """Plane generator curves of channels: coordinates in the plane of the section.
 
 A curve is a pair of scalar functions, x(t) and y(t), once round for t from 0 to 1, periodic.
-Formulas: spec section 2.5; the paper names the curves (its references 30 and 31) without formulas.
+Formulas: docs/channels.md; the paper names the curves (its references 30 and 31) without formulas.
 """
 
 from __future__ import annotations

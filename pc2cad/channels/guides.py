@@ -1,4 +1,4 @@
-"""Guide curves: what a channel's section is carried along (paper, Fig. 6; spec section 2).
+"""Guide curves: what a channel's section is carried along (the paper, Fig. 6).
 
 A guide is a point N(u), smooth or made of smooth parts that join with a common tangent. Parts keep
 their own trees: an arc of a polyline stays an arc, exactly.

@@ -1,7 +1,7 @@
 """The limits of a channel: how far its section, its wall and its guide are from breaking the solid.
 
 Input: a point equation that knows its guide. Output: Limits, each with the value at which the solid
-would break (spec section 4.4). With q = M - N in the normal plane, det J = |N'|·(1 - κ q·n)·(the
+would break. With q = M - N in the normal plane, det J = |N'|·(1 - κ q·n)·(the
 section's own determinant), so that the first two are sharp; all values are found by search
 (sampled), and each violation is a witness: the place is named.
 """

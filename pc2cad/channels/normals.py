@@ -1,7 +1,7 @@
 """Normal and binormal of a guide's part: from a reference, turned, and across a mitre.
 
 The normal NR comes from a reference by the metric operator, the binormal NQ by exit from the plane
-(paper, Fig. 6; spec sections 2 and 3).
+(the paper, Fig. 6).
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ and the boundary complex). Answers about the map are taken from samples first, b
 refutes at once; what the samples leave standing is then proved from the trees where that is
 possible, and stays "sampled" where it is not.
 
-It has two steps, so that a map without finite values is refused before anything is asked of it, and
-one without an orientation (`folding`) before its boundary is: `sample_sides`, then `derive`.
+It has two steps, `sample_sides` and then `derive`: a map without finite values is refused before
+anything is asked of it, one without an orientation (`solidity.orientation`) before its boundary.
 """
 
 from __future__ import annotations

@@ -169,19 +169,19 @@ def det(a: Value, b: Value, c: Value) -> Expr:
 
 
 def metric(a: Value, b: Value, c: Value) -> Expr:
-    """Return the metric operator of three points, CA·CB (spec 2.1)."""
+    """Return the metric operator of three points, CA·CB (the paper, Fig. 6)."""
     a, b, c = (_need(p, Kind.POINT, "an operand of metric") for p in (a, b, c))
     return dot(a - c, b - c)
 
 
 def translate(a: Value, b: Value, c: Value) -> Combination:
-    """Return the parallel translation of AB to C: the point C + B - A (spec 2.1)."""
+    """Return the parallel translation of AB to C: the point C + B - A (the paper, Fig. 6)."""
     a, b, c = (_need(p, Kind.POINT, "an operand of translate") for p in (a, b, c))
     return c + b - a
 
 
 def exit_from_plane(n: Value, p: Value, q: Value) -> Combination:
-    """Return the exit point from the plane NPQ: N + NP × NQ (spec 2.1)."""
+    """Return the exit point from the plane NPQ: N + NP × NQ (the paper, Fig. 6)."""
     n, p, q = (_need(x, Kind.POINT, "an operand of exit_from_plane") for x in (n, p, q))
     return n + _cross(p - n, q - n)
 

@@ -156,7 +156,7 @@ def bound_volume(
 def _bound_slices(
     trees: tuple[Expr, ...], along: Sequence[str], volume: SplineVolume
 ) -> Bound | None:
-    """Bound the distance from those of slices (see `enclosure.between`)."""
+    """Bound the distance from those of slices (see `bounds.slices`)."""
     # slices as few as can be; the weights do not change from slice to slice
     axis = min((k for k in range(3) if volume.axes[k].arcs is None),
                key=lambda k: len(volume.axes[k].space.points))  # fmt: skip

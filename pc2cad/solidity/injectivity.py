@@ -1,8 +1,8 @@
 """The global test: does the map cover any place of space more than once.
 
-det J of one sign does not exclude that distant parts overlap, and no volume shows it (spec 4.2).
-Two things together do: the boundary nowhere meets itself (see `contact`), and it winds exactly
-once about images M(u,v,w) of inner points, once outside for each void. Where the first holds, the
+det J of one sign does not exclude that distant parts overlap, and no volume shows it. Two things
+together do: the boundary nowhere meets itself (`self_intersection`), and it winds exactly once
+about images M(u,v,w) of inner points, once outside for each void. Where the first holds, the
 winding number can change only from shell to shell, so that images throughout the box and the
 nesting of the shells decide the second. The boundary is meshed coarsely; where that contradicts,
 the few cells that the ray meets are refined before it is believed.

@@ -1,4 +1,4 @@
-"""The orient stage: det J keeps one sign (spec 4.1).
+"""The orient stage: det J keeps one sign.
 
 Input: Mapping3. Output: Orientation.
 

@@ -1,8 +1,8 @@
 """The solidity stage: whether the image nowhere covers itself, and how surely that is known.
 
-Input: Analysis and the sign of det J (`folding`). Output: Solidity. That det J keeps its sign was
-the first question of spec section 4; the second is whether the boundary meets itself and winds
-once about every image.
+Input: Analysis and the sign of det J (`orientation`). Output: Solidity. That det J keeps its sign
+was the first question of docs/rooms/solidity.md; the second is whether the boundary meets itself
+and winds once about every image.
 """
 
 from __future__ import annotations

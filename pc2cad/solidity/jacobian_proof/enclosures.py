@@ -1,4 +1,4 @@
-"""Proof that det J keeps one sign, from interval enclosures of its columns (spec 4.5).
+"""Proof that det J keeps one sign, from interval enclosures of its columns.
 
 A matrix of intervals holds no singular matrix when it is near enough to its middle: with B the
 inverse of the middle, |1 - B·J| as a bound has a spectral radius below 1 (Rump's test). Boxes where

@@ -140,7 +140,7 @@ def _enclosure(atom: Expr) -> Range | None:
 def _bernstein(
     form: NormalForm, atoms: list[Expr], degrees: list[int], ranges: list[Range]
 ) -> Wholes:
-    """Return the coefficients over the ranges (see `wholes`), times a positive number."""
+    """Return coefficients over the ranges (`integer_bernstein`), times a positive number."""
     rows = [_powers(degree, limits) for degree, limits in zip(degrees, ranges, strict=True)]
     common = math.lcm(*(c.denominator for c in form.values()))
     total: Any = np.zeros([n + 1 for n in degrees], dtype=object)

@@ -1,4 +1,4 @@
-"""Proof that det J keeps one sign, from Bernstein coefficients (spec 4.3).
+"""Proof that det J keeps one sign, from Bernstein coefficients.
 
 A polynomial lies in the convex hull of its Bernstein coefficients: when those of det J are all of
 one sign, and not all zero, det J cannot vanish inside the box. Where they are not, the box is
