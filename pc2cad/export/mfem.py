@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pc2cad.errors import InputError
 from pc2cad.export.spline_files import numbers, rows
 from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.mesh.grid import Grid
@@ -27,15 +28,28 @@ _CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1
 _SIDES = ((3, 0, 4, 7), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (3, 2, 1, 0), (4, 5, 6, 7))
 #: fewest patches round
 _ROUND = 3
+#: MFEM's `KnotVector::MaxOrder`: beyond, it writes past the end of its arrays
+_HIGHEST_DEGREE = 10
 #: u, v or w (0, 1, 2) and the number of a patch along it
 _Interval = tuple[int, int]
+
+
+class DegreeTooHighError(InputError):
+    """A spline has a higher degree than the format's reader can hold."""
 
 
 def encode(model: VolumeModel) -> str:
     """Return the text of the file; coordinates are Cartesian, every pole has a weight.
 
     Boundary attributes are 1 … 6 for the lower and upper side of the first, second, third axis.
+    Raises DegreeTooHighError for a volume that MFEM cannot hold.
     """
+    degree = max(max(patch.volume.degrees) for patch in model.patches)
+    if degree > _HIGHEST_DEGREE:
+        raise DegreeTooHighError(
+            f"the volume has the degree {degree}, and MFEM holds {_HIGHEST_DEGREE} at most; "
+            "--profile cubic approximates it by cubic splines"
+        )
     lattice = _lattice(model)
     blocks = list(_blocks(model, lattice))
     edges: dict[tuple[int, int], int] = {}

@@ -56,10 +56,13 @@ def facet_normals(corners: Array) -> Array:
 
 
 def _header(exportable: Exportable) -> bytes:
-    """Return 80 bytes of text; it must not start with "solid", the mark of the text variant."""
+    """Return 80 bytes of text; it must not start with "solid", the mark of the text variant.
+
+    The last byte is NUL: admesh takes the header for a string of C, and prints what comes after it.
+    """
     text = f"pc2cad {__version__} binary STL, unit {exportable.units}: "
-    text += stl_name(exportable, HEADER_SIZE - len(text))
-    return text.encode("ascii").ljust(HEADER_SIZE)
+    text += stl_name(exportable, HEADER_SIZE - 1 - len(text))
+    return text.encode("ascii").ljust(HEADER_SIZE - 1) + b"\0"
 
 
 def stl_name(exportable: Exportable, limit: int = 200) -> str:
