@@ -152,6 +152,12 @@ def test_a_parquet_table_is_judged_by_what_it_says_of_itself(tmp_path) -> None:
     assert read_table(tmp_path / "t.parquet").variants == ((0.25, 1.0), (1.0, 2.0))
 
 
+@pytest.mark.parametrize("name", ["9" * 3000, "a\0b"])
+def test_a_name_that_no_table_can_have_is_one_sentence(name) -> None:
+    with pytest.raises(PlanError, match="cannot be read|no such file"):
+        read_table(Path(name))
+
+
 def test_a_journal_is_read_line_by_line_and_no_line_is_endless(tmp_path) -> None:
     path = tmp_path / "journal.jsonl"
     whole = json.dumps({"study": "s"}).encode() + b"\n"

@@ -34,9 +34,14 @@ def read_table(path: Path) -> Plan:
 
     Raises RangeError for what is no number.
     """
-    if not path.is_file():
+    try:
+        size = path.stat().st_size if path.is_file() else None
+    except (OSError, ValueError) as error:  # a name that no file can have
+        told = getattr(error, "strerror", None) or str(error)
+        raise PlanError(f"{str(path)[-80:]}: the table cannot be read: {told}") from error
+    if size is None:
         raise PlanError(f"{path}: there is no such file")
-    if path.stat().st_size > LARGEST_TABLE:
+    if size > LARGEST_TABLE:
         raise PlanError(f"{path}: the table is larger than {LARGEST_TABLE} bytes")
     if path.suffix.lower() == ".parquet":
         return _read_parquet(path)
