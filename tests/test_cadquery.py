@@ -200,6 +200,7 @@ print(ring.faces(tag="w=1").val().Area())
 """
 
 
+@pytest.mark.slow
 def test_renders_in_one_process_that_unloads_the_modules_as_cq_editor_does():
     done = subprocess.run(
         [sys.executable, "-c", RENDERS], capture_output=True, text=True, timeout=120, check=True

@@ -87,6 +87,7 @@ def test_two_builds_into_one_file_leave_one_whole_file(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["part.step"]
 
 
+@pytest.mark.slow
 def test_a_locale_with_decimal_commas_changes_nothing(tmp_path: Path) -> None:
     made = subprocess.run(
         ["localedef", "-i", "de_DE", "-f", "UTF-8", str(tmp_path / "de_DE.UTF-8")],

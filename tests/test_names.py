@@ -347,7 +347,7 @@ def iges_name(data: bytes) -> str:
 def stl_name(data: bytes) -> str:
     read = trimesh.load(io.BytesIO(data), file_type="stl")
     assert read.is_watertight
-    return unquote(data[:80].decode("ascii").partition("unit mm: ")[2].rstrip())
+    return unquote(data[:80].decode("ascii").partition("unit mm: ")[2].rstrip(" \0"))
 
 
 def stl_text_name(data: bytes) -> str:

@@ -419,7 +419,7 @@ def check_folded(brick: Brick) -> None:
     assert "nan" not in str(caught.value)
 
 
-@few(8)
+@few(4)
 @given(folded_bricks())
 def test_folds_are_refused(brick):
     check_folded(brick)

@@ -134,6 +134,7 @@ def test_a_results_table_is_a_table_of_variants(tmp_path: Path) -> None:
 # -- workers -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_worker_that_fails_loses_its_own_variant_only(tmp_path: Path) -> None:
     limits = Limits(seconds=5, memory=1024**3 // 4)
 
@@ -286,6 +287,7 @@ def test_equal_variants_are_built_once(tmp_path: Path) -> None:
     assert [row["volume"] for row in result.rows] == pytest.approx([6, 12, 6, 6], rel=1e-14)
 
 
+@pytest.mark.slow
 def test_any_number_of_workers_gives_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -309,6 +311,7 @@ def test_any_number_of_workers_gives_the_same_bytes(
     assert hostile.marked(marks) == [], "workers import from the current folder"
 
 
+@pytest.mark.slow
 def test_a_killed_study_loses_and_repeats_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "study"
     command = [
