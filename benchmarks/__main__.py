@@ -2,7 +2,8 @@
 
     python -m benchmarks                      everything, about ten minutes
     python -m benchmarks --quick              fewer settings, smaller sizes: about two minutes
-    python -m benchmarks --only solids        one part: faces, solids, poles, tolerances, turns
+    python -m benchmarks --only solids        one part: faces, solids, poles, tolerances, turns,
+                                              triangles
     python -m benchmarks --build123d PYTHON   the interpreter of an environment with build123d
     python -m benchmarks --output FILE        the tables into a file as well
 
@@ -19,7 +20,7 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-PARTS = ("faces", "solids", "poles", "tolerances", "turns")
+PARTS = ("faces", "solids", "poles", "tolerances", "turns", "triangles")
 
 
 def main() -> None:
@@ -43,7 +44,7 @@ def main() -> None:
         for row in rows:
             put(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |")
 
-    from benchmarks import compare, growth
+    from benchmarks import compare, growth, triangles
     from benchmarks.channels import CHANNELS
 
     _silence()
@@ -66,6 +67,8 @@ def main() -> None:
     if "poles" in wanted:
         table("Growth with poles", growth.POLES_HEAD,
               growth.poles(1e4 if options.quick else 1e6))  # fmt: skip
+    if "triangles" in wanted:
+        table("Triangles of one channel", triangles.HEAD, triangles.triangles(options.quick))
     if options.output is not None:
         options.output.write_text("\n".join(lines) + "\n")
 

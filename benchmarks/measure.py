@@ -22,13 +22,13 @@ from OCP.IFSelect import IFSelect_RetDone
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
 from OCP.TopAbs import TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from benchmarks.channels import Channel
 from pc2cad.brep.inspect import inspect
 from pc2cad.brep.integrals import solid_integrals
+from pc2cad.brep.kernel import as_face
 from pc2cad.errors import KernelError
 
 #: points of each wall whose distance is measured
@@ -44,7 +44,7 @@ def children(shape, kind: TopAbs_ShapeEnum) -> list:
 
 
 def faces_of(shape) -> list:
-    return [TopoDS.Face_s(face) for face in children(shape, TopAbs_FACE)]
+    return [as_face(face) for face in children(shape, TopAbs_FACE)]
 
 
 class Surface:

@@ -17,14 +17,19 @@ from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipeShell
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.GeomAPI import GeomAPI_PointsToBSplineSurface
 from OCP.gp import gp_Ax2, gp_Circ, gp_Dir, gp_Pln, gp_Pnt
-from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_SHELL
-from OCP.TopoDS import TopoDS
 from scipy.interpolate import make_interp_spline
 
 from benchmarks.channels import Channel
 from benchmarks.measure import children, faces_of
+from pc2cad.brep.kernel import (
+    Array1OfInteger,
+    Array1OfPnt,
+    Array1OfReal,
+    Array2OfPnt,
+    as_shell,
+    as_wire,
+)
 
 #: what users try when the shells do not close, in this order
 SEWING = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
@@ -61,7 +66,7 @@ def geomapi_interpolation(n: int) -> Callable[[Channel, float], object]:
     """`GeomAPI_PointsToBSplineSurface.Interpolate`, as FreeCAD's Python calls it."""
 
     def face(channel: Channel, w: float):
-        points = TColgp_Array2OfPnt(1, n + 1, 1, n + 1)
+        points = Array2OfPnt(1, n + 1, 1, n + 1)
         for i, row in enumerate(channel.grid(w, n).tolist(), start=1):
             for j, p in enumerate(row, start=1):
                 points.SetValue(i, j, gp_Pnt(*p))
@@ -94,7 +99,7 @@ def kernel_face_of_geomdl(surface) -> object:
 
 def kernel_surface(poles, knots, degrees) -> Geom_BSplineSurface:
     rows, columns, _ = np.shape(poles)
-    array = TColgp_Array2OfPnt(1, rows, 1, columns)
+    array = Array2OfPnt(1, rows, 1, columns)
     for i, row in enumerate(np.asarray(poles).tolist(), start=1):
         for j, p in enumerate(row, start=1):
             array.SetValue(i, j, gp_Pnt(*p))
@@ -102,10 +107,10 @@ def kernel_surface(poles, knots, degrees) -> Geom_BSplineSurface:
     return Geom_BSplineSurface(array, ku, kv, mu, mv, *degrees, False, False)
 
 
-def _knots(flat) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
+def _knots(flat) -> tuple[Array1OfReal, Array1OfInteger]:
     values, counts = np.unique(np.asarray(flat, dtype=float), return_counts=True)
-    knots = TColStd_Array1OfReal(1, len(values))
-    multiplicities = TColStd_Array1OfInteger(1, len(values))
+    knots = Array1OfReal(1, len(values))
+    multiplicities = Array1OfInteger(1, len(values))
     for i, (value, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True), start=1):
         knots.SetValue(i, value)
         multiplicities.SetValue(i, count)
@@ -137,7 +142,7 @@ def sewn(
             break
     else:
         raise RouteFailedError(f"not closed by sewing at {SEWING[-1]:g}")
-    solid = cq.Solid.makeSolid(cq.Shell(TopoDS.Shell_s(shells[0])))
+    solid = cq.Solid.makeSolid(cq.Shell(as_shell(shells[0])))
     if not solid.isValid():
         solid = solid.fix()
     return solid.wrapped, tolerance
@@ -168,7 +173,7 @@ def _cap(walls: list, along: int, end: int):
         normal = np.linalg.svd(np.array(rim) - centre)[2][2]
         plane = gp_Pln(gp_Pnt(*centre.tolist()), gp_Dir(*normal.tolist()))
         maker = BRepBuilderAPI_MakeFace(plane, wires[1].wrapped, True)
-        maker.Add(TopoDS.Wire_s(wires[0].wrapped.Reversed()))
+        maker.Add(as_wire(wires[0].wrapped.Reversed()))
         if not maker.IsDone():
             raise RouteFailedError("the ends are not plane enough for a cap") from None
         return maker.Face()
@@ -179,7 +184,7 @@ def _cap(walls: list, along: int, end: int):
 
 def _curve_edge(points: np.ndarray):
     spline = make_interp_spline(np.linspace(0, 1, len(points)), points, k=5)
-    array = TColgp_Array1OfPnt(1, len(points))
+    array = Array1OfPnt(1, len(points))
     for i, p in enumerate(spline.c.tolist(), start=1):
         array.SetValue(i, gp_Pnt(*p))
     return BRepBuilderAPI_MakeEdge(Geom_BSplineCurve(array, *_knots(spline.t), 5, False)).Edge()

@@ -3,8 +3,8 @@
     python benchmarks/stages.py [TEMPLATE …] [--repeat N]
 
 Prints CPU milliseconds, the best of N runs after one that warms up, and the quotient of what checks
-(sample, orient, analyse, integrate, solidity, validate) to what makes (represent, build, write as
-STEP).
+(sample, orient, analyse, integrate, solidity, embed, validate) to what makes (represent, build,
+write as STEP).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pc2cad.equation.point_equation import PointEquation
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import template_paths
 
-CHECKS = ("sample", "orient", "analyse", "integrate", "solidity", "validate")
+CHECKS = ("sample", "orient", "analyse", "integrate", "solidity", "embed", "validate")
 MAKES = ("represent", "build", "write")
 
 

@@ -35,7 +35,10 @@ def _lines() -> Iterator[str]:
         thing = getattr(pc2cad, name)
         if inspect.isfunction(thing):
             yield from _entry(name, thing)
-    yield from ("`pc.pi` and `pc.e` are the constants, exact; `abs` is Python's own.", "")
+    yield from (
+        "`pc.pi`, `pc.e` and `pc.deg` (pi/180) are the constants, exact; `abs` is Python's own.",
+        "",
+    )
     yield from ("## Classes", "")
     for kind in CLASSES:
         yield from (f"### {kind.__name__}", "", _text(kind), "")

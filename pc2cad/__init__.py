@@ -35,14 +35,24 @@ if TYPE_CHECKING:
     from pc2cad.part import Part as Part
     from pc2cad.studies.study import study as study
     from pc2cad.templates.file import read_template as read_template
+    from pc2cad.templates.importers.airfoil import import_airfoil as import_airfoil
+    from pc2cad.templates.importers.kinds import import_template as import_template
+    from pc2cad.templates.importers.net import import_points as import_points
+    from pc2cad.templates.importers.vmec import import_vmec as import_vmec
+    from pc2cad.verify.receipt import receipt as receipt
 
 _HOMES = {
     "Part": "pc2cad.part",
     "compile_equation": "pc2cad.compiler",
     "compile_part": "pc2cad.compiler",
     "from_sympy": "pc2cad.expression.sympy_bridge",
+    "import_airfoil": "pc2cad.templates.importers.airfoil",
+    "import_points": "pc2cad.templates.importers.net",
+    "import_template": "pc2cad.templates.importers.kinds",
+    "import_vmec": "pc2cad.templates.importers.vmec",
     "mesh_part": "pc2cad.compiler",
     "read_template": "pc2cad.templates.file",
+    "receipt": "pc2cad.verify.receipt",
     "spline_part": "pc2cad.compiler",
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.expression.sympy_bridge",
@@ -57,6 +67,8 @@ def __getattr__(name: str) -> "Any":
 
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
+    if name == "__all__":  # what help(pc2cad) shows
+        return __dir__()
     if not name.startswith("_"):
         language = import_module("pc2cad.api")
         if name in language.__all__:

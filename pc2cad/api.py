@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pc2cad.channels import curves
 from pc2cad.channels.guides import Guide, helix, spline
 from pc2cad.channels.polylines import polyline
+from pc2cad.equation.choices import clamp, floor, hypot, maximum, minimum, mod, sign, where
 from pc2cad.equation.point_equation import Domain, PointEquation
 from pc2cad.equation.points import (
     Combination,
@@ -21,29 +22,38 @@ from pc2cad.equation.points import (
     length,
     metric,
     point,
+    rotate,
+    rotx,
+    roty,
+    rotz,
     translate,
     unit,
     vector,
 )
+from pc2cad.equation.tables import net, table
 from pc2cad.errors import InputError
+from pc2cad.expression.exact import exact
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import PI, E, Expr, Number, as_expr, call, symbol
+from pc2cad.expression.waves import Series, series
 
 if TYPE_CHECKING:
     from pc2cad.channels.channel import Wall
     from pc2cad.channels.frames import Frame
 
 __all__ = [
-    "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "channel", "composite",
-    "contour", "cos", "cosh", "cross", "det", "diff", "distance", "dot", "e", "ellipse",
-    "exit_from_plane", "exp", "frame", "guide", "guide_from_wire", "helix", "length", "log",
-    "metric", "parameters", "pi", "point", "points", "polygon", "polyline", "regular_polygon",
-    "section_from_wire", "sin", "sine_wave", "sinh", "spline", "sqrt", "superellipse", "tan",
-    "tanh", "translate", "unit", "vector",
+    "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "channel", "clamp",
+    "composite", "contour", "cos", "cosh", "cross", "deg", "det", "diff", "distance", "dot", "e",
+    "ellipse", "exit_from_plane", "exp", "floor", "fourier", "frame", "guide", "guide_from_wire",
+    "helix", "hypot", "length", "log", "maximum", "metric", "minimum", "mod", "net", "parameters",
+    "pi", "point", "points", "polygon", "polyline", "regular_polygon", "rotate", "rotx", "roty",
+    "rotz", "section_from_wire", "sign", "sin", "sine_wave", "sinh", "spline", "sqrt",
+    "superellipse", "table", "tan", "tanh", "translate", "unit", "vector", "where",
 ]  # fmt: skip
 
 pi = PI
 e = E
+deg = PI / 180
 abs = abs  # the built-in function takes expressions
 
 
@@ -229,6 +239,27 @@ def sine_wave(
     second = None if radius_y is None else as_expr(radius_y)
     x, y = curves.sine_wave(as_expr(radius), as_expr(amplitude), as_expr(waves), second)
     return x(t), y(t)
+
+
+def fourier(
+    cos: Iterable[tuple[int, int, Number]] = (),
+    sin: Iterable[tuple[int, int, Number]] = (),
+    periods: int = 1,
+) -> Callable[[Expr | Number, Expr | Number], Expr]:
+    """Return the function Σ c cos(mθ - n·periods·φ) + Σ c sin(mθ - n·periods·φ) of two angles.
+
+    `cos` and `sin` are rows (m, n, c). The series is one node of the trees, however many waves it
+    has. Raises InputError for waves that are no whole numbers, or too many.
+    """
+    tables = []
+    for name, rows in (("cos", cos), ("sin", sin)):
+        table = []
+        for row in rows:
+            if len(row) != 3 or any(int(n) != n for n in row[:2]):
+                raise InputError(f"{name}: a wave is (m, n, coefficient), m and n whole: {row!r}")
+            table.append((int(row[0]), int(row[1]), exact(row[2])))
+        tables.append(table)
+    return Series(series(periods, *tables))
 
 
 # -- channels: what works with numbers along the guide is imported late ----------------------------

@@ -4,7 +4,7 @@
                    ─sample→     SampledSides    M over the unit box, finite on its sides
                    ─orient→     Orientation     the sign of det J, or a fold
                    ─analyse→    Analysis        which sides collapse, coincide, bound
-                   ─integrate→  Properties      volume, area, centroid of the equation
+                   ─integrate→  MassProperties  volume, area, centroid of the equation
                    ─solidity→   Solidity        no overlap
                                 ⇒ CheckedMap    ⇒ B-rep, volume splines, meshes, points
 
@@ -18,13 +18,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from pc2cad.arrays import Array
+from pc2cad.channels.depths import check_depth, find_depth
 from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
 from pc2cad.domain.map import Mapping3
+from pc2cad.equation.degrees import degrees_remark
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.geometry.scale import Scale
-from pc2cad.integrals.mass_properties import Properties, integrate
+from pc2cad.integrals.mass_properties import MassProperties, inertia, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.solidity.orientation import Orientation, find_orientation
 from pc2cad.solidity.solidity import Solidity, check_solidity
@@ -32,7 +35,7 @@ from pc2cad.solidity.solidity import Solidity, check_solidity
 #: told the name of each stage as it begins
 Progress = Callable[[str], None]
 #: refuses integrals that a receiver cannot hold
-Accept = Callable[[Properties], None]
+Accept = Callable[[MassProperties], None]
 Result = TypeVar("Result")
 
 #: of the part's size, and of a slender part's thickness 2V/A
@@ -47,7 +50,7 @@ class CheckedMap:
     orientation: Orientation
     #: of a channel: how far it is from breaking
     limits: tuple[Limit, ...]
-    mass: Properties
+    mass: MassProperties
     solidity: Solidity
 
     @property
@@ -65,6 +68,10 @@ class CheckedMap:
         """Size and place of the solid."""
         return self.analysis.scale
 
+    def inertia(self) -> Array:
+        """Return the tensor of inertia about the centroid for the density 1, (3, 3), units^5."""
+        return inertia(self.analysis, self.mass.centroid)
+
 
 class Stages:
     """Runs stages in turn, tells their names as they begin and notes their seconds."""
@@ -72,8 +79,8 @@ class Stages:
     def __init__(self, progress: Progress | None = None) -> None:
         self._progress = progress
         self.times: dict[str, float] = {}
-        #: put behind the message of a NotASolidError
-        self.remark = ""
+        #: what is put behind the message of a NotASolidError, worked out where there is one
+        self.remarks: list[Callable[[], str]] = []
 
     def __call__(self, name: str, run: Callable[[], Result]) -> Result:
         """Return the result of a stage."""
@@ -83,8 +90,9 @@ class Stages:
         try:
             result = run()
         except NotASolidError as error:
-            if self.remark:
-                error.args = (f"{error} ({self.remark})",)
+            said = "; ".join(filter(None, (remark() for remark in self.remarks)))
+            if said:
+                error.args = (f"{error} ({said})",)
             raise
         self.times[name] = time.perf_counter() - start
         return result
@@ -103,9 +111,12 @@ def check_map(
     """
     run = stages or Stages()
     limits = run("limits", lambda: find_limits(equation))
+    depths = run("depth", lambda: find_depth(equation)) if equation.depth is not None else ()
     if limits:
-        run.remark = f"limits of the channel: {describe(limits)}"
+        run.remarks.append(lambda: f"limits of the channel: {describe(limits)}")
+    run.remarks.append(lambda: degrees_remark(equation))
     check_limits(limits)
+    check_depth(depths)
     sides = run("sample", lambda: sample_sides(equation))
     orientation = run("orient", lambda: find_orientation(sides.map))
     analysis = run("analyse", lambda: derive(sides))
@@ -114,7 +125,7 @@ def check_map(
     if accept is not None:
         accept(mass)
     solidity = run("solidity", lambda: check_solidity(analysis, orientation.sign))
-    return CheckedMap(analysis, orientation, limits, mass, solidity)
+    return CheckedMap(analysis, orientation, (*limits, *depths), mass, solidity)
 
 
 def resolve_tolerance(checked: CheckedMap, options: CompileOptions = DEFAULTS) -> float:

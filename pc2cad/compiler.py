@@ -10,16 +10,18 @@ frozen value. Rooms are imported where they are used: only parts and tetrahedra 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from pc2cad.checked import CheckedMap, Progress, Stages, check_map
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
-from pc2cad.errors import require
+from pc2cad.errors import InputError, require
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.templates.bodies import Bodies
 
 if TYPE_CHECKING:
+    from pc2cad.mesh.grid import Growth
     from pc2cad.mesh.meshing import MeshOptions
     from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -37,9 +39,9 @@ def compile_solid(
     Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing doubtful is
     returned.
     """
-    from pc2cad.csg.bodies import compile_bodies
-
     if isinstance(equation, Bodies):
+        from pc2cad.csg.bodies import compile_bodies
+
         return compile_bodies(
             equation, lambda body, tell: compile_solid(body, options, tell).body, progress
         )
@@ -56,12 +58,14 @@ def compile_checked(
     from pc2cad.brep.build import build
     from pc2cad.part import Body, part_of
     from pc2cad.representation.boundary import represent
+    from pc2cad.representation.embedding import embed
     from pc2cad.validation import validate
 
     run = stages or Stages()
     model = run("represent", lambda: represent(checked, options))
+    embedding = run("embed", lambda: embed(checked, model))
     built = run("build", lambda: build(model))
-    report = run("validate", lambda: validate(checked, model, built))
+    report = run("validate", lambda: validate(checked, model, built, embedding))
     return part_of(Body(checked, model, built, replace(report, times=run.times)))
 
 
@@ -154,13 +158,18 @@ def mesh_equation(
 ) -> tuple[VolumeMesh, MeshReport]:
     """Return the mesh of a point equation and the report on it.
 
-    `options` are those of the part that tetrahedra are made of. Raises NotASolidError where the
-    image is no solid or an element of the mesh is inverted, and UnsuitableGridError where the cells
-    do not fit the solid.
+    `options` are those of the part that tetrahedra are made of. Raises InputError for any with
+    hexahedra, NotASolidError where the image is no solid or an element of the mesh is inverted, and
+    UnsuitableGridError where the cells do not fit the solid.
     """
     from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
 
     wanted, stages = mesh or MeshOptions(), Stages(progress)
+    if options != DEFAULTS and wanted.shape != "tetrahedra":
+        raise InputError(
+            "tolerance, degree, max_degree and profile are for the B-rep that tetrahedra are made "
+            "of; hexahedra are of the equation itself"
+        )
     if wanted.shape == "tetrahedra":
         require("gmsh", "tetrahedra")
         from pc2cad.validation import check_thickness
@@ -181,9 +190,22 @@ def mesh_part(
     order: Literal[1, 2] = 1,
     shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
     core: Literal["grid", "ogrid"] = "grid",
+    grading: Mapping[str, Growth] | None = None,
+    tolerance: float | None = None,
+    degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
 ) -> VolumeMesh:
-    """Mesh a Python point equation over a box; see `MeshOptions` and `mesh_equation`."""
+    """Mesh a Python point equation over a box, as `Part.mesh` does a part.
+
+    `tolerance`, `degree`, `max_degree` and `profile` are those of `compile_equation`, for the solid
+    that tetrahedra are made of; hexahedra are of the equation itself. Raises InputError, and what
+    `mesh_equation` raises.
+    """
+    from pc2cad.mesh.grid import gradings
     from pc2cad.mesh.meshing import MeshOptions
 
+    options = CompileOptions(tolerance, degree, max_degree, profile)
+    wanted = MeshOptions(cells, size, order, shape, gradings(grading or {}), core)
     bound = point_equation(equation, domain, name=name, units=units)
-    return mesh_equation(bound, MeshOptions(cells, size, order, shape, core=core))[0]
+    return mesh_equation(bound, wanted, options=options)[0]

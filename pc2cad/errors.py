@@ -52,12 +52,11 @@ class FileNotWrittenError(PointCadError):
     exit_code = 5
 
 
-def require(package: str, what: str, extra: str = "fea") -> None:
-    """Raise PackageMissingError where a package is not installed; `extra` of pc2cad brings it."""
+def require(package: str, what: str, brought_by: str = "'pc2cad[fea]'") -> None:
+    """Raise PackageMissingError where a package is not installed; pip installs `brought_by`."""
     if find_spec(package) is None:
         raise PackageMissingError(
-            f"{what} need the package {package}, which is not installed: "
-            f"pip install 'pc2cad[{extra}]'"
+            f"{what} need the package {package}, which is not installed: pip install {brought_by}"
         )
 
 

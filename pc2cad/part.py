@@ -6,11 +6,17 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
+from pc2cad.arrays import Array
 from pc2cad.brep.build import BuiltSolid
+from pc2cad.brep.inspect import bounding_box
 from pc2cad.checked import CheckedMap
 from pc2cad.equation.point_equation import PointEquation
+from pc2cad.errors import require
+from pc2cad.export.files import by_ending, write_atomically
 from pc2cad.export.model import (
     Exportable,
     ExportOptions,
@@ -29,6 +35,7 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
     from pc2cad.brep.booleans import NamedEdge
+    from pc2cad.mesh.grid import Growth
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.representation.volume import VolumeModel
     from pc2cad.sampling.interior import Location, PointSet
@@ -94,17 +101,21 @@ class OfOneEquation(ABC):
         order: Literal[1, 2] = 1,
         shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
         core: Literal["grid", "ogrid"] = "grid",
+        grading: Mapping[str, Growth] | None = None,
     ) -> VolumeMesh:
         """Return structured hexahedra of the equation's own (u,v,w) grid, or gmsh's tetrahedra.
 
         Tetrahedra are of the compiled solid, with its tolerance and its splines.
         `cells` along u, v and w, or the `size` of the longest ones in model units. The `core` at an
-        axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Raises
-        UnsuitableGridError, or InvertedElementError where the cells are too coarse.
+        axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Cells grow by
+        the `grading`, ``{"w": 4}`` (last over first) or ``{"w": (4, "both")}`` (middle over both
+        ends). Raises InputError, UnsuitableGridError, or InvertedElementError where the cells are
+        too coarse.
         """
+        from pc2cad.mesh.grid import gradings
         from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
 
-        options = MeshOptions(cells, size, order, shape, core=core)
+        options = MeshOptions(cells, size, order, shape, gradings(grading or {}), core)
         if shape == "tetrahedra":
             return mesh_solid(self.body, options)[0]
         return mesh_volume(self.body.checked, options)[0]
@@ -166,7 +177,7 @@ class Body(OfOneEquation):
         return self.built.solid
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Part(OfOneEquation):
     """One validated solid, of one point equation or of several bodies joined by Booleans."""
 
@@ -228,15 +239,96 @@ class Part(OfOneEquation):
             evidence=report.statements(),
         )
 
+    def __repr__(self) -> str:
+        return f"<Part {self.name}: {self.report.summary}>"
+
+    def _repr_png_(self) -> bytes | None:
+        picture: bytes | None = _outside("picture.image").notebook_picture(self)
+        return picture
+
+    def render(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        view: str | tuple[float, float, float] = "iso",
+        size: tuple[int, int] = (960, 640),
+        **style: Any,
+    ) -> None:
+        """Write a picture, .png or .svg by the name's ending.
+
+            part.render("duct.png", view="front", colours=True)
+
+        `view` is iso, front, back, left, right, top, bottom, or a direction to the eye; `size` in
+        pixels; the rest is `Style`'s. Raises InputError, FileNotWrittenError, NoRendererError.
+        """
+        draw = _outside("picture.image").picture_of
+        write_atomically(path, draw(self, path, view=view, size=size, **style))
+
+    def view(self, path: str | os.PathLike[str]) -> None:
+        """Write a self-contained page (.html) to turn the part on; InputError for other names."""
+        by_ending(path, {".html": None, ".htm": None}, "page")
+        write_atomically(path, _outside("viewer.payload").page_of(self))
+
+    def show(self) -> None:
+        """Open that page in the browser."""
+        _outside("viewer.payload").open_page(self)
+
+    @property
+    def name(self) -> str:
+        """The part's name."""
+        return self.report.name
+
+    @property
+    def units(self) -> str:
+        """The unit of its lengths: mm, cm, m or in."""
+        return self.report.units
+
+    @property
+    def volume(self) -> float:
+        """Of the equation, in units cubed; of several bodies, of the solid."""
+        return self.report.integrals.volume
+
+    @property
+    def area(self) -> float:
+        """Of the whole boundary, in units squared; as `volume`."""
+        return self.report.integrals.area
+
+    @property
+    def center(self) -> tuple[float, float, float]:
+        """The centroid of the volume, in units; as `volume`."""
+        return self.report.integrals.centroid
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether every face and edge is exact."""
+        return self.report.evidence == "exact"
+
+    @cached_property
+    def bounding_box(self) -> Array:
+        """The least and the largest coordinates of the solid, (2, 3), in units."""
+        return bounding_box(self.shape)
+
+    @cached_property
+    def inertia(self) -> Array:
+        """The tensor of inertia about the centroid for density 1, (3, 3), units^5; one body's."""
+        return self.checked.inertia()
+
     @property
     def title(self) -> str:
         """The solid's title, its name where there is none."""
         return self.report.title or self.report.name
 
     def to_cadquery(self) -> Any:
-        """Return the solid as a `cadquery.Solid` (imports CadQuery)."""
+        """Return the solid as a `cadquery.Solid`; PackageMissingError without CadQuery.
+
+        It has triangles for viewers, which no file of this part holds.
+        """
+        require("cadquery", "CadQuery's solids", "cadquery")
         from cadquery import Solid as CadQuerySolid
 
+        from pc2cad.brep.display import attach_for_display
+
+        attach_for_display(self.shape)
         return CadQuerySolid(self.shape)
 
     def write(
@@ -256,8 +348,7 @@ class Part(OfOneEquation):
     def triangle_integrals(self, deflection: float | None = None) -> Integrals:
         """Return volume, area and centroid of the triangles that an STL file would hold.
 
-        They are meshed for this alone. `deflection` is the largest distance of a chord from its
-        surface, in model units; None chooses it as the STL writer does.
+        `deflection` in model units; None chooses it as the STL writer does.
         """
         from pc2cad.brep.triangle_integrals import triangle_integrals
         from pc2cad.brep.triangles import tessellate
@@ -267,6 +358,11 @@ class Part(OfOneEquation):
         found = triangle_integrals(mesh.vertices, mesh.triangles)
         source = f"{len(mesh.triangles)} triangles, deflection {mesh.deflection:.3g}"
         return Integrals(source, found.volume, found.area, found.centroid)
+
+
+def _outside(name: str) -> Any:
+    """Return a module of the outside, which is above this room: looked up when a user asks."""
+    return import_module(f"pc2cad.{name}")
 
 
 def part_of(body: Body) -> Part:

@@ -115,6 +115,11 @@ class Integrals:
     relative_error: float | None = None
 
 
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural but for one."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 class Evidence:
     """What a report says of how its faces and edges are known."""
 
@@ -137,6 +142,13 @@ class Evidence:
         """The weakest evidence of any face or edge: ``exact``, ``bounded`` or ``sampled``."""
         found = {part.evidence for part in self.parts}
         return next(e for e in ("sampled", "bounded", "exact") if e in found)
+
+    @property
+    def precision(self) -> str:
+        """The evidence in a few words: ``exact``, or the deviation and how it is known."""
+        if self.evidence == "exact":
+            return "exact"
+        return f"deviation {self.deviation:.2g} {self.units} ({self.evidence})"
 
     def statements(self) -> tuple[str, ...]:
         """Return in sentences which faces and edges are exact, and what is known of the others."""
@@ -190,13 +202,20 @@ class EquationReport:
     #: another before they count as touching: an overlap deeper than that would have been seen
     images: int
     contact_clearance: float
+    #: that M covers no place twice: proved, but for places as near to the boundary as
+    #: `overlap_depth`; or sampled, and `overlap_open` says what is not proved and where
+    injectivity: str
+    overlap_depth: float
+    overlap_open: str
+    #: parts of faces that the proof has looked at
+    overlap_cells: int
     #: integrated over the box
     integrals: Integrals
     #: the solids of a part in layers, from w = 0 up
     layers: tuple[LayerReport, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report(Evidence):
     """Everything that is known of a compiled part; lengths are in `units`.
 
@@ -240,6 +259,27 @@ class Report(Evidence):
     warnings: tuple[str, ...] = ()
     #: seconds per stage
     times: Mapping[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return one line: the name, the figures and the evidence."""
+        return f"<Report {self.name}: {self.summary}>"
+
+    @property
+    def summary(self) -> str:
+        """Volume, area, number of faces and evidence on one line."""
+        best, units = self.integrals, self.units
+        return (
+            f"volume {best.volume:.10g} {units}^3, area {best.area:.10g} {units}^2, "
+            f"{count(len(self.faces), 'face')}, {self.precision}"
+        )
+
+    @property
+    def verdict(self) -> str:
+        """What was found, in a phrase: ``valid solid, exact, 6 faces``; nothing else is built."""
+        warned = f", {count(len(self.warnings), 'warning')}" if self.warnings else ""
+        voids = f", {count(self.shells - 1, 'void')}" if self.shells > 1 else ""
+        faces = count(len(self.faces), "face")
+        return f"valid solid, {self.precision}, {faces}{voids}{warned}"
 
     @property
     def one(self) -> EquationReport:
@@ -294,6 +334,16 @@ class Report(Evidence):
         return self.one.contact_clearance
 
     @property
+    def injectivity(self) -> str:
+        """Whether it is proved or sampled that M covers no place twice."""
+        return self.one.injectivity
+
+    @property
+    def overlap_depth(self) -> float:
+        """How deep an overlap may be that is not excluded."""
+        return self.one.overlap_depth
+
+    @property
     def layers(self) -> tuple[LayerReport, ...]:
         """The solids of a part in layers, from w = 0 up."""
         return self.one.layers
@@ -315,7 +365,8 @@ class Report(Evidence):
 _OF_EQUATION = (
     "name", "title", "units", "parameters", "size", "tolerance", "sides", "faces", "curves",
     "edges", "vertices", "genus", "euler", "frame", "limits", "determinant", "images",
-    "contact_clearance", "equation", "solid", "triangles", "kernel_tolerance", "layers", "warnings",
+    "contact_clearance", "injectivity", "overlap_depth", "overlap_open", "overlap_cells",
+    "equation", "solid", "triangles", "kernel_tolerance", "layers", "warnings",
     "times", "shells", "deviation", "evidence",
 )  # fmt: skip
 _OF_BODIES = (

@@ -9,16 +9,19 @@ integrals taken from the equation.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
 from pc2cad.brep.inspect import KernelFindings, inspect
-from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
+from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
 from pc2cad.checked import CheckedMap
+from pc2cad.domain.pinch import pinch_of
 from pc2cad.equation.point_equation import Expectations
 from pc2cad.errors import KernelError, NotASolidError
+from pc2cad.expression.identity import Verdict
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.geometry.carriers import (
     SplineCurve,
@@ -28,7 +31,7 @@ from pc2cad.geometry.carriers import (
     surface_kind,
 )
 from pc2cad.geometry.scale import Scale
-from pc2cad.integrals.mass_properties import Properties
+from pc2cad.integrals.mass_properties import MassProperties
 from pc2cad.report import (
     EdgeReport,
     EquationReport,
@@ -40,6 +43,7 @@ from pc2cad.report import (
     SideReport,
 )
 from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
+from pc2cad.solidity.embedding.verdict import Embedding
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of
 from pc2cad.topology.complex import BoundaryComplex, SideFate
 
@@ -60,19 +64,28 @@ class ExpectationNotMetError(NotASolidError):
     """A figure that the template states is not the solid's."""
 
 
-def validate(checked: CheckedMap, model: BoundaryModel, built: BuiltSolid) -> Report:
+def validate(
+    checked: CheckedMap, model: BoundaryModel, built: BuiltSolid, embedding: Embedding
+) -> Report:
     """Return the report of a solid that passes every check; raise for one that does not."""
     findings = inspect(built.solid)
-    _check_kernel(findings, model)
-    integrals = solid_integrals(built.solid)
+    try:
+        _check_kernel(findings, model)
+    except SolidNotValidError as error:
+        pinch = pinch_of(checked.analysis)
+        if pinch is None:
+            raise
+        raise pinch from error
+    known = KnownFaces()
+    integrals = solid_integrals(built.solid, known)
     _check_integrals(integrals, checked.mass, model)
-    layers = _layers(checked.mass, model, built)
-    report = _report(checked, model, integrals, findings, layers)
+    layers = _layers(checked.mass, model, built, known)
+    report = _report(checked, model, integrals, findings, layers, embedding)
     check_expectations(checked.equation.expectations, report)
     return report
 
 
-def check_thickness(properties: Properties) -> None:
+def check_thickness(properties: MassProperties) -> None:
     """Raise ThinnerThanKernelError for a solid that the kernel takes for a sheet."""
     if properties.thickness < 10 * KERNEL_TOLERANCE:
         raise ThinnerThanKernelError(
@@ -83,7 +96,7 @@ def check_thickness(properties: Properties) -> None:
 
 
 def _layers(
-    properties: Properties, model: BoundaryModel, built: BuiltSolid
+    properties: MassProperties, model: BoundaryModel, built: BuiltSolid, known: KnownFaces
 ) -> tuple[LayerReport, ...]:
     """Return the report of each layer; raise where its solid is not valid or not the equation's."""
     result = []
@@ -95,13 +108,13 @@ def _layers(
         _check_findings(findings, (len(layer.shells), len(layer.faces), layer.euler), model, name)
         area = sum(areas[i] for i in layer.faces)
         own = replace(properties, volume=volume, area=area, centroid=centroid)
-        found = solid_integrals(solid)
+        found = solid_integrals(solid, known)
         _check_integrals(found, own, model)
         result.append(LayerReport(layer.name, volume, found.volume, centroid, area))
     return tuple(result)
 
 
-def _areas(properties: Properties) -> tuple[float, ...]:
+def _areas(properties: MassProperties) -> tuple[float, ...]:
     return properties.face_areas + properties.interface_areas
 
 
@@ -133,7 +146,7 @@ def _check_findings(
         )
 
 
-def _check_integrals(solid: SolidIntegrals, true: Properties, model: BoundaryModel) -> None:
+def _check_integrals(solid: SolidIntegrals, true: MassProperties, model: BoundaryModel) -> None:
     # coordinates far from the origin are rounded, and the kernel holds no more than that
     place = Scale(model.size, float(np.abs(model.vertices).max()))
     deviation = max(face.deviation for face in model.faces) + place.kernel_noise
@@ -204,8 +217,11 @@ def _report(
     integrals: SolidIntegrals,
     findings: KernelFindings,
     layers: tuple[LayerReport, ...],
+    embedding: Embedding,
 ) -> Report:
     equation, properties = checked.equation, checked.mass
+    # what samples could not tell apart is told by the proof
+    overlap = "" if embedding.proved else checked.solidity.warning
     return Report(
         name=equation.name,
         title=equation.title,
@@ -225,20 +241,20 @@ def _report(
         solid=Integrals("B-rep (divergence theorem)", integrals.volume, integrals.area,
                         integrals.centroid),
         kernel_tolerance=findings.largest_tolerance,
-        own=_own(checked, model, layers),
-        warnings=tuple(
-            warning
-            for warning in (checked.orientation.warning, checked.solidity.warning)
-            if warning
-        ),
+        own=_own(checked, model, layers, embedding),
+        warnings=tuple(warning for warning in (checked.orientation.warning, overlap) if warning),
     )  # fmt: skip
 
 
 def _own(
-    checked: CheckedMap, model: BoundaryModel, layers: tuple[LayerReport, ...]
+    checked: CheckedMap,
+    model: BoundaryModel,
+    layers: tuple[LayerReport, ...],
+    embedding: Embedding,
 ) -> EquationReport:
     """Return what is known from the equation itself."""
     boundary, properties = model.complex, checked.mass
+    open_ = "; ".join(_not_proved(checked, model, embedding))
     return EquationReport(
         sides=tuple(_side(side, boundary) for side in boundary.sides),
         genus=tuple(
@@ -255,12 +271,33 @@ def _own(
         determinant=checked.orientation.verdict.value,
         images=checked.solidity.images,
         contact_clearance=checked.solidity.apart,
+        injectivity="sampled" if open_ else "proved",
+        overlap_depth=(
+            checked.solidity.apart
+            if open_
+            else max(embedding.depth, *(face.deviation for face in model.faces))
+        ),
+        overlap_cells=embedding.cells,
+        overlap_open=open_,
         integrals=Integrals(
             properties.source, properties.volume, properties.area,
             properties.centroid, properties.relative_error,
         ),
         layers=layers,
     )  # fmt: skip
+
+
+def _not_proved(checked: CheckedMap, model: BoundaryModel, embedding: Embedding) -> Iterator[str]:
+    """Yield what keeps it from being proved that M covers no place twice."""
+    if not embedding.proved:
+        yield f"nothing has separated {embedding.open}"
+    if checked.orientation.verdict is not Verdict.PROVED:
+        yield "the sign of det J is sampled"
+    sampled = [face.name for face in model.faces if face.evidence == "sampled"]
+    if sampled:
+        yield f"deviations from the equation are sampled: {', '.join(sampled)}"
+    if embedding.sides:
+        yield f"that sides collapse or coincide is sampled: {', '.join(embedding.sides)}"
 
 
 def _side(side: SideFate, boundary: BoundaryComplex) -> SideReport:

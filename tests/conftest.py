@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Generator
 
 import pytest
 
 #: what may be missing in CI: words of the reason to skip -> why it cannot be installed there
 MAY_BE_MISSING: dict[str, str] = {}
+
+# The hundred processes that tests start read one cache of bytecode, as users' do
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 Report = pytest.TestReport | pytest.CollectReport
 

@@ -13,7 +13,10 @@ from pc2cad.templates.shipped import bodies_paths, template_paths
 
 #: with many faces or many poles, a second or more each: tests of every template leave them to the
 #: slow ones
-LONG = ("duct", "figure_of_eight", "layered_pipe", "spring", "square_to_round", "trefoil")
+LONG = (
+    "bellows", "duct", "figure_of_eight", "layered_pipe", "spring", "square_to_round",
+    "stellarator_wall", "trefoil",
+)  # fmt: skip
 
 every_template = pytest.mark.parametrize(
     "path",
@@ -22,6 +25,26 @@ every_template = pytest.mark.parametrize(
         for name, path in template_paths().items()
     ],
 )
+
+#: a cube of edge 2 and one of edge 1, moved by d along x; t is the place of its lower face
+CUBES = """
+title = "Two cubes"
+result = "{result}"
+[parameters]
+d = {{ default = 1, min = -10, max = 10 }}
+[[bodies]]
+name = "big"
+[bodies.solid]
+x = "2*u"
+y = "2*v"
+z = "2*w"
+[[bodies]]
+name = "small"
+[bodies.solid]
+x = "u + d"
+y = "v + 1/2"
+z = "w + 1/2"
+"""
 
 
 @cache

@@ -10,6 +10,7 @@ import sys
 
 import cadquery as cq
 import pytest
+from shipped import CUBES
 
 import pc2cad as pc
 import pc2cad.cadquery as pcq
@@ -26,7 +27,12 @@ def cube(edge: float):
 
 
 def tags(workplane: cq.Workplane) -> dict[str, int]:
-    return {name: found.size() for name, found in workplane.ctx.tags.items()}
+    """Return how many faces each tag has; sides under the names that they have in reports."""
+    found = {name: tagged.size() for name, tagged in workplane.ctx.tags.items()}
+    plain = {name: n for name, n in found.items() if "=" not in name}
+    named = {name: n for name, n in found.items() if "=" in name}
+    assert plain == {name.replace("=", ""): n for name, n in named.items()}
+    return named
 
 
 def test_every_kind_of_source_gives_the_same_solid():
@@ -206,3 +212,34 @@ def test_renders_in_one_process_that_unloads_the_modules_as_cq_editor_does():
         [sys.executable, "-c", RENDERS], capture_output=True, text=True, timeout=120, check=True
     )
     assert float(done.stdout) == pytest.approx(4 * math.pi**2 * 5 * 2, rel=1e-6)
+
+
+def test_several_bodies(tmp_path):
+    (tmp_path / "t.toml").write_text(CUBES.format(result="cut(big, small)"))
+    placed = cq.Workplane().pointSolid(str(tmp_path / "t.toml"), d=1.5)
+    assert placed.val().Volume() == pytest.approx(7.5)
+    assert placed.faces(tag="small:u=0").size() == 1
+    assert placed.pointParts()[0].report.steps
+    assert pcq.point_solid("common_of_pipes", R=1).Volume() == pytest.approx(16 / 3, rel=1e-6)
+
+
+def test_constraints_of_assemblies_find_sides_by_their_plain_tags():
+    wedge = cq.Workplane().pointSolid("pyramid_cut", prefix="p_")
+    block = cq.Workplane().box(9, 9, 1).faces(">Z").tag("top").end()
+    assembly = cq.Assembly().add(block, name="block").add(wedge, name="wedge")
+    side = next(name for name in sorted(wedge.ctx.tags) if "=" in name)
+    with pytest.raises(Exception, match=r"Expected|expected"):
+        assembly.constrain(f"wedge?{side}", "block?top", "Plane")
+    assembly.constrain(f"wedge?{side.replace('=', '')}", "block?top", "Plane")
+    assert len(assembly.constraints) == 1
+
+
+def test_a_solid_in_cadquery_has_triangles_for_viewers_and_its_part_a_box_of_its_own():
+    part = pc.compile_equation(pc.read_template("ellipsoid").bind({}))
+    solid = pcq.point_solid(part)
+    # the kernel's mesher, which keeps what is fine enough, has nothing to do
+    corners, triangles = solid.tessellate(1e-3, 0.2)
+    assert len(triangles) > 50_000
+    assert len(corners) < len(triangles)
+    assert part.bounding_box[1][0] == pytest.approx(3, abs=3e-7)
+    assert abs(solid.BoundingBox().xmax - 3) < 1e-3

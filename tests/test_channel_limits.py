@@ -112,7 +112,9 @@ SHARP = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SHARP)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "star-shaped")) for n in SHARP]
+)
 def test_just_inside_builds_and_just_outside_is_refused(name):
     make, message = SHARP[name]
     report = compile_equation(make(0.99), tolerance=1e-3).report

@@ -128,6 +128,48 @@ def test_hexahedra_have_no_tolerance(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "hexahedra are of the equation itself" in capsys.readouterr().err
 
 
+def test_meshes_take_options_and_grading_from_python(
+    wavy: Part, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    growing = {"u": 4.0, "w": (9, "both")}
+    meshes = [
+        wavy.mesh(cells=(3, 1, 3), grading=growing),
+        pc.mesh_part(WAVY, cells=(3, 1, 3), grading=growing),
+    ]
+    assert len(meshes) == 2
+    for mesh in meshes:
+        x, _, z = mesh.points.T
+        # lengths grow steadily, four times along u, and nine times to the middle of w
+        steps = 4 ** (np.arange(4) / 3) - 1
+        np.testing.assert_allclose(np.unique(x.round(9)), steps, atol=1e-8)
+        edge = (9 ** (2 / 3) - 1) / 16
+        np.testing.assert_allclose(np.unique(z[x == 0].round(9)), [0, edge, 1 - edge, 1], atol=1e-8)
+    asked = []
+    monkeypatch.setattr(compiler, "require", lambda *_: None)
+    monkeypatch.setattr(compiler, "check_map", lambda *given: asked.append(given[1]) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        pc.mesh_part(WAVY, shape="tetrahedra", tolerance=0.5, degree=5)
+    assert asked == [CompileOptions(0.5, 5)]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"grading": {"q": 2}}, "write u, v or w and a ratio"),
+        ({"grading": {"u": (2, "ends")}}, "write u, v or w and a ratio"),
+        ({"grading": {"u": "2"}}, "write u, v or w and a ratio"),
+        ({"grading": {"u": 0}}, "between 1e-6 and 1e6, not 0"),
+        ({"grading": {"u": math.nan}}, "between 1e-6 and 1e6, not nan"),
+        ({"grading": {"u": 2}, "shape": "tetrahedra"}, "tetrahedra have one size of cells"),
+        ({"tolerance": 0.1}, "hexahedra are of the equation itself"),
+        ({"shape": "tetrahedra", "tolerance": -1}, "must be a positive length, not -1"),
+    ],
+)
+def test_what_meshes_refuse_from_python(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        pc.mesh_part(WAVY, **given)
+
+
 def test_cadquerys_functions_take_all_options() -> None:
     pcq = pytest.importorskip("pc2cad.cadquery")
     import cadquery as cq

@@ -1,4 +1,4 @@
-"""Meshes of hulls, cushions and lenses: sides that are drawn together and meet there."""
+"""Meshes of hulls, cushions and lenses: sides that are collapsed and meet there."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ SHAPES = {
     "cushion on a plate": (u, v, stacked(2 * w, 1 + 4 * BUMP * ACROSS)),
     "plate on a cushion": (u, v, stacked(1 + 4 * BUMP * ACROSS, 2 * w)),
 }
-#: where two sides that meet are drawn together to one curve a cell has no inside
+#: where two sides that meet are collapsed to one curve a cell has no inside
 SECTORS = {
     "sector": (u * v * pc.cos(u - v), u * v * pc.sin(u - v), w),
     "cone over a sector": (u * v * w * pc.cos(v - w), u * v * w * pc.sin(v - w), u),

@@ -53,10 +53,13 @@ def test_ci_installs_the_pins_and_nothing_else_and_runs_what_the_readme_says() -
     fetch = reaching.pop(0)
     assert "--require-hashes" in fetch
     assert "-r constraints.txt" in fetch
-    # the others see only what was fetched
+    # the others see only what was fetched, or ask for hashes again
     after = RUN[RUN.index("-r constraints.txt") :]
     assert after.index("PIP_NO_INDEX=1 PIP_FIND_LINKS=") < after.index("pip install")
-    assert len(reaching) == 2
+    again = [line for line in reaching if "-u PIP_NO_INDEX" in line]
+    assert len(again) == RUN.count("-u PIP_NO_INDEX") == 2
+    assert all("--require-hashes --only-binary :all: -r" in line for line in again)
+    assert len(reaching) == 7
     assert "|| echo" not in RUN.replace('[ -z "$current" ] || echo', "")
     # the two commands of the README, word for word
     assert "$(grep '^python3 -m venv' README.md)" in RUN

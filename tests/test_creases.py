@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from fractions import Fraction
+from itertools import pairwise
 from math import pi
 from pathlib import Path
 
@@ -115,3 +116,49 @@ def test_a_corner_on_a_straight_side_is_no_vertex(extra):
     report = pc.compile_part((x * w, y * w, 3 * u)).report
     assert (len(report.faces), report.edges, report.vertices) == (6, 12, 8)
     assert report.solid.volume == pytest.approx(12, rel=1e-12)
+
+
+TRIANGLE = [(10, 0), (10, 10), (0, 10)]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "inside"),
+    [
+        # about (0, 0) the third side is seen from behind
+        ("0", "2/3", 0), ("1/3", "2/3", 0), ("1/6", "2/3", 0), ("4/3", "5/3", 0), ("-1", "-1/3", 0),
+        ("0", "1/3", 8), ("-1/3", "0", 8), ("-2/3", "-1/3", 8), ("1/3", "1/2", 8),
+        ("-1/6", "1/6", 8), ("1/6", "1/3", 8),
+    ],
+)  # fmt: skip
+def test_a_domain_that_ends_on_a_break_belongs_to_the_piece_inside(
+    low: str, high: str, inside: int
+) -> None:
+    x, y = pc.polygon([(a - inside, b - inside) for a, b in TRIANGLE], v)
+    domain = {"v": (Fraction(low), Fraction(high))}
+    part = pc.compile_part((x * (1 + w), y * (1 + w), u), domain)
+    corners = [np.array(c, dtype=float) - inside for c in TRIANGLE]
+
+    def at(t: Fraction) -> np.ndarray:
+        k, share = divmod(3 * t, 1)
+        return corners[int(k) % 3] * float(1 - share) + corners[int(k + 1) % 3] * float(share)
+
+    stops = sorted(
+        {Fraction(low), Fraction(high)}
+        | {Fraction(k, 3) for k in range(-6, 7) if Fraction(low) < Fraction(k, 3) < Fraction(high)}
+    )
+    doubled = sum(float(np.cross([*at(a), 0], [*at(b), 0])[2]) for a, b in pairwise(stops))
+    assert part.report.solid.volume == pytest.approx(1.5 * doubled, rel=1e-12)
+    assert len(part.report.faces) == 4 + 2 * (len(stops) - 1)
+
+
+def test_the_end_of_an_open_curve_belongs_to_the_piece_inside() -> None:
+    # beyond 1/2 the line turns back
+    breaks = tuple(map(Fraction, (0, "1/2", 1)))
+    line = pieces(u, breaks, ((number(0), number(1)), (HALF, number(-3))), 0, closed=False)
+    for domain in ((0, HALF), (Fraction(1, 4), HALF), (-1, HALF)):
+        part = pc.compile_part((line, v, w), {"u": domain})
+        length = Fraction(1, 2) - Fraction(str(domain[0]))
+        assert part.report.solid.volume == pytest.approx(float(length), rel=1e-13)
+        assert len(part.report.faces) == 6
+    part = pc.compile_part((-line, -v, w), {"u": (HALF, 1)})
+    assert part.report.solid.volume == pytest.approx(1.5, rel=1e-13)

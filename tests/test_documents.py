@@ -88,10 +88,20 @@ def test_templates_compile_and_meet_what_they_expect(_name: str, text: str) -> N
 
 
 def test_curves_of_the_format_page_are_accepted() -> None:
-    (curves,) = [text for _, text in snippets("toml") if "solid]" not in text]
+    (curves,) = [text for _, text in snippets("toml") if "solid]" not in text and "[curves" in text]
     tail = '\n[solid]\nx = "section_x(v)*(w + 1)"\ny = "section_y(v)*(w + 1)"\nz = "u"\n'
     names = parse_template('title = "t"\n' + curves + tail, "snippet").curves
     assert set(names) == {f"{name}_{axis}" for name in ("section", "duct", "wave") for axis in "xy"}
+
+
+def test_tables_of_the_format_page_are_accepted() -> None:
+    (tables,) = [text for _, text in snippets("toml") if "solid]" not in text and "[data]" in text]
+    z = "w*(chord(0.2 + 0.8*u) + thick(u, v) + spine(u).z + cam(720*u)/10 + k[1] + c[1, 0])"
+    tail = f'[parameters]\nr = 1\n[solid]\nx = "u"\ny = "v"\nz = "{z}"\n'
+    template = parse_template('title = "t"\n' + tables + tail, "snippet")
+    assert set(template.curves) == {"chord", "thick", "spine", "cam"}
+    assert set(template.data) == {"k", "c"}
+    assert compile_equation(template.bind()).report.solid.volume > 0
 
 
 def commands() -> list[list[str]]:
@@ -106,6 +116,9 @@ def test_commands_succeed(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    if arguments[0] == "verify":
+        made = arguments[2:] or ["parallelepiped"]
+        assert main(["build", *made, "-o", arguments[1]]) == 0
     assert main(arguments) == 0
     for name in written(arguments):
         assert_whole(tmp_path / name)

@@ -103,6 +103,7 @@ def _inside(place: Place, z: complex) -> mpmath.mpc:
     return mpmath.mpf(place.centre[0]) + mpmath.mpf(place.radius[0]) * mpmath.mpmathify(z)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     trees(), st.floats(0.1, 0.9), st.floats(0.1, 0.9), st.sampled_from([0.001, 0.02, 0.1]),

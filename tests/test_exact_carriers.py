@@ -15,9 +15,9 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS
 
 import pc2cad as pc
+from pc2cad.brep.kernel import as_edge, as_face
 from pc2cad.compiler import compile_equation
 from pc2cad.errors import InputError
 from pc2cad.expression.derivatives import derivatives
@@ -53,10 +53,10 @@ def explored(shape, kind):
 def largest_gap(part: Part) -> float:
     """How far edges are from their curves in the faces' parameters, at equal parameters."""
     gap = 0.0
-    for face in (TopoDS.Face_s(f) for f in explored(part.shape, TopAbs_FACE)):
-        plain = TopoDS.Face_s(face.Oriented(TopAbs_FORWARD))
+    for face in (as_face(f) for f in explored(part.shape, TopAbs_FACE)):
+        plain = as_face(face.Oriented(TopAbs_FORWARD))
         surface = BRep_Tool.Surface_s(plain)
-        for edge in (TopoDS.Edge_s(e) for e in explored(plain, TopAbs_EDGE)):
+        for edge in (as_edge(e) for e in explored(plain, TopAbs_EDGE)):
             first, last = BRep_Tool.Range_s(edge)
             pcurve = BRep_Tool.CurveOnSurface_s(edge, plain, first, last)
             if BRep_Tool.Degenerated_s(edge):
@@ -364,6 +364,7 @@ def test_what_does_not_cancel_stays_approximated():
     assert [f.evidence for f in part.report.faces if f.carrier == "plane"] == ["exact"] * 2
 
 
+@pytest.mark.slow
 def test_a_wave_is_no_plane_because_its_zeros_are_sampled():
     part = pc.compile_part((U, V, W * (2 + SIN(400 * pc.pi * U) / 10)), tolerance=1e-2)
     assert carriers(part)["plane"] == 5

@@ -25,11 +25,10 @@ from OCP.Geom import Geom_BezierSurface, Geom_BSplineSurface
 from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
-from OCP.TColgp import TColgp_Array2OfPnt
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS
 
+from pc2cad.brep.kernel import Array2OfPnt, as_face, as_shell, as_solid
 from pc2cad.export.model import Exportable, GeometricProperties, NamedFace
 
 
@@ -43,7 +42,7 @@ def parts(shape, kind):
 
 
 def faces_of(shape):
-    return [TopoDS.Face_s(face) for face in parts(shape, TopAbs_ShapeEnum.TopAbs_FACE)]
+    return [as_face(face) for face in parts(shape, TopAbs_ShapeEnum.TopAbs_FACE)]
 
 
 def spline_poles(shape) -> np.ndarray:
@@ -62,7 +61,7 @@ def spline_poles(shape) -> np.ndarray:
 def _patch(corners) -> object:
     """B-spline face through a grid of Bézier points, (m, n, 3)."""
     points = np.asarray(corners, dtype=float)
-    array = TColgp_Array2OfPnt(1, points.shape[0], 1, points.shape[1])
+    array = Array2OfPnt(1, points.shape[0], 1, points.shape[1])
     for (i, j), _ in np.ndenumerate(points[:, :, 0]):
         array.SetValue(i + 1, j + 1, gp_Pnt(*map(float, points[i, j])))
     surface = GeomConvert.SurfaceToBSplineSurface_s(Geom_BezierSurface(array))
@@ -86,18 +85,18 @@ def spline_box():
     for side in sides:
         sewing.Add(_patch(side))
     sewing.Perform()
-    solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(sewing.SewedShape())).Solid()
+    solid = BRepBuilderAPI_MakeSolid(as_shell(sewing.SewedShape())).Solid()
     found = GProp_GProps()
     BRepGProp.VolumeProperties_s(solid, found)
-    return solid if found.Mass() > 0 else TopoDS.Solid_s(solid.Reversed())
+    return solid if found.Mass() > 0 else as_solid(solid.Reversed())
 
 
 def hollow_sphere():
     outer, inner = (
-        TopoDS.Shell_s(parts(BRepPrimAPI_MakeSphere(r).Solid(), TopAbs_ShapeEnum.TopAbs_SHELL)[0])
+        as_shell(parts(BRepPrimAPI_MakeSphere(r).Solid(), TopAbs_ShapeEnum.TopAbs_SHELL)[0])
         for r in (5.0, 3.0)
     )
-    return BRepBuilderAPI_MakeSolid(outer, TopoDS.Shell_s(inner.Reversed())).Solid()
+    return BRepBuilderAPI_MakeSolid(outer, as_shell(inner.Reversed())).Solid()
 
 
 #: name: (how it is built, exact volume)

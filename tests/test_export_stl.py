@@ -18,9 +18,10 @@ from OCP.BRepPrimAPI import (
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Shell, TopoDS_Solid
+from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 from test_export_shapes import SHAPES, exportable, faces_of, parts
 
+from pc2cad.brep.kernel import as_shell, as_solid
 from pc2cad.brep.triangles import edge_defects, enclosed_volume, tessellate, weld
 from pc2cad.errors import InputError, KernelError
 from pc2cad.export import stl
@@ -67,7 +68,7 @@ def changed(item: Exportable, factor: float, offset=(0.0, 0.0, 0.0)) -> Exportab
     solid = BRepBuilderAPI_Transform(item.solid, move.Multiplied(scale), True).Shape()
     old = item.properties
     figures = GeometricProperties(old.volume * factor**3, old.area * factor**2, old.centroid)
-    return dataclasses.replace(item, solid=TopoDS.Solid_s(solid), faces=(), properties=figures)
+    return dataclasses.replace(item, solid=as_solid(solid), faces=(), properties=figures)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -153,9 +154,9 @@ def test_a_thin_wall_keeps_its_volume():
     axes = gp_Ax2(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(1.0, 0.3, 0.0))
     balls = BRepPrimAPI_MakeSphere(50.0), BRepPrimAPI_MakeSphere(axes, 49.99)
     outer, inner = (
-        TopoDS.Shell_s(parts(ball.Solid(), TopAbs_ShapeEnum.TopAbs_SHELL)[0]) for ball in balls
+        as_shell(parts(ball.Solid(), TopAbs_ShapeEnum.TopAbs_SHELL)[0]) for ball in balls
     )
-    solid = BRepBuilderAPI_MakeSolid(outer, TopoDS.Shell_s(inner.Reversed())).Solid()
+    solid = BRepBuilderAPI_MakeSolid(outer, as_shell(inner.Reversed())).Solid()
     exact = 4.0 / 3.0 * math.pi * (50.0**3 - 49.99**3)
     assert tessellate(solid, volume=exact).volume == pytest.approx(exact, rel=0.01)
 
@@ -208,7 +209,7 @@ def test_deflections_without_end_are_refused():
 
 def test_an_inside_out_solid_is_refused():
     item = exportable("box")
-    turned = TopoDS.Solid_s(item.solid.Reversed())
+    turned = as_solid(item.solid.Reversed())
     with pytest.raises(KernelError, match="must be positive"):
         stl.encode(dataclasses.replace(item, solid=turned, faces=()), DEFAULT)
 

@@ -76,6 +76,7 @@ def test_every_fault_of_the_list_has_its_line_and_its_test() -> None:
             assert f"\ndef {name}(" in (tests / file).read_text(), test
 
 
+@pytest.mark.slow
 def test_two_builds_into_one_file_leave_one_whole_file(tmp_path: Path) -> None:
     target = tmp_path / "part.step"
     command = [sys.executable, "-m", "pc2cad.cli.main", "build", "pyramid", "-o", str(target)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from math import asin, atan, cos, pi, sin, sqrt
 
-import cadquery as cq
 import numpy as np
 import pytest
 from consumers.fresh_kernel import read_in_fresh_process
@@ -265,6 +264,7 @@ def test_the_cubic_profile_has_no_rational_meridian():
     ids=["cut obliquely", "elliptic"],
 )
 def test_ellipses_are_written_as_iges(point, volume, tmp_path):
+    cq = pytest.importorskip("cadquery")
     compile_part(point).write(tmp_path / "part.igs")
     reader = IGESControl_Reader()
     reader.ReadFile(str(tmp_path / "part.igs"))

@@ -21,7 +21,7 @@ from pc2cad.compiler import compile_equation
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.points import Combination
 from pc2cad.errors import InputError
-from pc2cad.integrals.mass_properties import Properties, integrate
+from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.templates.file import parse_template
 
 u, v, w = pc.parameters()
@@ -52,7 +52,7 @@ def frames_of(name: str) -> dict[str, Frame]:
     }
 
 
-def integrals(frame: Frame | Guide, section, wall=None, **options) -> Properties:
+def integrals(frame: Frame | Guide, section, wall=None, **options) -> MassProperties:
     return integrate(analyse(pc.channel(frame, section, wall, **options)))
 
 
@@ -226,6 +226,7 @@ def test_closing_to_the_nearest_symmetry_of_the_section(symmetry):
     assert added[1] == pytest.approx(nearest, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_solid_that_closes_after_a_third_of_a_turn():
     """Glued with a shift: two shells, and the volume of the wall times the length."""
     frame = pc.frame(TREFOIL, symmetry=3)
@@ -325,6 +326,7 @@ def test_round_pipes_are_cylinders_and_tori(name):
     assert radii == [0.75, 1.25]
 
 
+@pytest.mark.slow
 def test_a_spring_of_a_hundred_turns():
     guide = pc.helix(10, 3, 100)
     report = compile_equation(pc.channel(guide, pc.ellipse(1, 1, v)), tolerance=1e-3).report

@@ -121,14 +121,17 @@ def check_o_grid(checked: CheckedMap, mesh: VolumeMesh) -> None:
         assert np.array_equal(mesh.node_sets[side], nodes)
 
 
-#: the sides that are drawn together: about an axis inside or on the boundary, to a point, to a rim
+#: the sides that are collapsed: about an axis inside or on the boundary, to a point, to a rim
 COLLAPSED = {
     "ball": 0.6, "ball_wedge": 0.6, "cone": 0.3, "cone_frustum": 0.7, "ellipsoid": 0.3,
     "half_ball": 0.6, "hollow_ball": 0.65, "oblique_prism": 0.6, "paraboloid_cap": 0.4,
     "pyramid": 0.6, "pyramid_cut": 0.15, "pyramid_cut_off": 0.15, "pyramid_sum": 0.15,
     "pyramid_truncated": 0.6, "quad_pyramid": 0.2, "simplex_ball": 0.3, "simplex_cone": 0.4,
     "simplex_hyperboloid": 0.4, "simplex_paraboloid": 0.25, "simplex_torus": 0.14,
-    "spring": 0.05, "torus": 0.6, "torus_wedge": 0.7,
+    "spring": 0.05, "torus": 0.6, "torus_wedge": 0.7, "aspheric_lens": 0.7, "disc_cam": 0.7,
+    "dished_end": 0.8,
+    # sharp: the trailing edge, and the keel, where stems and keel meet at no angle at all
+    "naca_wing": 0.1, "wigley_hull": 0.01,
 }  # fmt: skip
 
 
@@ -246,7 +249,7 @@ def test_where_nothing_is_drawn_together_the_grid_is_the_o_grid() -> None:
 
 def test_an_edge_that_is_drawn_together_alone_has_no_o_grid() -> None:
     checked = check_map(point_equation((u, (v + v**2 / 4) * (u + w), w), name="gore"))
-    with pytest.raises(UnsuitableGridError, match="whole sides are drawn together"):
+    with pytest.raises(UnsuitableGridError, match="whole sides are collapsed"):
         o_grid(checked, make_grid(checked, (3, 4, 3)))
 
 

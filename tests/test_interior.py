@@ -105,6 +105,7 @@ def test_axes_poles_and_centres_are_inside() -> None:
     assert ball.distance[3] == pytest.approx(0.01, abs=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.tuples(*[st.floats(0.02, 0.98)] * 3), st.floats(1e-3, 1.0))
 def test_a_point_pushed_out_of_a_channel_is_outside_by_that_much(

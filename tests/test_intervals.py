@@ -24,6 +24,8 @@ inside = st.floats(0, 1)
 MP = {
     **{n: getattr(mpmath, n) for n in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh")},
     **{n: getattr(mpmath, n) for n in ("cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log")},
+    "floor": mpmath.floor, "min": min, "max": max,
+    "mod": lambda a, m: a - m * mpmath.floor(a / m), "where": lambda g, a, b: a if g >= 0 else b,
     "sqrt": mpmath.sqrt, "abs": abs, "sign": mpmath.sign, "atan2": mpmath.atan2,
 }  # fmt: skip
 
@@ -99,6 +101,8 @@ TREES = [
     abs(X) ** number(Fraction(1, 3)), X ** number(Fraction(-3, 2)), call("atan2", X, Y),
     call("atan2", -X, Y) * call("exp", -(Y**2)), call("sqrt", 1 - X**2) * PI + E / (1 + Y**2),
     call("sin", PI * X) * call("cos", 2 * PI * Y), X * (1 - X) / call("sqrt", X**2 + Y**2),
+    call("min", X, Y * 2) - call("max", X**2, Y), call("mod", X, number(Fraction(1, 3))),
+    call("mod", X * Y, number(7)) * call("floor", X), call("where", X - Y, X * Y, call("sin", Y)),
 ]  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from plain_step import box
 
 from pc2cad.cli.main import VERBS
 from pc2cad.trust import isolation
@@ -29,6 +30,7 @@ CALLS = {
     "templates": ([], False),
     "new": (["x.toml"], False),
     "completion": (["bash"], False),
+    "verify": (["box.step"], False),
 }
 MARKS = [pytest.param(verb, marks=[pytest.mark.slow] * CALLS.get(verb, ([], False))[1])
          for verb in VERBS]  # fmt: skip
@@ -43,6 +45,7 @@ def call(folder: Path, *arguments: str, safe: bool = False) -> subprocess.Comple
 def test_no_verb_imports_from_the_current_folder(verb: str, tmp_path: Path) -> None:
     assert verb in CALLS, f"say in CALLS how '{verb}' is called"
     marks = hostile.fill(tmp_path / "here", hostile.read_by_python())
+    (tmp_path / "here" / "box.step").write_text(box())
     done = call(tmp_path / "here", verb, *CALLS[verb][0])
     assert hostile.marked(marks) == []
     assert (done.returncode, done.stderr) == (0, "")

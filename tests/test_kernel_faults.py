@@ -111,8 +111,8 @@ def test_a_solid_with_other_integrals_than_the_equation_is_refused(
 ) -> None:
     measure = validation.solid_integrals
 
-    def spoilt(solid: Any) -> Any:
-        found = measure(solid)
+    def spoilt(*solid: Any) -> Any:
+        found = measure(*solid)
         return replace(found, **{name: change(getattr(found, name))})
 
     monkeypatch.setattr(validation, "solid_integrals", spoilt)

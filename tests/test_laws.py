@@ -245,7 +245,7 @@ def test_the_tolerance_is_kept_at_every_degree(degree):
 NAMES = {name: symbol(name) for name in ("u", "v", "w", "p", "a1")}
 FUNCTIONS = [
     "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
-    "exp", "log", "sqrt", "abs",
+    "exp", "log", "sqrt", "abs", "sign", "floor",
 ]  # fmt: skip
 leaves = st.one_of(
     st.sampled_from(sorted(NAMES)).map(NAMES.__getitem__),
@@ -259,15 +259,18 @@ leaves = st.one_of(
 def combine(op, a, b):
     if op in FUNCTIONS:
         return call(op, a)
-    if op == "atan2":
+    if op in ("atan2", "min", "max", "mod"):
         return call(op, a, b)
+    if op == "where":
+        return call(op, a - b, a * b, b)
     return {
         "+": lambda: a + b, "-": lambda: a - b, "*": lambda: a * b, "/": lambda: a / b,
         "^": lambda: a**b, "neg": lambda: -a,
     }[op]()  # fmt: skip
 
 
-operations = st.sampled_from(["+", "-", "*", "/", "^", "neg", "atan2"] * 3 + FUNCTIONS)
+PAIRS = ["+", "-", "*", "/", "^", "neg", "atan2", "min", "max", "mod", "where"]
+operations = st.sampled_from(PAIRS * 3 + FUNCTIONS)
 plans = st.recursive(leaves, lambda parts: st.tuples(operations, parts, parts), max_leaves=12)
 
 
@@ -297,7 +300,7 @@ def tree_and_its_reading(plan):
 U, P = NAMES["u"], NAMES["p"]
 
 
-@settings(few, max_examples=300)
+@settings(few, max_examples=120)
 @example(plan=("neg", ("/", U, P), U))
 @example(plan=("/", ("neg", U, U), number(-1)))
 @example(plan=("neg", ("*", number(5), U), U))

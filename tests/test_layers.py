@@ -14,12 +14,12 @@ from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_VERTEX
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
 from test_export_formats import read_3mf, read_iges, volume_of
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import pc2cad as pc
+from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.brep.triangles import enclosed_volume
 from pc2cad.channels import guide_functions
 from pc2cad.channels.channel import ChannelError
@@ -82,7 +82,7 @@ def test_volume_of_each_layer(name):
 
 def indices(whole: TopoDS_Shape, shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> set[int]:
     """The numbers in the whole of a shape's faces, edges or vertices, whatever way they turn."""
-    numbers = TopTools_IndexedMapOfShape()
+    numbers = IndexedMapOfShape()
     TopExp.MapShapes_s(whole, kind, numbers)
     return {numbers.FindIndex(found) for found in subshapes(shape, kind)}
 

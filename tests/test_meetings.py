@@ -98,6 +98,7 @@ def shipped() -> dict[str, Part]:
     return {name: pc.compile_equation(pc.read_template(path).bind()) for name, path in paths}
 
 
+@pytest.mark.slow
 def test_nothing_that_the_templates_contain_is_sampled(shipped):
     found = {name: meetings(part) for name, part in shipped.items()}
     assert {name: len(edges) for name, edges in found.items()} == MEETINGS
@@ -156,6 +157,7 @@ def tenths(first: int, last: int) -> st.SearchStrategy[float]:
     return st.integers(first, last).map(lambda n: n / 10)
 
 
+@pytest.mark.slow
 @settings(max_examples=3, deadline=None)
 @given(
     turn=tenths(-9, 9), rise=tenths(-5, 5), radius=tenths(2, 8),

@@ -238,6 +238,7 @@ def test_style_refuses_what_it_cannot_draw():
         Style(isolines=-1)
 
 
+@pytest.mark.slow
 def test_without_a_display_and_without_noise(tmp_path):
     environment = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
     command = [sys.executable, "-m", "pc2cad.cli.main", "render", "pyramid", "-o", "p.png"]

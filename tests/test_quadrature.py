@@ -12,18 +12,18 @@ from scipy.integrate import quad
 import pc2cad as pc
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.integrals.mass_properties import Properties, integrate
+from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.integrals.quadrature import CONVERGED, Samples, resolve
 
 U, V, W = pc.parameters()
 PI = pc.pi
 
 
-def integrated(map_) -> Properties:
+def integrated(map_) -> MassProperties:
     return integrate(analyse(point_equation(map_)))
 
 
-def check(found: Properties, volume: float, area: float | None = None, claim: float = 1e-11):
+def check(found: MassProperties, volume: float, area: float | None = None, claim: float = 1e-11):
     assert found.relative_error < claim
     slack = max(1e-14, 4 * found.relative_error)
     assert found.volume == pytest.approx(volume, rel=slack, abs=0)

@@ -227,7 +227,7 @@ def test_volume_by_bernstein_coefficients():
     assert brick_of(grid((1, 2, 1))).area() == pytest.approx(6, rel=1e-15)
 
 
-@few(4)
+@few(2)
 @given(bricks())
 def test_small_perturbations_are_built_exactly(brick):
     check_brick(brick)
@@ -263,7 +263,7 @@ def check_proved_or_refused(brick: Brick) -> None:
     assert part.report.solid.area == pytest.approx(brick.area(), rel=1e-6, abs=0)
 
 
-@few(4)
+@few(2)
 @given(bricks(most=24))
 def test_larger_perturbations_are_right_or_refused(brick):
     check_proved_or_refused(brick)
@@ -315,13 +315,13 @@ def check_renamed(brick: Brick, order, turned) -> None:
     assert_solid(part, float(abs(brick.volume())), brick.area(), 6, exact=True)
 
 
-@few(4)
+@few(2)
 @given(bricks(), orders, turns)
 def test_permuted_and_reversed_parameters(brick, order, turned):
     check_renamed(brick, order, turned)
 
 
-@few(4)
+@few(2)
 @given(bricks(), matrices, offsets)
 def test_affine_images(brick, matrix, offset):
     check_affine(brick, matrix, offset)
@@ -419,7 +419,7 @@ def check_folded(brick: Brick) -> None:
     assert "nan" not in str(caught.value)
 
 
-@few(4)
+@few(2)
 @given(folded_bricks())
 def test_folds_are_refused(brick):
     check_folded(brick)
@@ -464,7 +464,7 @@ def check_collapsed(brick: Brick, faces: int) -> None:
     assert part.report.determinant == "proved"
 
 
-@few(4)
+@few(2)
 @given(collapsed_bricks())
 def test_sides_collapsed_to_points_and_curves(case):
     check_collapsed(*case)
@@ -535,6 +535,7 @@ def test_square_section_turned_by_quarters(quarters, place, radius, side):
     assert len(glued) == 2
 
 
+@pytest.mark.slow
 @few(8)
 @given(places, st.integers(2, 9), small, small, st.integers(1, 9), st.integers(-2, 2))
 def test_tubes_with_voids(place, gap, a, b, inner, twist):

@@ -150,6 +150,7 @@ def test_cuts_that_look_wrong_and_are_not(cut):
     assert part.report.evidence == "exact"
 
 
+@pytest.mark.slow
 def test_the_bend_of_the_guide_decides_how_wide_a_pipe_may_be():
     """The least radius of curvature of the guide G1 is 4.41879744."""
     wide = pc.compile_part(pipe(4.2, 0.4))

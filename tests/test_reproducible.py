@@ -51,6 +51,7 @@ def written(folder: Path, names: list[str], solids: str, meshes: str) -> list[di
     ]
 
 
+@pytest.mark.slow
 def test_files_are_the_same(tmp_path: Path) -> None:
     first, second = written(tmp_path, ["channel_ellipse", "ball"], "step igs", "")
     assert len(first) == 4

@@ -6,8 +6,11 @@ from math import exp, log, sqrt
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 import pc2cad as pc
+from pc2cad.brep.settling import settled
+from pc2cad.errors import KernelError
 
 U, V, W = pc.parameters()
 
@@ -41,3 +44,75 @@ def test_faces_that_are_nearly_creased(speed, turn):
     assert report.equation.area == pytest.approx(area, rel=1e-10)
     assert report.solid.area == pytest.approx(area, rel=1e-7)
     assert report.solid.volume == pytest.approx(5, rel=1e-7)
+
+
+def over_profile(function) -> float:
+    """The integral over [0, 1], by Gauss rules of 20 places on 400 pieces."""
+    x, weight = np.polynomial.legendre.leggauss(20)
+    places = (np.arange(400)[:, None] + (x + 1) / 2) / 400
+    return float((function(places) * weight).sum() / 800)
+
+
+def steep_cubic(u):
+    return 1 + 100 * u * (u - 0.5) ** 2
+
+
+def chebyshev_8(u):
+    t = 2 * u - 1
+    return 1 + 0.4 * (128 * t**8 - 256 * t**6 + 160 * t**4 - 32 * t**2 + 1)
+
+
+def needle_like_power(u):
+    return 1 + 40 * u**8
+
+
+@pytest.mark.parametrize("profile", [steep_cubic, chebyshev_8, needle_like_power])
+def test_steep_extrusions(profile):
+    """The speed along the profile nearly vanishes, on the scale of its steepest places, at each of
+    its tops: a rule over the whole span sees an area that is off by 1e-5 and more."""
+    slope = Polynomial(profile(Polynomial([0.0, 1.0])).coef).deriv()
+    volume = over_profile(profile)
+    area = 1 + profile(0) + profile(1) + 2 * volume
+    area += over_profile(lambda u: np.sqrt(1 + slope(u) ** 2))
+    part = pc.compile_part((U, V, W * profile(U)))
+    assert {face.carrier for face in part.report.faces} == {"plane", "extrusion"}
+    assert part.report.solid.area == pytest.approx(float(area), rel=1e-11)
+    assert part.report.solid.volume == pytest.approx(volume, rel=1e-12)
+
+
+def test_steep_revolution():
+    """The same profile turned: the meridian's span is halved, and not the turn."""
+    radius, turn = chebyshev_8(V), 2 * pc.pi * U
+    part = pc.compile_part((W * radius * pc.cos(turn), W * radius * pc.sin(turn), V))
+    assert {face.carrier for face in part.report.faces} == {"plane", "revolution"}
+    assert part.report.solid.area == pytest.approx(part.report.equation.area, rel=1e-11)
+    assert part.report.solid.volume == pytest.approx(part.report.equation.volume, rel=1e-12)
+
+
+def one_over(x):
+    return 1 / x
+
+
+def jump(x):
+    return (x > 1 / 3) + 0.0
+
+
+def reached(function):
+    """The integral of a function over [0, 1]."""
+
+    def rule(cells, orders):
+        x, weight = np.polynomial.legendre.leggauss(orders[0])
+        width = cells[:, 1] - cells[:, 0]
+        nodes = cells[:, :1] + width[:, None] * (x + 1) / 2
+        return (function(nodes) * weight / 2).sum(axis=1)[:, None] * width[:, None]
+
+    return settled(rule, np.array([[0.0, 1.0]]), 1, 1e-12, lambda sizes: sizes)
+
+
+def test_a_jump_is_found_by_halving():
+    assert reached(jump)[0] == pytest.approx(2 / 3, abs=1e-11)
+
+
+def test_what_does_not_settle_is_never_returned():
+    with pytest.raises(KernelError, match="do not settle"):
+        reached(one_over)

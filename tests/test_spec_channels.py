@@ -17,10 +17,9 @@ from OCP.Geom import Geom_BSplineSurface, Geom_Plane
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_VERTEX
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
 from reference import GUIDES, Channel, Integrals, channel, gauss, linear
 
+from pc2cad.brep.kernel import IndexedMapOfShape, as_edge
 from pc2cad.compiler import compile_equation
 from pc2cad.part import Part
 from pc2cad.templates.file import parse_template
@@ -151,7 +150,7 @@ def tapered() -> Part:
 
 
 def shapes(part: Part, kind) -> list:
-    found = TopTools_IndexedMapOfShape()
+    found = IndexedMapOfShape()
     TopExp.MapShapes_s(part.shape, kind, found)
     return [found.FindKey(i) for i in range(1, found.Extent() + 1)]
 
@@ -170,7 +169,7 @@ def surface_points(part: Part, face: str, s: np.ndarray, t: np.ndarray) -> np.nd
 def edge_curves(part: Part) -> list:
     curves = []
     for shape in shapes(part, TopAbs_EDGE):
-        curve = BRep_Tool.Curve_s(TopoDS.Edge_s(shape), 0.0, 1.0)
+        curve = BRep_Tool.Curve_s(as_edge(shape), 0.0, 1.0)
         assert (curve.FirstParameter(), curve.LastParameter()) == (0.0, 1.0)
         curves.append(curve)
     return curves
@@ -236,10 +235,10 @@ def plane_of(part: Part, face: str) -> tuple[np.ndarray, np.ndarray]:
 def cap_area(part: Part, face: str) -> float:
     """Area between the two curves of a cap, each ½|∮ r × dr| of the kernel's curve."""
     _, normal = plane_of(part, face)
-    edges = TopTools_IndexedMapOfShape()
+    edges = IndexedMapOfShape()
     TopExp.MapShapes_s(part.faces[face], TopAbs_EDGE, edges)
     areas = [
-        loop_area(BRep_Tool.Curve_s(TopoDS.Edge_s(edges.FindKey(i)), 0.0, 1.0), normal)
+        loop_area(BRep_Tool.Curve_s(as_edge(edges.FindKey(i)), 0.0, 1.0), normal)
         for i in range(1, edges.Extent() + 1)
     ]
     assert len(areas) == 2
@@ -331,10 +330,10 @@ def test_caps_lie_in_the_normal_planes_of_the_guide(case, guide, share):
         (T, _, _), _ = solid.frame(np.array(limit))
         assert np.linalg.norm(np.cross(T, normal)) <= 1e-13
         # the kernel's curves lie in the plane too, and not just near it
-        edges = TopTools_IndexedMapOfShape()
+        edges = IndexedMapOfShape()
         TopExp.MapShapes_s(part.faces[face], TopAbs_EDGE, edges)
         for i in range(1, edges.Extent() + 1):
-            curve = BRep_Tool.Curve_s(TopoDS.Edge_s(edges.FindKey(i)), 0.0, 1.0)
+            curve = BRep_Tool.Curve_s(as_edge(edges.FindKey(i)), 0.0, 1.0)
             along = curve_points(curve, v[:500])
             assert np.abs((along - origin) @ normal).max() <= 1e-12 * part.report.size
 

@@ -29,8 +29,9 @@ from pc2cad.templates.file import read_template
 TEMPLATES = sorted(Path(__file__).parent.parent.glob("templates/*.toml"))
 #: no exact form along some direction
 BOUNDED = {
-    "channel_contour", "channel_ellipse", "channel_sine", "figure_of_eight", "helical_channel",
-    "simplex_hyperboloid", "spring", "square_to_round", "trefoil",
+    "aspheric_lens", "bellows", "channel_contour", "channel_ellipse", "channel_sine", "disc_cam",
+    "figure_of_eight", "helical_channel", "simplex_hyperboloid", "spring", "square_to_round",
+    "stellarator_wall", "trefoil",
 }  # fmt: skip
 Array = NDArray[np.float64]
 u, v, w = pc.parameters()

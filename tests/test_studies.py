@@ -233,6 +233,7 @@ def test_table_and_files_are_those_of_the_plan(tmp_path: Path) -> None:
     assert [row["volume"] for row in table] == [row["volume"] for row in result.rows]
 
 
+@pytest.mark.slow
 def test_a_finished_study_is_not_done_again(tmp_path: Path) -> None:
     first = study(tmp_path, [0.25, 0.5])
     assert [row["volume"] for row in first.rows] == pytest.approx([6, 12], rel=1e-14)
@@ -243,6 +244,7 @@ def test_a_finished_study_is_not_done_again(tmp_path: Path) -> None:
     assert again.rows == first.rows
 
 
+@pytest.mark.slow
 def test_another_study_does_not_write_into_the_folder(tmp_path: Path) -> None:
     study(tmp_path, [0.25])
     other = Task(BRICK.replace("3*w", "4*w"), "brick", (), str(tmp_path / "files"))
@@ -276,6 +278,7 @@ def test_a_torn_line_is_cut_off(tmp_path: Path, torn: bytes) -> None:
     assert path.read_bytes().count(b"\n") == 4
 
 
+@pytest.mark.slow
 def test_equal_variants_are_built_once(tmp_path: Path) -> None:
     repeated = Plan(("p",), ((0.25,), (0.5,), (0.25,), (0.250,)))
 
@@ -904,6 +907,7 @@ def test_plots_show_columns_and_refuse_others(tmp_path: Path) -> None:
         plot(table, "evidence", "p")
 
 
+@pytest.mark.slow
 def test_a_contact_sheet_shows_parts_and_refusals(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     result = pc.study(

@@ -91,7 +91,7 @@ def test_every_format_holds_these_triangles(tmp_path: Path) -> None:
 
 
 def test_without_a_grid_the_loss_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(meshing, "attach", lambda *_: frozenset())
+    monkeypatch.setattr(meshing, "attach", lambda *_: {})
     with pytest.raises(KernelError, match=r"do not cover|than the .* that their chords can be off"):
         agrees(hopf(), 0.005)
 

@@ -15,10 +15,9 @@ from OCP.GCPnts import GCPnts_AbscissaPoint
 from OCP.Geom import Geom_BSplineCurve, Geom_OffsetCurve
 from OCP.gp import gp_Dir, gp_Pnt
 from OCP.GProp import GProp_GProps
-from OCP.TColgp import TColgp_Array1OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
 import pc2cad as pc
+from pc2cad.brep.kernel import Array1OfInteger, Array1OfPnt, Array1OfReal
 from pc2cad.channels import guide_functions
 from pc2cad.channels.guides import Guide, GuideError
 from pc2cad.channels.normals import FrameError
@@ -40,12 +39,12 @@ def edge_of(curve, *limits: float) -> cq.Edge:
 
 def spline(weights=None, multiplicities=(4, 1, 1, 4)) -> cq.Edge:
     count = sum(multiplicities) - 4
-    poles, ws = TColgp_Array1OfPnt(1, count), TColStd_Array1OfReal(1, count)
+    poles, ws = Array1OfPnt(1, count), Array1OfReal(1, count)
     for i in range(count):
         poles.SetValue(i + 1, gp_Pnt(*POLES[i]))
         ws.SetValue(i + 1, 1.0 if weights is None else weights[i])
-    knots = TColStd_Array1OfReal(1, len(multiplicities))
-    mults = TColStd_Array1OfInteger(1, len(multiplicities))
+    knots = Array1OfReal(1, len(multiplicities))
+    mults = Array1OfInteger(1, len(multiplicities))
     for i, m in enumerate(multiplicities):
         knots.SetValue(i + 1, 3.0 + 2 * i + (i > 1))
         mults.SetValue(i + 1, m)

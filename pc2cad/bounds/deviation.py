@@ -58,6 +58,8 @@ class Bound:
     open: tuple[tuple[float, float], ...] = ()
     #: of a surface: the bounds on its sides, where s = 0, s = 1, t = 0, t = 1
     sides: tuple[Bound, ...] = ()
+    #: where the largest distance was seen
+    place: tuple[float, ...] = ()
 
 
 def bound_surface(
@@ -259,6 +261,7 @@ class _Survey:
         self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
         self._sizes = np.zeros((self._s.count, self._t.count))
         self.sampled, self.samples = 0.0, 0
+        self._at = 0.0, 0.0
         #: of each side: coefficients (cells, nodes, 3) and differences (places, 3), in parts
         self._sides: tuple[list[tuple[Array, Array]], ...] = ([], [], [], [])
         along, across = self._s.nodes(0, self._s.count), self._t.nodes(0, self._t.count)
@@ -267,19 +270,28 @@ class _Survey:
         step = max(1, SLAB // (len(along) * nodes))
         for first in range(0, self._t.count, step):
             last = min(first + step, self._t.count)
-            self._take(first, last, difference(slice(first * nodes, last * nodes + 1)))
+            rows = slice(first * nodes, last * nodes + 1)
+            gap = difference(rows)
+            squares = _squares(gap)
+            row, column = np.unravel_index(int(squares.argmax()), squares.shape)
+            # written so that what is not a number is not overlooked
+            if not squares[row, column] <= self.sampled**2:
+                self.sampled = float(np.sqrt(squares[row, column]))
+                self._at = float(along[column]), float(across[rows][row])
+            self._take(first, last, gap)
 
     def _take(self, first: int, last: int, gap: Array) -> None:
         """Take the differences in some rows of cells into account."""
-        self.sampled = max(self.sampled, float(np.sqrt(_squares(gap).max())))
         self.samples += gap[:, 0].size
         coefficients = _coefficients(gap, self._s.degree, self._t.degree)
         if len(self._directions) == 2:
             for side, end in ((0, 0), (1, -1)):
-                self._sides[side].append((coefficients[..., end, end], gap[..., end]))
+                # copies: views would keep the coefficients of all cells
+                part = coefficients[..., end, end].copy(), gap[..., end].copy()
+                self._sides[side].append(part)
             for side, end, is_there in ((2, 0, first == 0), (3, -1, last == self._t.count)):
                 if is_there:
-                    part = coefficients[end, end].transpose(1, 2, 0), gap[end].T
+                    part = coefficients[end, end].transpose(1, 2, 0).copy(), gap[end].T.copy()
                     self._sides[side].append(part)
         t, nodes_t, k, *flat = coefficients.shape
         squares = _squares(coefficients.reshape(t, nodes_t, k, -1)).max(axis=1)
@@ -298,8 +310,16 @@ class _Survey:
         largest = float(bound.max())
         if np.isfinite(largest):
             sides = tuple(self._side(k) for k in range(4)) if self._sides[0] else ()
-            return Bound(max(largest, self.sampled), self.sampled, self.samples, sides=sides)
-        return Bound(np.inf, self.sampled, self.samples, self._ranges(~np.isfinite(bound)))
+            return Bound(
+                max(largest, self.sampled), self.sampled, self.samples, sides=sides,
+                place=self._place,
+            )  # fmt: skip
+        open_ = self._ranges(~np.isfinite(bound))
+        return Bound(np.inf, self.sampled, self.samples, open_, place=self._place)
+
+    @property
+    def _place(self) -> tuple[float, ...]:
+        return self._at[: len(self._directions)]
 
     def _side(self, side: int) -> Bound:
         """Return the bound on a side, where nodes lie: interpolation across it is off by nothing.

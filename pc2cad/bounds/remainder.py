@@ -30,6 +30,10 @@ SHARE_ALONG = 0.1
 SHARE_ACROSS = 0.2
 #: boxes along a parameter, if there is only one, that are not too many
 FEW = 64
+#: cells beyond which no more are halved, in one parameter and in two; and how many times the first
+MOST_CELLS, MORE = (8_000, 500_000), 8
+#: boxes of two parameters whose models are held at once
+MOST_BOXES = 4096
 #: halvings of cells
 DEEPEST = 12
 #: degrees by which all cells may be raised at a time until no more than this share is bad: each
@@ -163,8 +167,11 @@ def remainders(
         everywhere = np.ones(rest.rounding.shape, dtype=bool)
         _evaluate(vectors, directions, 0, _boxes(everywhere, directions, (1, 1)), rest)
     part = allowed / max(1, len(axes))
+    most = max(MOST_CELLS[len(axes) > 1], MORE * rest.rounding.size)
     for depth in range(DEEPEST + 1):
         hard = False
+        if rest.rounding.size > most:
+            break  # what rounding leaves is not mended by smaller cells
         for axis in axes:
             bad = ~(rest.along[axis] <= part)
             if not bad.any():
@@ -265,15 +272,8 @@ def _evaluate(
     places = [_place(d, g, i == axis) for i, (d, g) in enumerate(zip(directions, groups,
               strict=False))]  # fmt: skip
     order = order_of(directions)
-    models = vectors.models([d.name for d in directions], places, order)
-    shape = (len(groups[0]), len(groups[1]))
-    sizes = np.stack([
-        np.broadcast_to(length([m.largest for m in row]), shape) for row in models
-    ])  # fmt: skip
-    distance, rounding = np.zeros(shape), np.zeros(shape)
-    for weight, coordinates in zip(vectors.weights, models, strict=True):
-        distance += weight * length([m.radius for m in coordinates])
-        rounding += weight * length([m.error for m in coordinates])
+    names = [d.name for d in directions]
+    sizes, distance, rounding = _measured(vectors, names, places, order)
     # boxes that hold each cell
     row, column = (np.repeat(np.arange(len(g)), g[:, 1] - g[:, 0]) for g in groups)
     box = np.ix_(row, column)
@@ -294,6 +294,34 @@ def _evaluate(
     for known, size in zip(found.sizes, sizes, strict=True):
         known[cells] = np.minimum(known[cells], size[box])
     return direction
+
+
+def _measured(
+    vectors: Vectors, names: Sequence[str], places: Sequence[Place], order: int
+) -> tuple[Array, Array, Array]:
+    """Return the sizes of the vectors (k, n, m) on boxes, weighted radii and errors (n, m).
+
+    Many boxes are taken in blocks: models of all at once do not fit into a processor's own memory,
+    nor those of a hundred thousand into the machine's.
+    """
+    shape = (len(places[0].centre), len(places[1].centre) if len(places) > 1 else 1)
+    if len(places) > 1 and shape[0] > 1 and shape[0] * shape[1] > MOST_BOXES:
+        step = max(1, MOST_BOXES // shape[1])
+        parts = [
+            _measured(vectors, names, [places[0].part(slice(i, i + step)), places[1]], order)
+            for i in range(0, shape[0], step)
+        ]
+        sizes, distance, rounding = zip(*parts, strict=True)
+        return np.concatenate(sizes, axis=1), np.concatenate(distance), np.concatenate(rounding)
+    models = vectors.models(names, places, order)
+    found = np.stack([
+        np.broadcast_to(length([m.largest for m in row]), shape) for row in models
+    ])  # fmt: skip
+    radius, error = np.zeros(shape), np.zeros(shape)
+    for weight, coordinates in zip(vectors.weights, models, strict=True):
+        radius += weight * length([m.radius for m in coordinates])
+        error += weight * length([m.error for m in coordinates])
+    return found, radius, error
 
 
 def _bad(off: Array, goal: float) -> int:

@@ -10,8 +10,7 @@ from pc2cad.arrays import Array, Integers
 from pc2cad.bounds.cells import Cells
 from pc2cad.bounds.taylor_functions import (
     FUNCTIONS,
-    angle,
-    divide,
+    SEVERAL,
     inverse,
     power,
     real_power,
@@ -29,9 +28,8 @@ from pc2cad.bounds.taylor_models import (
     parameter,
     shift,
 )
+from pc2cad.bounds.taylor_waves import model_of
 from pc2cad.expression.tree import Expr, walk
-
-_BINARY = {"mul": mul, "div": divide, "atan2": angle}
 
 
 class Known:
@@ -93,12 +91,16 @@ def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order
         return add(args[0], args[1])
     if op == "neg":
         return neg(args[0])
-    if op in _BINARY:
-        return _BINARY[op](args[0], args[1], order)
+    if op in SEVERAL:
+        return SEVERAL[op](*args, order)
+    if op == "within":
+        return args[0]
     if op == "pow":
         return _power(node, args, order)
     if op == "pieces":
         return _pieces(node, args, where, order)
+    if op == "fourier":
+        return model_of(node.payload, args[0], args[1], order)
     return FUNCTIONS[op](args[0], order)
 
 

@@ -13,7 +13,7 @@ from math import factorial
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.bounds.taylor_models import LIBRARY, UNIT, Model, compose, mul, neg, shift
+from pc2cad.bounds.taylor_models import LIBRARY, UNIT, Model, add, compose, mul, neg, shift
 
 
 def divide(x: Model, y: Model, order: int) -> Model:
@@ -240,6 +240,42 @@ def _wide(x: Model, shape: tuple[int, ...]) -> Array:
     return wide
 
 
+def least(x: Model, y: Model, order: int) -> Model:
+    """Return min(x, y) where one is known to be the smaller."""
+    return chosen(shift_by(y, x), x, y, order)
+
+
+def largest(x: Model, y: Model, order: int) -> Model:
+    """Return max(x, y) where one is known to be the larger."""
+    return chosen(shift_by(x, y), x, y, order)
+
+
+def shift_by(x: Model, y: Model) -> Model:
+    """Return x - y."""
+    return add(x, neg(y))
+
+
+def chosen(g: Model, x: Model, y: Model, order: int) -> Model:
+    """Return x where g is known to be positive, y where it is known to be negative."""
+    first, known = g.centre > 0, np.abs(g.centre) > g.reach
+    shape = tuple(max(a, b) for a, b in zip(x.terms.shape, y.terms.shape, strict=True))
+    terms = np.where(first, _wide(x, shape), _wide(y, shape))
+    radius = np.where(known, np.where(first, x.radius, y.radius), np.inf)
+    return Model(terms, radius, np.where(first, x.error, y.error))
+
+
+def whole_part(x: Model, order: int) -> Model:
+    """Return floor(x) where it keeps one value."""
+    below = np.floor(x.centre)
+    away = np.minimum(x.centre - below, below + 1 - x.centre) > x.reach
+    return Model(below[None, None], np.where(away, 0.0, np.inf), np.zeros_like(x.centre))
+
+
+def rest(x: Model, m: Model, order: int) -> Model:
+    """Return mod(x, m) where the quotient keeps its whole part."""
+    return shift_by(x, mul(m, whole_part(divide(x, m, order), order), order))
+
+
 def power(x: Model, y: Model, order: int) -> Model:
     """Return x**y for positive x, both varying."""
     model = exponential(mul(y, logarithm(x, order), order), order)
@@ -261,11 +297,16 @@ def _above_one(c: Array) -> Array:
 FUNCTIONS: dict[str, Callable[[Model, int], Model]] = {
     "sin": sine, "cos": cosine, "tan": tangent, "exp": exponential, "log": logarithm,
     "sqrt": square_root, "sinh": hyperbolic_sine, "cosh": hyperbolic_cosine,
-    "tanh": hyperbolic_tangent, "abs": absolute, "sign": sign_of,
+    "tanh": hyperbolic_tangent, "abs": absolute, "sign": sign_of, "floor": whole_part,
     "asin": arc(np.arcsin, (1.0, -1.0), True, _inside_ones),
     "acos": arc(np.arccos, (1.0, -1.0), True, _inside_ones, -1.0),
     "atan": arc(np.arctan, (1.0, 1.0), False, _off_imaginary),
     "asinh": arc(np.arcsinh, (1.0, 1.0), True, _off_imaginary),
     "acosh": arc(np.arccosh, (-1.0, 1.0), True, _above_one),
     "atanh": arc(np.arctanh, (1.0, -1.0), False, _inside_ones),
+}  # fmt: skip
+#: those of several operands
+SEVERAL: dict[str, Callable[..., Model]] = {
+    "mul": mul, "div": divide, "atan2": angle, "min": least, "max": largest, "where": chosen,
+    "mod": rest,
 }  # fmt: skip

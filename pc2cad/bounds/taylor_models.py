@@ -83,6 +83,10 @@ class Place:
     radius: Array
     error: float = 4 * UNIT
 
+    def part(self, which: slice) -> Place:
+        """Return some of the boxes."""
+        return Place(self.centre[which], self.half[which], self.radius[which], self.error)
+
 
 def constant(value: ArrayLike, error: ArrayLike = 0.0) -> Model:
     """Return the model of a number that is known to within `error`."""

@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from OCP.BOPAlgo import BOPAlgo_Operation
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.Geom import Geom_BSplineCurve, Geom_Curve
+from OCP.gp import gp_Trsf
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
-from OCP.TopTools import (
-    TopTools_IndexedDataMapOfShapeListOfShape,
-    TopTools_IndexedMapOfShape,
-    TopTools_ListOfShape,
-)
+from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 
 from pc2cad.arrays import Array
 from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
+from pc2cad.brep.kernel import (
+    IndexedDataMapOfShapeListOfShape,
+    IndexedMapOfShape,
+    ListOfShape,
+    as_edge,
+    as_face,
+    as_solid,
+)
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import EdgeFunction, SurfaceFunction, Trace
 from pc2cad.topology.cells import SideKey
 
+Kind = Literal["union", "cut", "intersect"]
 _OPERATIONS = {
     "union": BOPAlgo_Operation.BOPAlgo_FUSE,
     "cut": BOPAlgo_Operation.BOPAlgo_CUT,
@@ -62,14 +68,12 @@ class NamedShape:
         """The solids of the shape."""
         explorer, found = TopExp_Explorer(self.shape, TopAbs_SOLID), []
         while explorer.More():
-            found.append(TopoDS.Solid_s(explorer.Current()))
+            found.append(as_solid(explorer.Current()))
             explorer.Next()
         return tuple(found)
 
 
-def combine(
-    kind: Literal["union", "cut", "intersect"], first: NamedShape, second: NamedShape
-) -> NamedShape:
+def combine(kind: Kind, first: NamedShape, second: NamedShape) -> NamedShape:
     """Return the union, difference or common part of two shapes, of no solid where it is empty.
 
     Every face of the result is a part of a face of theirs. Raises KernelError where the kernel
@@ -78,9 +82,34 @@ def combine(
     if not first.faces or not second.faces:
         kept = {"union": (first, second), "cut": (first,), "intersect": ()}[kind]
         return next((shape for shape in kept if shape.faces), NamedShape(_nothing(), ()))
+    return _carried_out(kind, first, [second])
+
+
+def fuse(shapes: Sequence[NamedShape]) -> NamedShape:
+    """Return the union of shapes, two or more, in one operation; raise as `combine` does."""
+    return _carried_out("union", shapes[0], shapes[1:])
+
+
+def moved(shape: NamedShape, turn: Array, offset: Array, mark: str) -> NamedShape:
+    """Return a copy of a shape, x going to `turn` x + `offset`, `mark` behind its bodies' names."""
+    change = gp_Trsf()
+    rows = zip(turn.tolist(), offset.tolist(), strict=True)
+    change.SetValues(*(float(x) for row, step in rows for x in (*row, step)))
+    copy = BRepBuilderAPI_Transform(shape.shape, change, True)
+    faces = tuple(
+        (
+            as_face(copy.ModifiedShape(face)),
+            tuple(replace(name, body=f"{name.body}{mark}") for name in names),
+        )
+        for face, names in shape.faces
+    )
+    return NamedShape(copy.Shape(), faces)
+
+
+def _carried_out(kind: Kind, first: NamedShape, others: Sequence[NamedShape]) -> NamedShape:
     algorithm = BRepAlgoAPI_BooleanOperation()
-    algorithm.SetArguments(_listed(first.shape))
-    algorithm.SetTools(_listed(second.shape))
+    algorithm.SetArguments(_listed([first.shape]))
+    algorithm.SetTools(_listed([other.shape for other in others]))
     algorithm.SetOperation(_OPERATIONS[kind])
     algorithm.SetRunParallel(False)
     algorithm.SetNonDestructive(True)
@@ -90,17 +119,17 @@ def combine(
         raise KernelError(f"the CAD kernel refused to {kind} the bodies: {failure}") from failure
     if not algorithm.IsDone():
         raise KernelError(f"the CAD kernel could not {kind} the bodies")
-    return NamedShape(algorithm.Shape(), tuple(_named(algorithm, first, second)))
+    return NamedShape(algorithm.Shape(), tuple(_named(algorithm, (first, *others))))
 
 
 def _named(
-    algorithm: BRepAlgoAPI_BooleanOperation, first: NamedShape, second: NamedShape
+    algorithm: BRepAlgoAPI_BooleanOperation, shapes: Sequence[NamedShape]
 ) -> Iterator[tuple[TopoDS_Face, tuple[SideKey, ...]]]:
     """Yield the faces of the result with the names of the faces that they are parts of."""
-    faces = TopTools_IndexedMapOfShape()
+    faces = IndexedMapOfShape()
     TopExp.MapShapes_s(algorithm.Shape(), TopAbs_FACE, faces)
     names: dict[int, list[SideKey]] = {i: [] for i in range(1, faces.Extent() + 1)}
-    for face, known in (*first.faces, *second.faces):
+    for face, known in (row for shape in shapes for row in shape.faces):
         for part in [*algorithm.Modified(face)] or [face]:
             index = faces.FindIndex(part)
             if index:
@@ -108,7 +137,7 @@ def _named(
     for index, found in names.items():
         if not found:
             raise KernelError("the CAD kernel made a face that belongs to no body")
-        yield TopoDS.Face_s(faces.FindKey(index)), tuple(found)
+        yield as_face(faces.FindKey(index)), tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,13 +198,13 @@ class NamedEdge:
 
 def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
     """Yield the edges between differently named faces."""
-    parents = TopTools_IndexedDataMapOfShapeListOfShape()
+    parents = IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndUniqueAncestors_s(shape.shape, TopAbs_EDGE, TopAbs_FACE, parents)
-    faces, vertices = TopTools_IndexedMapOfShape(), TopTools_IndexedMapOfShape()
+    faces, vertices = IndexedMapOfShape(), IndexedMapOfShape()
     for face, _ in shape.faces:
         faces.Add(face)
     for index in range(1, parents.Extent() + 1):
-        edge = TopoDS.Edge_s(parents.FindKey(index))
+        edge = as_edge(parents.FindKey(index))
         owners = [faces.FindIndex(face) - 1 for face in parents.FindFromIndex(index)]
         if len(owners) == 2 and not BRep_Tool.Degenerated_s(edge):
             one, other = (shape.faces[owner] for owner in owners)
@@ -214,9 +243,10 @@ def _points(edge: TopoDS_Edge) -> Array:
     return np.array([curve.Value(t).Coord() for t in np.linspace(first, last, PLACES).tolist()])
 
 
-def _listed(shape: TopoDS_Shape) -> TopTools_ListOfShape:
-    shapes = TopTools_ListOfShape()
-    shapes.Append(shape)
+def _listed(given: Sequence[TopoDS_Shape]) -> ListOfShape:
+    shapes = ListOfShape()
+    for shape in given:
+        shapes.Append(shape)
     return shapes
 
 

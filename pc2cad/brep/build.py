@@ -16,7 +16,6 @@ from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import (
-    TopoDS,
     TopoDS_Edge,
     TopoDS_Face,
     TopoDS_Shape,
@@ -28,6 +27,7 @@ from OCP.TopoDS import (
 
 from pc2cad.arrays import Array
 from pc2cad.brep import to_kernel
+from pc2cad.brep.kernel import as_face
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import PCurve, Plane, SplineSurface
 from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
@@ -124,7 +124,7 @@ class _Build:
             self._builder.Add(face, self._wire(self._rectangle(face, data)))
         if isinstance(data.carrier, SplineSurface):
             self._builder.NaturalRestriction(face, True)
-        return TopoDS.Face_s(face.Reversed()) if data.reversed else face
+        return as_face(face.Reversed()) if data.reversed else face
 
     def _wire(self, edges: list[TopoDS_Shape]) -> TopoDS_Wire:
         wire = TopoDS_Wire()
@@ -199,4 +199,4 @@ class _Build:
 
 
 def _turned(face: TopoDS_Face, turn: bool) -> TopoDS_Face:
-    return TopoDS.Face_s(face.Reversed()) if turn else face
+    return as_face(face.Reversed()) if turn else face

@@ -257,7 +257,7 @@ def _patch(surface: Geom_BSplineSurface, origin: Array) -> SurfaceFunction:
     return SurfaceFunction(
         patch.scattered, (np.unique(patch.knots[0]), np.unique(patch.knots[1])), patch.degrees,
         cache(lambda: net_sizes(patch.poles, patch.knots, patch.degrees)),
-        weight=patch.weight if patch.poles.shape[2] > 3 else None,
+        weight=patch.weight if patch.poles.shape[2] > 3 else None, product=patch.on_grid,
     )  # fmt: skip
 
 

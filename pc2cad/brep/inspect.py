@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.TopAbs import (
     TopAbs_EDGE,
@@ -14,8 +17,16 @@ from OCP.TopAbs import (
     TopAbs_WIRE,
 )
 from OCP.TopExp import TopExp, TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS_Shape
+
+from pc2cad.arrays import Array
+from pc2cad.brep.kernel import (
+    IndexedDataMapOfShapeListOfShape,
+    IndexedMapOfShape,
+    as_edge,
+    as_face,
+    as_vertex,
+)
 
 
 @dataclass(frozen=True)
@@ -38,7 +49,7 @@ def inspect(solid: TopoDS_Shape) -> KernelFindings:
     """Return what the kernel's own checker and maps say of a solid."""
     counts = {}
     for kind in (TopAbs_SHELL, TopAbs_FACE, TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE):
-        shapes = TopTools_IndexedMapOfShape()
+        shapes = IndexedMapOfShape()
         TopExp.MapShapes_s(solid, kind, shapes)
         counts[kind] = shapes
     edges, free = _edges(solid)
@@ -50,9 +61,22 @@ def inspect(solid: TopoDS_Shape) -> KernelFindings:
     )  # fmt: skip
 
 
+def bounding_box(solid: TopoDS_Shape) -> Array:
+    """Return the least and the largest coordinates of a solid, (2, 3), of its geometry.
+
+    No triangles are looked at; the kernel searches for them to about its own 1e-7.
+    """
+    box = Bnd_Box()
+    BRepBndLib.AddOptimal_s(solid, box, False, False)
+    box.SetGap(0.0)
+    found = np.array([box.CornerMin().Coord(), box.CornerMax().Coord()])
+    # the kernel takes what is that near for the same, whatever the unit
+    return np.where(np.abs(found) < 2e-7, 0.0, found)
+
+
 def _edges(solid: TopoDS_Shape) -> tuple[int, int]:
     """Return the number of edges, and of those not used twice; degenerated ones do not count."""
-    parents = TopTools_IndexedDataMapOfShapeListOfShape()
+    parents = IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, parents)
     uses: dict[int, int] = {}
     explorer = TopExp_Explorer(solid, TopAbs_EDGE)
@@ -60,15 +84,15 @@ def _edges(solid: TopoDS_Shape) -> tuple[int, int]:
         index = parents.FindIndex(explorer.Current())
         uses[index] = uses.get(index, 0) + 1
         explorer.Next()
-    real = [i for i in uses if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(parents.FindKey(i)))]
+    real = [i for i in uses if not BRep_Tool.Degenerated_s(as_edge(parents.FindKey(i)))]
     return len(real), sum(uses[i] != 2 for i in real)
 
 
-def _largest_tolerance(counts: dict[object, TopTools_IndexedMapOfShape]) -> float:
+def _largest_tolerance(counts: dict[object, IndexedMapOfShape]) -> float:
     casts = {
-        TopAbs_FACE: TopoDS.Face_s,
-        TopAbs_EDGE: TopoDS.Edge_s,
-        TopAbs_VERTEX: TopoDS.Vertex_s,
+        TopAbs_FACE: as_face,
+        TopAbs_EDGE: as_edge,
+        TopAbs_VERTEX: as_vertex,
     }
     largest: float = max(
         BRep_Tool.Tolerance_s(cast(counts[kind].FindKey(i)))

@@ -16,13 +16,12 @@ from OCP.BRepTools import BRepTools_WireExplorer
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane
 from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
-from pc2cad.arrays.linear import product
+from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex, as_wire
 from pc2cad.brep.spline_integrals import spline_flux
-from pc2cad.brep.trimmed_integrals import curve_jet, is_whole, trimmed_flux
-from pc2cad.errors import KernelError
+from pc2cad.brep.trimmed_integrals import is_whole, plane_moments, trimmed_flux
 
 
 @dataclass(frozen=True)
@@ -36,13 +35,41 @@ class SolidIntegrals:
     face_areas: tuple[float, ...]
 
 
-def solid_integrals(solid: TopoDS_Shape) -> SolidIntegrals:
-    """Return the integrals of one solid or several: planes, analytic and spline surfaces."""
+class KnownFaces:
+    """Integrals over faces that several solids share: each is integrated once, about one origin."""
+
+    def __init__(self) -> None:
+        self.origin: Array | None = None
+        self._faces = IndexedMapOfShape()
+        self._rows: list[Array] = []
+
+    def row(self, face: TopoDS_Face, origin: Array) -> Array:
+        """Return flux, area and moments of a face as it is turned."""
+        sign = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
+        # the map takes a face and its reverse for one
+        place = self._faces.FindIndex(face)
+        if not place:
+            self._faces.Add(face)
+            row = _face(face, sign, origin)
+            self._rows.append(np.concatenate((sign * row[:1], row[1:2], sign * row[2:])))
+            place = len(self._rows)
+        row = self._rows[place - 1]
+        return np.concatenate((sign * row[:1], row[1:2], sign * row[2:]))
+
+
+def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> SolidIntegrals:
+    """Return the integrals of one solid or several: planes, analytic and spline surfaces.
+
+    Faces that are `known` from other solids of the part are not integrated again.
+    """
     faces = list(_faces(solid))
     if not faces:
         return SolidIntegrals(0.0, 0.0, (0.0, 0.0, 0.0), ())
-    origin = _reference(faces)
-    rows = [_face(face, origin) for face in faces]
+    known = known or KnownFaces()
+    if known.origin is None:
+        known.origin = _reference(faces)
+    origin = known.origin
+    rows = [known.row(face, origin) for face in faces]
     total = np.sum(rows, axis=0)
     volume, area = total[0] / 3, total[1]
     centre = total[2:] / (2 * volume) + origin if volume else origin
@@ -52,9 +79,8 @@ def solid_integrals(solid: TopoDS_Shape) -> SolidIntegrals:
     )  # fmt: skip
 
 
-def _face(face: TopoDS_Face, origin: Array) -> Array:
+def _face(face: TopoDS_Face, sign: float, origin: Array) -> Array:
     surface = BRep_Tool.Surface_s(face)
-    sign = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
     if isinstance(surface, Geom_Plane):
         return _plane(surface, face, sign, origin)
     if isinstance(surface, Geom_BSplineSurface) and is_whole(surface, face):
@@ -65,7 +91,7 @@ def _face(face: TopoDS_Face, origin: Array) -> Array:
 def _faces(solid: TopoDS_Shape) -> list[TopoDS_Face]:
     explorer, faces = TopExp_Explorer(solid, TopAbs_FACE), []
     while explorer.More():
-        faces.append(TopoDS.Face_s(explorer.Current()))
+        faces.append(as_face(explorer.Current()))
         explorer.Next()
     return faces
 
@@ -75,7 +101,7 @@ def _reference(faces: list[TopoDS_Face]) -> Array:
     points = []
     for face in faces:
         explorer = TopExp_Explorer(face, TopAbs_VERTEX)
-        p = BRep_Tool.Pnt_s(TopoDS.Vertex_s(explorer.Current()))
+        p = BRep_Tool.Pnt_s(as_vertex(explorer.Current()))
         points.append((p.X(), p.Y(), p.Z()))
     return np.asarray(np.mean(points, axis=0))
 
@@ -86,12 +112,10 @@ def _plane(surface: Geom_Plane, face: TopoDS_Face, sign: float, origin: Array) -
     base = np.array([place.X(), place.Y(), place.Z()]) - origin
     axes = np.array([[d.X(), d.Y(), d.Z()] for d in (frame.XDirection(), frame.YDirection())])
     normal = sign * np.cross(axes[0], axes[1])
-    if not frame.Direct():
-        raise KernelError("a plane is left-handed")
     moments = np.zeros(6)
     explorer = TopExp_Explorer(face, TopAbs_WIRE)
     while explorer.More():
-        wire = BRepTools_WireExplorer(TopoDS.Wire_s(explorer.Current()), face)
+        wire = BRepTools_WireExplorer(as_wire(explorer.Current()), face)
         while wire.More():
             moments += _edge_moments(wire.Current(), base, axes, origin)
             wire.Next()
@@ -113,11 +137,5 @@ def _edge_moments(edge: TopoDS_Edge, base: Array, axes: Array, origin: Array) ->
     """Return ∮ of 1, p, q, p², pq, q² as line integrals over one edge: ∮ (∫ f dp) dq."""
     first, last = BRep_Tool.Range_s(edge)
     curve = BRep_Tool.Curve_s(edge, first, last)
-    position, speed, weights = curve_jet(curve, first, last, origin)
-    local = (position - base) @ axes.T
-    dq = speed @ axes[1] * weights
-    if edge.Orientation() == TopAbs_REVERSED:
-        dq = -dq
-    p, q = local[:, 0], local[:, 1]
-    primitives = np.array([p, p * p / 2, p * q, p**3 / 3, p * p * q / 2, p * q * q])
-    return product(primitives, dq)
+    result = plane_moments(curve, first, last, origin + base, axes)
+    return -result if edge.Orientation() == TopAbs_REVERSED else result

@@ -9,11 +9,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
-from scipy.interpolate import BSpline
 from scipy.sparse import csr_array
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import product
+from pc2cad.errors import KernelError
+from pc2cad.geometry.splines.spline_basis import basis_matrix, local_basis, spline_values
 
 
 def flux(points: Array, normals: Array, weights: Array) -> Array:
@@ -36,9 +37,15 @@ def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
 
 def spline_jet(knots: Array, poles: Array, degree: int) -> Callable[[Array], tuple[Array, Array]]:
     """Return a function of t, (n,), that gives a spline's values and first derivatives, (n, k)."""
-    value = BSpline.construct_fast(knots, poles, degree)
-    slope = value.derivative()
-    return lambda t: (value(t), slope(t))
+    net = differences(poles[:, None], knots, degree, 0)[:, 0]
+
+    def jet(t: Array) -> tuple[Array, Array]:
+        return (
+            spline_values(knots, poles, degree, t),
+            spline_values(knots[1:-1], net, degree - 1, t),
+        )
+
+    return jet
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -78,6 +85,9 @@ class SplineCurveData:
 
 def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
     """Return a kernel spline curve relative to `origin`."""
+    if curve.IsPeriodic():
+        curve = curve.Copy()
+        curve.SetNotPeriodic()
     count = curve.NbPoles()
     poles = np.array([curve.Pole(i + 1).Coord() for i in range(count)]) - origin
     if curve.IsRational():
@@ -99,6 +109,10 @@ def spline_flux(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Arr
 
 def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -> Patch:
     """Return a kernel spline surface relative to `origin`, its normal turned by `sign`."""
+    if surface.IsUPeriodic() or surface.IsVPeriodic():  # its knots do not hold their ends
+        surface = surface.Copy()
+        surface.SetUNotPeriodic()
+        surface.SetVNotPeriodic()
     rows, columns = surface.NbUPoles(), surface.NbVPoles()
     rational = surface.IsURational() or surface.IsVRational()
     poles = np.empty((rows, columns, 4 if rational else 3))
@@ -122,6 +136,8 @@ MOST_EXACT_PIECES = 64
 _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
 #: orders of Gauss rules that are compared, and halvings of a span
 _ORDERS, DEEPEST = (4, 8, 12), 24
+#: what may be left open in the end, by the accuracy that each span is settled to
+LEFT_OPEN = 100
 #: basis functions up to which matrices are dense
 DENSE = 48
 #: scattered places that are evaluated at once
@@ -191,6 +207,11 @@ class Patch:
             panels = np.concatenate((
                 np.stack((panels[:, 0], middle), axis=1), np.stack((middle, panels[:, 1]), axis=1)
             ))  # fmt: skip
+        if len(panels) and not gaps[~right].sum() <= LEFT_OPEN * accuracy:
+            raise KernelError(
+                f"the integrals over a face do not settle: after halving its spans {DEEPEST} "
+                f"times, {gaps[~right].sum():.2g} of them is left open"
+            )
         done.append(_gauss(panels, _ORDERS[-1]))
         nodes, weights = (np.concatenate([rule[k] for rule in done]) for k in (0, 1))
         order = np.argsort(nodes)
@@ -245,6 +266,12 @@ class Patch:
             _sum(basis[0], nets[1], slope[1]),
         )
 
+    def on_grid(self, s: Array, t: Array) -> tuple[Array, Array]:
+        """Return points and normals (of the parameters' own length), (n, m, 3), on a grid."""
+        return self._jet(
+            *(np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True))
+        )
+
     def _jet(self, s: Array, t: Array) -> tuple[Array, Array]:
         """Return points and outward normals (of the parameters' own length) on a grid."""
         p = self.degrees
@@ -261,8 +288,8 @@ class Patch:
 
 def _support(t: Array, knots: Array, degree: int) -> tuple[Integers, Array]:
     """Return which basis functions are not zero at t and their values, (n, degree + 1) each."""
-    table = csr_array(BSpline.design_matrix(t, knots, degree))
-    return table.indices.reshape(len(t), -1), table.data.reshape(len(t), -1)
+    first, values = local_basis(knots, degree, t)
+    return first[:, None] + np.arange(degree + 1), values
 
 
 def _sum(a: tuple[Integers, Array], poles: Array, b: tuple[Integers, Array]) -> Array:
@@ -288,8 +315,8 @@ def legendre(order: int) -> tuple[Array, Array]:
 
 def _basis(t: Array, knots: Array, degree: int) -> Array | csr_array:
     """Return the values of all basis functions at t: sparse where there are many."""
-    table = BSpline.design_matrix(t, knots, degree)
-    return table.toarray() if table.shape[1] <= DENSE else csr_array(table)
+    table = basis_matrix(knots, degree, t)
+    return table.toarray() if table.shape[1] <= DENSE else table
 
 
 def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:

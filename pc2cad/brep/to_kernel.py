@@ -23,10 +23,16 @@ from OCP.Geom import (
 )
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
-from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
 
 from pc2cad.arrays import Array
+from pc2cad.brep.kernel import (
+    Array1OfInteger,
+    Array1OfPnt,
+    Array1OfPnt2d,
+    Array1OfReal,
+    Array2OfPnt,
+    Array2OfReal,
+)
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import (
     Arc,
@@ -86,26 +92,26 @@ def curve(carrier: CurveCarrier) -> tuple[Geom_Curve, float, float]:
 
 def _spline_curve(carrier: SplineCurve) -> Geom_BSplineCurve:
     check_finite(carrier.poles, "an edge's pole")
-    poles = TColgp_Array1OfPnt(1, len(carrier.poles))
+    poles = Array1OfPnt(1, len(carrier.poles))
     for i, (x, y, z) in enumerate(carrier.poles.tolist(), start=1):
         poles.SetValue(i, gp_Pnt(x, y, z))
     knots, multiplicities = _knots(carrier.knots)
     if carrier.weights is None:
         return Geom_BSplineCurve(poles, knots, multiplicities, carrier.degree, False)
     check_finite(carrier.weights, "an edge's weight")
-    weights = TColStd_Array1OfReal(1, len(carrier.weights))
+    weights = Array1OfReal(1, len(carrier.weights))
     for i, weight in enumerate(carrier.weights.tolist(), start=1):
         weights.SetValue(i, weight)
     return Geom_BSplineCurve(poles, weights, knots, multiplicities, carrier.degree, False)
 
 
-def _knots(flat: Array) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
+def _knots(flat: Array) -> tuple[Array1OfReal, Array1OfInteger]:
     check_finite(flat, "a knot vector")
     values, counts = np.unique(flat, return_counts=True)
     if len(values) > 1 and np.diff(values).min() < 1e-10 * (values[-1] - values[0]):
         raise KernelError("two knots are nearer than 1e-10 of the parameter range")
-    knots = TColStd_Array1OfReal(1, len(values))
-    multiplicities = TColStd_Array1OfInteger(1, len(values))
+    knots = Array1OfReal(1, len(values))
+    multiplicities = Array1OfInteger(1, len(values))
     for i, (value, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True), start=1):
         knots.SetValue(i, value)
         multiplicities.SetValue(i, count)
@@ -164,7 +170,7 @@ def _(carrier: Revolution) -> Geom_Surface:
 def _(carrier: SplineSurface) -> Geom_Surface:
     check_finite(carrier.poles, "a face's pole")
     rows, columns, _ = carrier.poles.shape
-    poles = TColgp_Array2OfPnt(1, rows, 1, columns)
+    poles = Array2OfPnt(1, rows, 1, columns)
     set_value = poles.SetValue
     for i, row in enumerate(carrier.poles.tolist(), start=1):
         for j, (x, y, z) in enumerate(row, start=1):
@@ -174,7 +180,7 @@ def _(carrier: SplineSurface) -> Geom_Surface:
     if carrier.weights is None:
         return Geom_BSplineSurface(poles, *spaces)
     check_finite(carrier.weights, "a face's weight")
-    weights = TColStd_Array2OfReal(1, rows, 1, columns)
+    weights = Array2OfReal(1, rows, 1, columns)
     for i, line in enumerate(carrier.weights.tolist(), start=1):
         for j, weight in enumerate(line, start=1):
             weights.SetValue(i, j, weight)
@@ -207,7 +213,7 @@ def length(data: PCurve) -> float:
 
 def _path(degree: int, flat: Array, points: Array) -> Geom2d_BSplineCurve:
     check_finite(points, "a curve in a face's parameters")
-    poles = TColgp_Array1OfPnt2d(1, len(points))
+    poles = Array1OfPnt2d(1, len(points))
     for i, (x, y) in enumerate(points.tolist(), start=1):
         poles.SetValue(i, gp_Pnt2d(x, y))
     knots, counts = _knots(flat)

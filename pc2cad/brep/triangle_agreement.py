@@ -17,11 +17,12 @@ from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_Plane
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.brep.face_patches import shapes_of
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
-from pc2cad.brep.triangle_grids import parameter_areas, shapes_of
+from pc2cad.brep.kernel import as_edge, as_face
+from pc2cad.brep.triangle_grids import parameter_areas
 from pc2cad.errors import KernelError
 
 #: share of the area in the parameters that rounding of nodes may take from a face
@@ -54,7 +55,13 @@ class Slack:
 
 
 def face_slack(
-    number: int, face: Any, mesh: Any, nodes: Array, corners: Integers, deflection: float
+    number: int,
+    face: Any,
+    mesh: Any,
+    nodes: Array,
+    corners: Integers,
+    normals: Array | None,
+    deflection: float,
 ) -> Slack:
     """Return what one face's triangles may be off by.
 
@@ -64,6 +71,8 @@ def face_slack(
         mesh: that Poly_Triangulation.
         nodes: its nodes, (n, 3), in the surface's own place.
         corners: its triangles, (m, 3), anti-clockwise in the parameters.
+        normals: of the surface at the nodes, (n, 3), of triangles that are known to cover the face;
+            None where neither is known.
         deflection: that the triangles were made with, model units.
 
     """
@@ -73,19 +82,19 @@ def face_slack(
     chords = _chords(face, mesh, location, deflection)
     if isinstance(surface, Geom_Plane):
         return Slack(0.0, chords)
-    try:
-        jets = surface_function(surface, np.zeros(3)).jet
-    except KernelError:  # of a surface of another kind nothing but the deflection is known
-        return Slack(float(areas.sum()) * deflection, float(areas.sum()))
-    places = np.array([mesh.UVNode(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
-    _, along_s, along_t = jets(places[:, 0], places[:, 1])
-    height, tilt = _bows(nodes, corners, np.cross(along_s, along_t))
-    covered = _covers(face, mesh, location, parameter_areas(places, corners))
-    return Slack(
-        float((areas * np.minimum(height, deflection)).sum()),
-        float((areas * tilt).sum()) + chords,
-        frozenset() if covered else frozenset({number}),
-    )
+    lost: frozenset[int] = frozenset()
+    if normals is None:
+        try:
+            jets = surface_function(surface, np.zeros(3)).jet
+        except KernelError:  # of a surface of another kind nothing but the deflection is known
+            return Slack(float(areas.sum()) * deflection, float(areas.sum()))
+        places = np.array([mesh.UVNode(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
+        normals = np.cross(*jets(places[:, 0], places[:, 1])[1:])
+        if not _covers(face, mesh, location, parameter_areas(places, corners)):
+            lost = frozenset({number})
+    height, tilt = _bows(nodes, corners, normals)
+    volume = float((areas * np.minimum(height, deflection)).sum())
+    return Slack(volume, float((areas * tilt).sum()) + chords, lost)
 
 
 def _flat(nodes: Array, corners: Integers) -> tuple[Array, Array]:
@@ -132,7 +141,7 @@ def _polygons(face: Any, mesh: Any, location: Any) -> list[tuple[Any, Array]]:
     """Return the edges of a face, and the parameters of their nodes."""
     found = []
     for shape in shapes_of(face, TopAbs_ShapeEnum.TopAbs_EDGE):
-        edge = TopoDS.Edge_s(shape)
+        edge = as_edge(shape)
         polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
         if polygon is not None and polygon.HasParameters():
             places = [polygon.Parameter(i) for i in range(1, polygon.NbNodes() + 1)]
@@ -167,7 +176,7 @@ def _with_middles(places: Array) -> Array:
 
 def _covers(face: Any, mesh: Any, location: Any, areas: Array) -> bool:
     """Say whether triangles of these areas cover once what the face's edges enclose."""
-    forward = TopoDS.Face_s(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
+    forward = as_face(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
     enclosed = 0.0
     for edge, places in _polygons(forward, mesh, location):
         curve = BRep_Tool.CurveOnSurface_s(edge, forward, 0.0, 1.0)

@@ -1,288 +1,234 @@
-"""Triangles of a face on a grid of its own parameters, put upon the kernel's shape.
+"""Triangles of faces on grids of their own parameters, put upon the kernel's shape.
 
-The kernel's mesher loses its way where a face winds round its surface more than once in a
-parameter (a torus cut along a helix): it takes places a period apart for one. A face of four sides
-has a grid without that: its sides' curves in the parameters, blended (Coons). Where every triangle
-of the grid has the same sense in the parameter plane, the grid covers the face exactly once. Nodes
-on an edge lie at the same parameters of the edge for both its faces, and what the kernel meshes
-beside such a face takes the nodes that are there.
+The kernel's mesher takes half a minute where a face has a thousand poles, and loses its way where
+one winds round its surface more than once (it takes places a period apart for one). Grids know
+neither trouble. Nodes on an edge lie at the same parameters of the edge for both its faces; what
+the kernel meshes beside such a face (planes, trimmed faces) takes the nodes that are there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRep import BRep_Builder
 from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.Poly import Poly_PolygonOnTriangulation, Poly_Triangle, Poly_Triangulation
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
-from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp_Explorer
-from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from pc2cad.arrays import Array, Integers
-from pc2cad.brep.from_kernel import path_function, surface_function
-from pc2cad.errors import KernelError
-from pc2cad.geometry.jets import CurveFunction, SurfaceFunction
-
-#: cells of a direction at first and at most, and the share of the deflection that its chords take
-_FIRST, _MOST, _SHARE = 8, 4096, 0.6
-#: cells in which a direction is looked at once
-_LOOK = 512
-#: nodes of one face at most
-_MOST_NODES = 2_000_000
+from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.brep.face_patches import Patch, patches_of
+from pc2cad.brep.grid_lines import MOST_NODES, ROUNDS, Lines, ask_for
+from pc2cad.brep.kernel import Array1OfInteger, Array1OfReal
 
 
 @dataclass(frozen=True, eq=False)
-class _Side:
-    """One side of a face, as the walk round it goes."""
+class FaceGrid:
+    """The triangles of one face."""
 
-    edge: Any
-    #: number of the edge in the shape
-    index: int
-    path: CurveFunction
-    span: tuple[float, float]
-    forward: bool
-
-    def at(self, count: int) -> Array:
-        """Return the face's parameters at the ends of `count` equal cells, along the walk."""
-        t = np.linspace(*self.span, count + 1)
-        return self.path.jet(t if self.forward else t[::-1])[0]
-
-
-@dataclass(frozen=True, eq=False)
-class _Patch:
-    """A face of four sides that a grid can cover."""
-
-    face: Any
-    sides: tuple[_Side, _Side, _Side, _Side]
-    surface: SurfaceFunction
-
-    def parameters(self, s: int, t: int) -> Array:
-        """Return the parameters at a grid of s × t cells, (s + 1, t + 1, 2)."""
-        bottom, right = self.sides[0].at(s), self.sides[1].at(t)
-        top, left = self.sides[2].at(s)[::-1], self.sides[3].at(t)[::-1]
-        x, y = np.linspace(0, 1, s + 1)[:, None, None], np.linspace(0, 1, t + 1)[None, :, None]
-        corners = ((1 - x) * ((1 - y) * bottom[0] + y * top[0])
-                   + x * ((1 - y) * bottom[-1] + y * top[-1]))  # fmt: skip
-        grid = ((1 - y) * bottom[:, None] + y * top[:, None]
-                + (1 - x) * left[None] + x * right[None] - corners)  # fmt: skip
-        grid[:, 0], grid[:, -1], grid[0], grid[-1] = bottom, top, left, right
-        return np.asarray(grid)
-
-    def points(self, grid: Array) -> Array:
-        """Return the places (n, m, 3) at parameters (n, m, 2)."""
-        flat = grid.reshape(-1, 2)
-        return self.surface.jet(flat[:, 0], flat[:, 1])[0].reshape(*grid.shape[:2], 3)
+    patch: Patch
+    #: shares of the lines along both directions
+    lines: tuple[Array, Array]
+    #: of its nodes: parameters (n, 2), points and normals of any length (n, 3)
+    parameters: Array
+    points: Array
+    normals: Array
+    #: rows of these, (m, 3), anti-clockwise in the parameters; sides that are points make fans
+    triangles: Integers
+    #: largest distance along the normal between triangles and surface that was measured
+    deflection: float
 
 
-def attach(shape: Any, numbers: Container[int], deflection: float, angle: float) -> frozenset[int]:
-    """Put grids upon the faces of these numbers (in the kernel's order) that can have one.
+def grids(
+    shape: Any, deflection: float, angle: float, most: int = MOST_NODES
+) -> dict[int, FaceGrid]:
+    """Return triangles of the curved faces with four sides, by the face's number in the shape.
 
     Args:
-        shape: TopoDS_Shape without triangulations; its faces and edges get them.
-        numbers: which faces.
-        deflection: largest distance of a chord from its surface, model units.
-        angle: largest angle between neighbouring chords, radians.
-
-    Returns:
-        The numbers of the faces that have a grid now.
+        shape: TopoDS_Shape.
+        deflection: largest distance of triangles from their surface, model units.
+        angle: largest angle between normals of neighbouring lines, radians.
+        most: nodes of all of them; with more, there are none.
 
     """
-    edges = TopTools_IndexedMapOfShape()
-    patches = {}
-    for number, face in enumerate(shapes_of(shape, TopAbs_ShapeEnum.TopAbs_FACE)):
-        patch = _patch(TopoDS.Face_s(face), edges) if number in numbers else None
-        if patch is not None:
-            patches[number] = patch
-    counts = _counts(list(patches.values()), deflection, angle)
-    done = set()
-    for number, patch in patches.items():
-        s, t = (counts[patch.sides[k].index] for k in (0, 1))
-        grid = patch.parameters(s, t)
-        points = patch.points(grid)
-        triangles = _triangles(points)
-        if (s + 1) * (t + 1) <= _MOST_NODES and np.isfinite(points).all():
-            oriented = _oriented(grid.reshape(-1, 2), triangles)
-            if oriented is not None:
-                _put(patch, grid, points, oriented)
-                done.add(number)
-    return frozenset(done)
+    patches = patches_of(shape)
+    lines = Lines(list(patches.values()))
+    for patch in patches.values():
+        ask_for(lines, patch, deflection, angle)
+    for _ in range(ROUNDS):
+        sizes = [len(lines.along(p, 0)) * len(lines.along(p, 1)) for p in patches.values()]
+        if sum(sizes) > most:
+            return {}
+        found = {number: _measured(lines, patch) for number, patch in patches.items()}
+        if not any([_denser(lines, *one, deflection) for one in found.values()]):
+            break
+    else:
+        return {}
+    return {number: one[0] for number, one in found.items() if one[0] is not None}
 
 
-def shapes_of(shape: Any, kind: Any) -> list[Any]:
-    """Return the parts of a kind in the kernel's order, each as often as it is used."""
-    explorer, found = TopExp_Explorer(shape, kind), []
-    while explorer.More():
-        found.append(explorer.Current())
-        explorer.Next()
+def attach(
+    shape: Any, deflection: float, angle: float, most: int = 2 * MOST_NODES
+) -> dict[int, FaceGrid]:
+    """Put `grids` upon a shape without triangulations: its faces and edges get them.
+
+    Nothing is put, and returned, where they have more than `most` triangles together.
+    """
+    found = grids(shape, deflection, angle, most // 2)
+    for grid in found.values():
+        _put(grid, deflection)
     return found
 
 
-def _patch(face: Any, edges: Any) -> _Patch | None:
-    """Return a face that is bounded by four sides in a row, else None."""
-    forward = TopoDS.Face_s(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
-    location = TopLoc_Location()
-    surface = BRep_Tool.Surface_s(forward, location)
-    shapes = shapes_of(forward, TopAbs_ShapeEnum.TopAbs_EDGE)
-    wires = shapes_of(forward, TopAbs_ShapeEnum.TopAbs_WIRE)
-    if not location.IsIdentity() or len(wires) != 1 or len(shapes) != 4:
-        return None
-    try:
-        sides = [_side(TopoDS.Edge_s(edge), forward, edges) for edge in shapes]
-        jets = surface_function(surface, np.zeros(3))
-    except KernelError:
-        return None
-    ends = np.array([side.at(1) for side in sides])
-    size = float(np.abs(ends - ends[0, 0]).max())
-    order = [0]
-    while len(order) < 4:
-        here = ends[order[-1], 1]
-        gaps = {k: float(np.abs(ends[k, 0] - here).max()) for k in range(4) if k not in order}
-        order.append(min(gaps, key=gaps.__getitem__))
-    walk = ends[order]
-    if np.abs(walk[:, 1] - np.roll(walk[:, 0], -1, axis=0)).max() > 1e-5 * size:
-        return None
-    a, b, c, d = (sides[k] for k in order)
-    return _Patch(forward, (a, b, c, d), jets)
+# -- a grid and what it is off by ------------------------------------------------------------------
 
 
-def _side(edge: Any, face: Any, edges: Any) -> _Side:
-    curve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0)
-    first, last = BRep_Tool.Range_s(edge, face)
-    if curve is None:
-        raise KernelError("an edge has no curve in the parameters of its face")
-    forward = edge.Orientation() != TopAbs_Orientation.TopAbs_REVERSED
-    return _Side(edge, edges.Add(edge), path_function(curve), (first, last), forward)
+def _measured(lines: Lines, patch: Patch) -> tuple[FaceGrid | None, Patch, Array]:
+    """Return the triangles between the lines, None where they fold, and each cell's distance."""
+    own = lines.along(patch, 0), lines.along(patch, 1)
+    parameters = patch.parameters(*(_with_middles(x) for x in own))
+    points, normals = patch.places(parameters)
+    nodes, places = points[::2, ::2], parameters[::2, ::2].reshape(-1, 2)
+    rising = (((nodes[:-1, :-1] - nodes[1:, 1:]) ** 2).sum(-1)
+              <= ((nodes[1:, :-1] - nodes[:-1, 1:]) ** 2).sum(-1))  # fmt: skip
+    distances = _distances(points, normals, rising)
+    triangles = _oriented(places, _triangles(rising))
+    if triangles is None or not np.isfinite(points).all():
+        return None, patch, distances
+    flat, across = (x[::2, ::2].reshape(-1, 3) for x in (points, normals))
+    triangles = triangles[~_collapsed(patch, nodes.shape[:2], triangles)]
+    grid = FaceGrid(patch, own, places, flat, across, triangles, float(distances.max()))
+    return grid, patch, distances
 
 
-# -- how many cells --------------------------------------------------------------------------------
-
-
-def _counts(patches: list[_Patch], deflection: float, angle: float) -> dict[int, int]:
-    """Return the cells of each edge: opposite sides of a face have as many."""
-    group: dict[int, int] = {}
-
-    def root(edge: int) -> int:
-        while group.setdefault(edge, edge) != edge:
-            edge = group[edge]
-        return edge
-
-    for patch in patches:
-        for k in (0, 1):
-            group[root(patch.sides[k].index)] = root(patch.sides[k + 2].index)
-    counts = {root(edge): 1 for edge in list(group)}
-    for patch in patches:
-        for k, first in enumerate(_first(patch, angle)):
-            key = root(patch.sides[k].index)
-            counts[key] = max(counts[key], first)
-    for _ in range(12):
-        wanted = dict(counts)
-        for patch in patches:
-            keys = [root(patch.sides[k].index) for k in (0, 1)]
-            for key, more in zip(keys, _wanted(patch, [counts[k] for k in keys], deflection, angle),
-                                 strict=True):  # fmt: skip
-                wanted[key] = max(wanted[key], more)
-        if wanted == counts:
-            break
-        counts = wanted
-    return {edge: counts[root(edge)] for edge in group}
-
-
-def _first(patch: _Patch, angle: float) -> list[int]:
-    """Return the cells that a few lines each way turn through; few cells may miss whole turns."""
-    result = []
+def _denser(
+    lines: Lines, grid: FaceGrid | None, patch: Patch, distances: Array, deflection: float
+) -> bool:
+    """Ask for more lines where triangles are too far away; return whether any are."""
+    with np.errstate(invalid="ignore"):
+        factors = np.sqrt(np.nan_to_num(distances) / deflection)
+    if factors.max() <= 1 or grid is None:
+        return False
     for k in (0, 1):
-        grid = patch.parameters(*((_LOOK, 2) if k == 0 else (2, _LOOK)))
-        points = patch.points(grid)
-        lines = points if k == 0 else points.transpose(1, 0, 2)
-        turns = float(_turns(np.diff(lines, axis=0)).sum(axis=0).max())
-        result.append(int(np.clip(np.ceil(turns / angle), _FIRST, _MOST)))
+        shares = grid.lines[k]
+        needed = factors.max(axis=1 - k)
+        density = np.where(needed > 1, 1.03 * needed / np.diff(shares), 0.0)
+        middles = (shares[1:] + shares[:-1]) / 2
+        ends = np.concatenate(([0.0], middles, [1.0]))
+        lines.ask(patch, k, ends, np.concatenate((density[:1], density, density[-1:])))
+    return True
+
+
+def _with_middles(places: Array) -> Array:
+    result = np.empty(2 * len(places) - 1)
+    result[::2], result[1::2] = places, (places[1:] + places[:-1]) / 2
     return result
 
 
-def _turns(steps: Array) -> Array:
-    """Return the angles between steps (n, m, 3) that follow one another, (n - 1, m)."""
-    lengths = np.sqrt((steps * steps).sum(axis=-1))
-    # no direction is known of steps that vanish: at a pole
-    large = lengths > 1e-9 * lengths.max(initial=0.0)
-    sines = np.sqrt((np.cross(steps[:-1], steps[1:]) ** 2).sum(axis=-1))
-    turns = np.arctan2(sines, (steps[:-1] * steps[1:]).sum(axis=-1))
-    return np.where(large[:-1] & large[1:], turns, 0.0)
+def _distances(points: Array, normals: Array, rising: Booleans) -> Array:
+    """Return how far the triangles of each cell are from the surface along its normal, (n, m).
+
+    A surface is off a triangle like a quadratic: measured in the middles of its three edges, that
+    says what it is in between.
+    """
+    lengths = np.sqrt((normals * normals).sum(axis=-1, keepdims=True))
+    known = lengths > 1e-9 * lengths.max(initial=0.0)
+    units = np.where(known, normals / np.where(known, lengths, 1.0), 0.0)
+
+    def off(place: tuple[slice, slice], start: Array, end: Array) -> Array:
+        return np.asarray(((points[place] - (start + end) / 2) * units[place]).sum(axis=-1))
+
+    odd, even = slice(1, None, 2), slice(None, None, 2)
+    nodes = points[even, even]
+    s = off((odd, even), nodes[:-1], nodes[1:])
+    t = off((even, odd), nodes[:, :-1], nodes[:, 1:])
+    place = (odd, odd)
+    diagonal = np.where(
+        rising,
+        off(place, nodes[:-1, :-1], nodes[1:, 1:]), off(place, nodes[1:, :-1], nodes[:-1, 1:]),
+    )  # fmt: skip
+    largest = np.abs(diagonal)
+    # the edges of both triangles: beside the diagonal each has one along s and one along t
+    lower, upper = s[:, :-1], s[:, 1:]
+    left, right = t[:-1], t[1:]
+    for one in (lower, upper, left, right):
+        largest = np.maximum(largest, np.abs(one))
+    first = lower + np.where(rising, right, left)
+    second = upper + np.where(rising, left, right)
+    for pair in (first, second):
+        largest = np.maximum(largest, 4 / 9 * np.abs(pair + diagonal))
+    return np.asarray(largest)
 
 
-def _wanted(patch: _Patch, cells: list[int], deflection: float, angle: float) -> list[int]:
-    """Return how many cells the two directions need, as seen from this many."""
-    s, t = cells
-    points = patch.points(patch.parameters(2 * s, 2 * t))
-    result = []
-    for count, along in ((s, points), (t, points.transpose(1, 0, 2))):
-        start, middle, end = along[:-2:2], along[1::2], along[2::2]
-        bow = float(np.sqrt((((start + end) / 2 - middle) ** 2).sum(axis=-1)).max())
-        steps = np.diff(along[::2], axis=0)
-        turns = float(_turns(steps).max(initial=0.0))
-        factor = max(np.sqrt(bow / (_SHARE * deflection)), turns / angle)
-        result.append(min(_MOST, max(count, int(np.ceil(1.05 * count * min(factor, 4.0))))
-                          if factor > 1 else count))  # fmt: skip
-    return result
-
-
-# -- the grid --------------------------------------------------------------------------------------
-
-
-def _triangles(points: Array) -> Integers:
-    """Return two triangles per cell, cut along the shorter diagonal, as rows of the flat grid."""
-    n, m = points.shape[:2]
-    rows = np.arange(n * m, dtype=np.int64).reshape(n, m)
+def _triangles(rising: Booleans) -> Integers:
+    """Return two triangles per cell, cut along the rising or the falling diagonal."""
+    n, m = rising.shape
+    rows = np.arange((n + 1) * (m + 1), dtype=np.int64).reshape(n + 1, m + 1)
     a, b, c, d = rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:], rows[:-1, 1:]
-    flat = points.reshape(-1, 3)
-    rising = ((flat[a] - flat[c]) ** 2).sum(axis=-1) <= ((flat[b] - flat[d]) ** 2).sum(axis=-1)
     first = np.where(rising[..., None], np.stack((a, b, c), -1), np.stack((a, b, d), -1))
     second = np.where(rising[..., None], np.stack((a, c, d), -1), np.stack((b, c, d), -1))
     return np.concatenate((first.reshape(-1, 3), second.reshape(-1, 3)))
 
 
-def parameter_areas(grid: Array, triangles: Integers) -> Array:
-    """Return the signed areas of triangles in the parameter plane; grid (n, 2)."""
-    a, b, c = (grid[triangles[:, k]] for k in range(3))
+def parameter_areas(places: Array, triangles: Integers) -> Array:
+    """Return the signed areas of triangles in the parameter plane; places (n, 2)."""
+    a, b, c = (places[triangles[:, k]] for k in range(3))
     x, y = b - a, c - a
     return np.asarray((x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]) / 2)
 
 
-def _oriented(grid: Array, triangles: Integers) -> Integers | None:
+def _oriented(places: Array, triangles: Integers) -> Integers | None:
     """Return the triangles anti-clockwise in the parameters; None where senses differ."""
-    areas = parameter_areas(grid, triangles)
+    areas = parameter_areas(places, triangles)
     if (areas > 0).all():
         return triangles
     return triangles[:, ::-1] if (areas < 0).all() else None
 
 
-def _put(patch: _Patch, grid: Array, points: Array, triangles: Integers) -> None:
-    n, m = grid.shape[:2]
-    mesh = Poly_Triangulation(n * m, len(triangles), True)
-    for i, (place, pair) in enumerate(
-        zip(points.reshape(-1, 3).tolist(), grid.reshape(-1, 2).tolist(), strict=True), start=1
-    ):
-        mesh.SetNode(i, gp_Pnt(*place))
-        mesh.SetUVNode(i, gp_Pnt2d(*pair))
-    for i, (a, b, c) in enumerate((triangles + 1).tolist(), start=1):
-        mesh.SetTriangle(i, Poly_Triangle(a, b, c))
-    mesh.Deflection(0.0)
+def _collapsed(patch: Patch, shape: tuple[int, ...], triangles: Integers) -> Booleans:
+    """Say which triangles have two corners on a side that is a point."""
+    rows = np.arange(shape[0] * shape[1]).reshape(shape)
+    result = np.zeros(len(triangles), dtype=bool)
+    for side, nodes in zip(patch.sides, _walk(rows), strict=True):
+        if side.degenerate:
+            here = np.zeros(rows.size, dtype=np.int64)
+            here[nodes] = 1
+            result |= here[triangles].sum(axis=1) > 1
+    return result
+
+
+def _walk(rows: Integers) -> tuple[Integers, ...]:
+    """Return the nodes of the four sides, as the walk round the face goes."""
+    return rows[:, 0], rows[-1], rows[::-1, -1], rows[0, ::-1]
+
+
+# -- onto the kernel's shape -----------------------------------------------------------------------
+
+
+def _put(grid: FaceGrid, deflection: float) -> None:
+    count = len(grid.points)
+    mesh = Poly_Triangulation(count, len(grid.triangles), True)
+    node, place, triangle = mesh.SetNode, mesh.SetUVNode, mesh.SetTriangle
+    # lists of numbers, column by column: rows would be as many objects to collect
+    x, y, z, a, b = (column.tolist() for column in (*grid.points.T, *grid.parameters.T))
+    for i in range(count):
+        node(i + 1, gp_Pnt(x[i], y[i], z[i]))
+        place(i + 1, gp_Pnt2d(a[i], b[i]))
+    first, second, third = (column.tolist() for column in (grid.triangles + 1).T)
+    for i in range(len(first)):
+        triangle(i + 1, Poly_Triangle(first[i], second[i], third[i]))
+    mesh.Deflection(deflection)
     builder = BRep_Builder()
-    builder.UpdateFace(patch.face, mesh)
-    rows = np.arange(1, n * m + 1).reshape(n, m)
-    nodes = (rows[:, 0], rows[-1], rows[::-1, -1], rows[0, ::-1])
+    builder.UpdateFace(grid.patch.face, mesh)
+    s, t = grid.lines
+    rows = np.arange(1, count + 1).reshape(len(s), len(t))
     polygons: dict[int, dict[bool, Any]] = {}
-    for side, walk in zip(patch.sides, nodes, strict=True):
-        along = walk if side.forward else walk[::-1]
+    shares = (s, t, 1 - s[::-1], 1 - t[::-1])
+    for side, nodes, along in zip(grid.patch.sides, _walk(rows), shares, strict=True):
+        order = slice(None) if side.forward else slice(None, None, -1)
         own = polygons.setdefault(side.index, {})
-        own[side.forward] = _polygon(along, np.linspace(*side.span, len(along)))
-    for side in patch.sides:
+        own[side.forward] = _polygon(nodes[order], side.along(along)[order])
+    for side in grid.patch.sides:
         own = polygons.pop(side.index, {})
         if len(own) == 2:
             builder.UpdateEdge(side.edge, own[True], own[False], mesh)
@@ -291,11 +237,13 @@ def _put(patch: _Patch, grid: Array, points: Array, triangles: Integers) -> None
 
 
 def _polygon(nodes: Integers, parameters: Array) -> Any:
-    indices = TColStd_Array1OfInteger(1, len(nodes))
-    places = TColStd_Array1OfReal(1, len(nodes))
+    indices = Array1OfInteger(1, len(nodes))
+    places = Array1OfReal(1, len(nodes))
     for i, (node, parameter) in enumerate(
         zip(nodes.tolist(), parameters.tolist(), strict=True), start=1
     ):
         indices.SetValue(i, node)
         places.SetValue(i, parameter)
-    return Poly_PolygonOnTriangulation(indices, places)
+    result = Poly_PolygonOnTriangulation(indices, places)
+    result.Deflection(0.0)
+    return result

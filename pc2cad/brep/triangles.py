@@ -8,7 +8,6 @@ finer or coarser, mesh is not affected.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,16 +20,14 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.brep.face_patches import shapes_of
+from pc2cad.brep.kernel import as_face
 from pc2cad.brep.triangle_agreement import Reference, Slack, face_slack
-from pc2cad.brep.triangle_grids import attach, shapes_of
+from pc2cad.brep.triangle_borders import Borders
+from pc2cad.brep.triangle_grids import attach
 from pc2cad.brep.triangle_integrals import triangle_integrals
 from pc2cad.errors import InputError, KernelError
 
@@ -48,8 +45,6 @@ VOLUME_AGREEMENT = 0.01
 REFINEMENTS = 6
 
 
-#: all faces of a solid
-_ALL = range(10**9)
 #: within which the kernel takes points for one
 KERNEL_DISTANCE = 1e-7
 
@@ -151,27 +146,23 @@ def _agreeing(
 ) -> Triangles:
     """Return triangles that cover every face and have the volume and area that they can have.
 
-    First as the kernel meshes the solid, then with grids of the faces that lost a part, then with
-    grids of all faces that can have one; and if all that is too coarse to be told, finer.
+    First on grids of the faces that can have one, then as the kernel meshes all of the solid; and
+    if all that is too coarse to be told, finer.
     """
     failure: KernelError | None = None
     telling = TELLING_DEFLECTION * _diagonal(solid)
     for length in (deflection, telling) if deflection > telling else (deflection,):
-        gridded: Collection[int] = ()
-        for _ in range(3):
+        for gridded in (True, False):
             try:
                 mesh, slack = _mesh(solid, length, angle, gridded)
             except KernelError as error:
-                complaint, lost = error, frozenset[int]()
+                complaint = error
             else:
-                text, lost = _complaint(mesh, slack, reference), slack.lost
+                text = _complaint(mesh, slack, reference)
                 if text is None:
                     return mesh
                 complaint = KernelError(text)
             failure = failure or complaint
-            if gridded is _ALL:
-                break
-            gridded = lost if lost and not gridded else _ALL
         if reference is None:
             break
     assert failure is not None
@@ -208,8 +199,11 @@ def edge_defects(triangles: Integers, vertex_count: int) -> EdgeDefects:
     """Count the directed edges of `triangles`, (m, 3), that keep the surface from being closed."""
     start = triangles.ravel()
     end = np.roll(triangles, -1, axis=1).ravel()
-    forward, counts = np.unique(start * vertex_count + end, return_counts=True)
-    backward = np.unique(end * vertex_count + start)
+    ahead, back = np.sort(start * vertex_count + end), np.sort(end * vertex_count + start)
+    if np.array_equal(ahead, back) and (np.diff(ahead) > 0).all():
+        return EdgeDefects(0, 0)
+    forward, counts = np.unique(ahead, return_counts=True)
+    backward = np.unique(back)
     lonely = np.setdiff1d(forward, backward, assume_unique=True)
     return EdgeDefects(open=int(lonely.size), repeated=int((counts - 1).sum()))
 
@@ -247,7 +241,7 @@ def enclosed_volume(vertices: NDArray[np.floating[Any]], triangles: Integers) ->
 
 
 def _mesh(
-    solid: Any, deflection: float, angular_deflection: float, gridded: Collection[int] = ()
+    solid: Any, deflection: float, angular_deflection: float, gridded: bool = True
 ) -> tuple[Triangles, Slack]:
     points, triangles, faces, slack = _kernel_mesh(solid, deflection, angular_deflection, gridded)
     vertices, triangles, remaining = weld(points, triangles)
@@ -271,29 +265,32 @@ def _mesh(
 
 
 def _kernel_mesh(
-    solid: Any, deflection: float, angular_deflection: float, gridded: Collection[int]
+    solid: Any, deflection: float, angular_deflection: float, gridded: bool
 ) -> tuple[Array, Integers, Integers, Slack]:
     """Return points (n, 3), triangles (m, 3), face numbers (m,), and what they may be off by."""
     try:
         # neither geometry nor triangulation is copied: only the topology that carries the mesh
         copy = BRepBuilderAPI_Copy(solid, False, False).Shape()
-        if gridded:
-            attach(copy, gridded, deflection, angular_deflection)
+        grids = attach(copy, deflection, angular_deflection) if gridded else {}
         BRepMesh_IncrementalMesh(copy, deflection, False, angular_deflection, False)
     except Standard_Failure as failure:
         raise KernelError(f"the kernel could not mesh the solid: {failure}") from None
     points: list[Array] = []
     triangles: list[Integers] = []
-    borders, slack = _Borders(copy), Slack()
+    borders, slack = Borders(copy), Slack()
     offset = 0
     for number, shape in enumerate(shapes_of(copy, TopAbs_ShapeEnum.TopAbs_FACE)):
-        face, location = TopoDS.Face_s(shape), TopLoc_Location()
+        face, location = as_face(shape), TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
         if mesh is None:
             raise KernelError(f"the kernel could not mesh face {number} of the solid")
-        nodes, corners = _own_mesh(mesh)
+        grid = grids.get(number)
+        if grid is not None and len(grid.triangles) == mesh.NbTriangles():
+            nodes, corners, normals = grid.points, grid.triangles, grid.normals
+        else:
+            nodes, corners, normals = *_own_mesh(mesh), None
         borders.add(face, mesh, location, offset)
-        slack += face_slack(number, face, mesh, nodes, corners, deflection)
+        slack += face_slack(number, face, mesh, nodes, corners, normals, deflection)
         nodes, corners = _placed(face, location, nodes, corners)
         points.append(nodes)
         triangles.append(corners + offset)
@@ -324,66 +321,6 @@ def _placed(face: Any, location: Any, nodes: Array, corners: Integers) -> tuple[
         nodes = nodes @ matrix[:, :3].T + matrix[:, 3]
         inwards ^= bool(transformation.IsNegative())
     return nodes, corners[:, ::-1] if inwards else corners
-
-
-class _Borders:
-    """Which nodes of the faces' meshes are one point, because they lie on one edge or vertex.
-
-    Equal coordinates do not tell it: at an end, a face may use the vertex or the end of a curve,
-    which differ by up to the tolerance.
-    """
-
-    def __init__(self, shape: Any) -> None:
-        self._edges = TopTools_IndexedMapOfShape()
-        self._vertices = TopTools_IndexedMapOfShape()
-        TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, self._edges)
-        TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_VERTEX, self._vertices)
-        self._first: dict[int, Integers] = {}
-        self._corner: dict[int, int] = {}
-        self._pairs: list[Integers] = []
-
-    def add(self, face: Any, mesh: Any, location: Any, offset: int) -> None:
-        """Take in the edges of a face whose nodes are numbered from `offset`."""
-        explorer = TopExp_Explorer(face, TopAbs_ShapeEnum.TopAbs_EDGE)
-        while explorer.More():
-            edge = TopoDS.Edge_s(explorer.Current())
-            explorer.Next()
-            # a seam has two polygons; the edge's orientation tells which one is meant
-            polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
-            if polygon is None:
-                raise KernelError("the kernel could not mesh an edge of the solid")
-            count = polygon.NbNodes()
-            nodes = np.array([polygon.Node(i) for i in range(1, count + 1)], dtype=np.int64)
-            self._join(edge, nodes + (offset - 1))
-
-    def _join(self, edge: Any, nodes: Integers) -> None:
-        first = self._first.setdefault(self._edges.FindIndex(edge), nodes)
-        if len(first) != len(nodes):
-            raise KernelError("the kernel meshed an edge differently in its two faces")
-        self._pairs.append(np.column_stack((first, nodes)))
-        if BRep_Tool.Degenerated_s(edge):
-            self._pairs.append(np.column_stack((nodes[:-1], nodes[1:])))
-        forward = edge.Oriented(TopAbs_Orientation.TopAbs_FORWARD)
-        for vertex, node in (
-            (TopExp.FirstVertex_s(TopoDS.Edge_s(forward)), int(nodes[0])),
-            (TopExp.LastVertex_s(TopoDS.Edge_s(forward)), int(nodes[-1])),
-        ):
-            if not vertex.IsNull():
-                corner = self._corner.setdefault(self._vertices.FindIndex(vertex), node)
-                self._pairs.append(np.array([[corner, node]]))
-
-    def representatives(self, count: int) -> Integers:
-        """Return for each of `count` nodes the one that stands for its point, (count,)."""
-        if not self._pairs:
-            return np.arange(count, dtype=np.int64)
-        pairs = np.concatenate(self._pairs)
-        links = coo_array(
-            (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
-        )
-        _, group = connected_components(links, directed=False)
-        _, first = np.unique(group, return_index=True)
-        chosen: Integers = first[group].astype(np.int64)
-        return chosen
 
 
 def _diagonal(solid: Any) -> float:

@@ -15,14 +15,16 @@ from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_Curve, Geom_Surface
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import product
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
-from pc2cad.brep.spline_integrals import cross, flux, gauss_on, legendre
+from pc2cad.brep.kernel import as_edge, as_face
+from pc2cad.brep.settling import settled
+from pc2cad.brep.spline_integrals import cross, gauss_on, legendre
 from pc2cad.geometry.jets import (
     CurveFunction,
-    Jet,
     SurfaceFunction,
     crossings,
     cuts_between,
@@ -30,27 +32,41 @@ from pc2cad.geometry.jets import (
 
 #: pieces of an angle are not longer than this
 STEP = np.pi / 3
-#: relative accuracy of the area on analytic surfaces
+#: relative accuracy of the integrals on analytic surfaces
 ACCURACY = 1e-13
 #: the same on splines, whose trimming curves are the kernel's and no better
 TRIMMED_ACCURACY = 1e-9
-FEWEST_NODES, MOST_NODES = 8, 200
+#: places that are evaluated at once
+CHUNK = 200_000
 
 
 def trimmed_flux(surface: Geom_Surface, face: TopoDS_Face, sign: float, origin: Array) -> Array:
-    """Return the flux integrals over a face of any surface, relative to `origin`."""
+    """Return the flux integrals over a face of any surface, relative to `origin`.
+
+    Raises KernelError where they do not settle.
+    """
     data = surface_function(surface, origin)
     accuracy = TRIMMED_ACCURACY if isinstance(surface, Geom_BSplineSurface) else ACCURACY
-    paths = [(path, _cuts(data.breaks, path)) for path in _paths(face)]
-    level = float(np.mean([path.ends[:, 1].mean() for path, _ in paths]))
-    count, total = FEWEST_NODES, np.full(5, np.nan)
-    while count <= MOST_NODES:
-        before = total
-        total = np.sum([_along(data, *path, level, count, sign) for path in paths], axis=0)
-        if abs(total[1] - before[1]) <= accuracy * abs(total[1]):
-            break
-        count *= 2
-    return total
+    paths = list(_paths(face))
+    level = float(np.mean([path.ends[:, 1].mean() for path in paths]))
+    strips = [_Strip(data, path, level, sign) for path in paths if not path.is_upright]
+    if not strips:
+        return np.zeros(5)
+    cells = np.concatenate([strip.cells(float(i)) for i, strip in enumerate(strips)])
+    reach = max(strip.reach for strip in strips)
+
+    def rule(cells: Array, orders: tuple[int, ...]) -> Array:
+        result = np.empty((len(cells), 5))
+        for i, strip in enumerate(strips):
+            own = cells[:, -1] == i
+            result[own] = strip.sums(cells[own], *orders)
+        return result
+
+    def scale(sizes: Array) -> Array:
+        area = sizes[1] + np.finfo(float).tiny
+        return np.asarray(area * np.array([reach, 1.0, *[reach * reach] * 3]))
+
+    return settled(rule, cells, 2, accuracy, scale)
 
 
 def is_whole(surface: Geom_BSplineSurface, face: TopoDS_Face) -> bool:
@@ -80,37 +96,106 @@ class _Path:
     def ends(self) -> Array:
         return self.curve.jet(np.array(self.span))[0]
 
+    @property
+    def is_upright(self) -> bool:
+        """Whether it runs along b, so that nothing lies beside it."""
+        return bool(np.ptp(self.curve.jet(np.linspace(*self.span, 5))[0][:, 0]) == 0.0)
+
 
 def _paths(face: TopoDS_Face) -> Iterator[_Path]:
-    plain = TopoDS.Face_s(face.Oriented(TopAbs_FORWARD))
+    plain = as_face(face.Oriented(TopAbs_FORWARD))
     explorer = TopExp_Explorer(plain, TopAbs_EDGE)
     while explorer.More():
-        edge = TopoDS.Edge_s(explorer.Current())
+        edge = as_edge(explorer.Current())
         span = BRep_Tool.Range_s(edge, plain)
         curve = path_function(BRep_Tool.CurveOnSurface_s(edge, plain, *span))
         yield _Path(curve, span, edge.Orientation() != TopAbs_REVERSED)
         explorer.Next()
 
 
-def _along(
-    data: SurfaceFunction, path: _Path, cuts: Array, level: float, count: int, sign: float
-) -> Array:
-    """Return -∮ (∫ f db) da over one edge, the inner integral from `level`."""
-    total = np.zeros(5)
-    if np.ptp(path.curve.jet(np.linspace(*path.span, 5))[0][:, 0]) == 0.0:
-        return total
-    t, weights = gauss_on(cuts, count)
-    place, slope = path.curve.jet(t)
-    outer = -weights * slope[:, 0] * (1.0 if path.forward else -1.0)
-    nodes, inner = _inner(data.breaks[1], level, place[:, 1], count)
-    both = inner * outer[:, None]
-    used = both != 0.0
-    if not used.any():
-        return total
-    a = np.broadcast_to(place[:, :1], nodes.shape)[used]
-    point, along_a, along_b = data.jet(a, nodes[used])
-    normal = sign * cross(along_a, along_b)
-    return flux(point, normal, both[used])
+@dataclass(frozen=True)
+class _Strip:
+    """What lies between one edge and a level of b: -∮ (∫ f db) da, cell by cell.
+
+    The columns of a cell are its limits along the edge's parameter and as shares of the way from
+    the level to the edge within a span of the surface, the limits of that span, and its owner.
+    """
+
+    data: SurfaceFunction
+    path: _Path
+    level: float
+    sign: float
+
+    def cells(self, owner: float) -> Array:
+        """Return the cells to begin with, (k, 7): one for each piece of the edge and each span."""
+        cuts = _cuts(self.data.breaks, self.path)
+        breaks = self.data.breaks[1]
+        to = self.path.curve.jet(cuts)[0][:, 1]
+        pieces, spans = 1, np.array([[-np.inf, np.inf]])
+        if breaks is None:
+            pieces = max(1, int(np.ceil(float(np.abs(to - self.level).max()) / STEP)))
+        elif len(breaks) > 2:
+            # span by span of the surface: what lies outside a span has no length in it
+            inner = np.concatenate(([-np.inf], breaks[1:-1], [np.inf]))
+            spans = np.stack((inner[:-1], inner[1:]), axis=1)
+        shares = np.linspace(0.0, 1.0, pieces + 1)
+        parts = np.stack((shares[:-1], shares[1:]), axis=1)
+        panels = np.stack((cuts[:-1], cuts[1:]), axis=1)
+        every = np.hstack((
+            np.repeat(panels, len(parts) * len(spans), axis=0),
+            np.tile(np.repeat(parts, len(spans), axis=0), (len(panels), 1)),
+            np.tile(spans, (len(panels) * len(parts), 1)),
+            np.full((len(panels) * len(parts) * len(spans), 1), owner),
+        ))  # fmt: skip
+        t, _ = _nodes(every[:, :2], 4)
+        low, high = self._inside(every, self.path.curve.jet(t.ravel())[0][:, 1].reshape(t.shape))
+        return np.asarray(every[(low != high).any(axis=1)])
+
+    @property
+    def reach(self) -> float:
+        """How far the edge and the level beside it are from the origin."""
+        place = self.path.curve.jet(np.linspace(*self.path.span, 9))[0]
+        flat = np.full(len(place), self.level)
+        points = [self.data.jet(place[:, 0], b)[0] for b in (place[:, 1], flat)]
+        far = np.sqrt((np.array(points) ** 2).sum(axis=-1)).max()
+        return float(far) + float(np.finfo(float).tiny)
+
+    def _inside(self, cells: Array, to: Array) -> tuple[Array, Array]:
+        """Return the part of the way from the level to `to`, (k, n), that is in each span."""
+        start, end = cells[:, 4:5], cells[:, 5:6]
+        return np.clip(self.level, start, end) + 0 * to, np.clip(to, start, end)
+
+    def sums(self, cells: Array, along: int, across: int) -> Array:
+        """Return the flux integrals over each cell, (k, 5), by rules of some orders."""
+        step = max(1, CHUNK // (along * across))
+        rows = [self._sums(cells[i : i + step], along, across)
+                for i in range(0, len(cells), step)]  # fmt: skip
+        return np.concatenate(rows) if rows else np.empty((0, 5))
+
+    def _sums(self, cells: Array, along: int, across: int) -> Array:
+        t, weights = _nodes(cells[:, :2], along)
+        place, slope = (x.reshape(*t.shape, 2) for x in self.path.curve.jet(t.ravel()))
+        outer = -weights * slope[..., 0] * (1.0 if self.path.forward else -1.0)
+        low, high = self._inside(cells, place[..., 1])
+        shares, parts = _nodes(cells[:, 2:4], across)
+        b = low[..., None] + (high - low)[..., None] * shares[:, None]
+        both = (outer * (high - low))[..., None] * parts[:, None]
+        a = np.broadcast_to(place[..., :1], b.shape)
+        point, along_a, along_b = self.data.jet(a.ravel(), b.ravel())
+        normal = self.sign * cross(along_a, along_b)
+        values = np.empty((len(point), 5))
+        values[:, 0] = (point * normal).sum(axis=1)
+        values[:, 1] = np.sqrt((normal * normal).sum(axis=1))
+        values[:, 2:] = point * point * normal
+        values *= both.ravel()[:, None]
+        return np.asarray(values.reshape(len(cells), -1, 5).sum(axis=1))
+
+
+def _nodes(limits: Array, count: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule between limits (k, 2): shape (k, count)."""
+    x, weight = legendre(count)
+    half = (limits[:, 1:] - limits[:, :1]) / 2
+    return limits.mean(axis=1, keepdims=True) + half * x, half * weight
 
 
 def _cuts(breaks: tuple[Array | None, Array | None], path: _Path) -> Array:
@@ -125,32 +210,36 @@ def _cuts(breaks: tuple[Array | None, Array | None], path: _Path) -> Array:
     return np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)])
 
 
-def _inner(breaks: Array | None, level: float, to: Array, count: int) -> tuple[Array, Array]:
-    """Return nodes and signed weights of ∫ from `level` to each of `to`: shape (len(to), n)."""
-    reach = max(float(np.abs(to - level).max()), 1e-300)
-    pieces = max(1, int(np.ceil(reach / STEP))) if breaks is None else 1
-    shares = np.linspace(0.0, 1.0, pieces + 1)
-    low, high = (level + (to[:, None] - level) * part for part in (shares[:-1], shares[1:]))
-    if breaks is not None and len(breaks) > 2:
-        # span by span of the surface: what lies outside a span has no length in it
-        starts, ends = np.append(-np.inf, breaks[1:-1]), np.append(breaks[1:-1], np.inf)
-        low, high = np.clip(level, starts, ends)[None], np.clip(to[:, None], starts, ends)
-    x, weight = legendre(count)
-    half = ((high - low) / 2)[..., None]
-    nodes = ((high + low) / 2)[..., None] + half * x
-    return nodes.reshape(len(to), -1), (half * weight).reshape(len(to), -1)
+def plane_moments(
+    curve: Geom_Curve, first: float, last: float, origin: Array, axes: Array
+) -> Array:
+    """Return ∮ of 1, p, q, p², pq, q² as line integrals along a curve: ∮ (∫ f dp) dq, (6,).
 
-
-def curve_jet(curve: Geom_Curve, first: float, last: float, origin: Array) -> Jet:
-    """Return points, derivatives and weights of a Gauss rule along a curve, for moments of it."""
+    p and q are coordinates along two axes (2, 3) from `origin`. Raises KernelError where the
+    integrals do not settle.
+    """
     basis = curve_function(curve, origin)
-    if basis.breaks is None:
-        cuts = np.linspace(first, last, 1 + max(1, int(np.ceil((last - first) / STEP))))
-        count = 16
-    else:
-        cuts = cuts_between((first, last), basis.breaks)
-        count = 4
-        if isinstance(curve, Geom_BSplineCurve):
-            count = 2 * curve.Degree() if not curve.IsRational() else 24 + 2 * curve.Degree()
-    t, weights = gauss_on(cuts, count)
-    return *basis.jet(t), weights
+    cuts = cuts_between((first, last), basis.breaks)
+
+    def moments(t: Array) -> Array:
+        point, slope = basis.jet(t)
+        p, q = (point @ axes.T).T
+        primitives = np.array([p, p * p / 2, p * q, p**3 / 3, p * p * q / 2, p * q * q])
+        return np.asarray(primitives * (slope @ axes[1]))
+
+    if basis.weight is None and isinstance(curve, Geom_BSplineCurve):
+        t, weights = gauss_on(cuts, 2 * curve.Degree())
+        return np.asarray(product(moments(t), weights))
+    pieces = 1 if basis.breaks is not None else max(1, int(np.ceil((last - first) / STEP)))
+    cuts = np.unique(np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)]))
+
+    def rule(cells: Array, orders: tuple[int, ...]) -> Array:
+        t, weights = _nodes(cells, orders[0])
+        values = moments(t.ravel()).reshape(6, *t.shape)
+        return np.asarray((values * weights).sum(axis=-1).T)
+
+    point, slope = basis.jet(np.unique(np.linspace(cuts[:-1], cuts[1:], 9)))
+    reach, speed = (float(np.abs(x @ axes.T).max()) for x in (point, slope))
+    worth = (last - first) * speed * reach ** np.array([1, 2, 2, 3, 3, 3])
+    cells = np.stack((cuts[:-1], cuts[1:]), axis=1)
+    return settled(rule, cells, 1, ACCURACY, lambda _: worth + np.finfo(float).tiny)

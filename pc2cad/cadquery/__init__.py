@@ -19,9 +19,13 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import cadquery as cq
+from pc2cad.errors import require
 
-from pc2cad.cadquery import reloading
+require("cadquery", "pc2cad.cadquery and its methods", "cadquery")
+
+import cadquery as cq  # noqa: E402
+
+from pc2cad.cadquery import reloading  # noqa: E402
 
 reloading.restore(cq)  # before anything loads what may be loaded once only
 
@@ -36,6 +40,7 @@ from OCP.IntTools import IntTools_Context  # noqa: E402
 
 from pc2cad.api import parameters as parameters  # noqa: E402
 from pc2cad.api import points as points  # noqa: E402
+from pc2cad.brep.display import attach_for_display  # noqa: E402
 from pc2cad.compiler import compile_solid  # noqa: E402
 from pc2cad.equation.point_equation import (  # noqa: E402
     Domain,
@@ -130,7 +135,8 @@ def placed(
 
     Points are local to the workplane; without any, its origin is taken. `combine` and `clean` are
     CadQuery's. Each face of the result that comes from a side of the box is tagged with the side's
-    name after `prefix`: ``wp.faces(tag="w=1")``. The compiled parts of a chain are at
+    name after `prefix`, ``wp.faces(tag="w=1")``, and with ``w1``, which constraints of assemblies
+    can spell. The compiled parts of a chain are at
     `Workplane.pointParts`. Raises what `compile_part` raises.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
@@ -148,9 +154,10 @@ def placed(
             solid.part = part  # cleaning makes new objects of the same point sets
         sides = _sides(part, copies, result)
         for name, _ in part.named_faces:
-            result.ctx.tags.pop(prefix + name, None)  # of an earlier solid in the chain
-            if name in sides:
-                result.ctx.tags[prefix + name] = result.newObject(sides[name])
+            for tag in (prefix + name, prefix + _plain(name)):
+                result.ctx.tags.pop(tag, None)  # of an earlier solid in the chain
+                if name in sides:
+                    result.ctx.tags[tag] = result.newObject(sides[name])
         vars(result.ctx).setdefault(_PARTS, []).append(part)
         return result
 
@@ -207,6 +214,11 @@ def pointParts(self: cq.Workplane) -> tuple[Part, ...]:
     return tuple(vars(self.ctx).get(_PARTS, ()))
 
 
+def _plain(name: str) -> str:
+    """Return a side's name as constraints of assemblies can spell it: ``w1`` for ``w=1``."""
+    return "".join(c if c.isalnum() else "" if c == "=" else "_" for c in name)
+
+
 def _channel(channel: Source) -> Source:
     shipped = f"channel_{channel}"
     return shipped if isinstance(channel, str) and shipped in template_paths() else channel
@@ -239,6 +251,7 @@ def _compile(
 
 
 def _solid(part: Part, location: cq.Location) -> cq.Solid:
+    attach_for_display(part.shape)
     solid = cq.Solid(part.shape).moved(location)
     solid.part = part
     solid.label = part.title

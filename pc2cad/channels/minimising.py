@@ -206,7 +206,9 @@ def _turning_about(part: Part, d: Array) -> guide_functions.Function:
         side = np.cross(first, d)
         square = np.einsum("ij,ij->i", side, side)
         speed = np.linalg.norm(first, axis=1)
-        return np.asarray((first @ d) * np.einsum("ij,ij->i", second, side) / (speed * square))
+        # at a cusp there is no value: the limits of the channel say so
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray((first @ d) * np.einsum("ij,ij->i", second, side) / (speed * square))
 
     return rate
 

@@ -25,10 +25,10 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED, TopAbs_WIRE
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
 from pc2cad.arrays import Array
+from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_wire
 from pc2cad.channels import curves, guide_functions
 from pc2cad.channels.guides import JOINED, Guide, GuideError, Part, U, Vector, composite
 from pc2cad.channels.polylines import Stretch, arc, in_turn, line
@@ -116,15 +116,15 @@ def _edges(wire: Any) -> list[TopoDS_Edge]:
             "Workplane take .val()"
         )
     if shape.ShapeType() == TopAbs_EDGE:
-        return [TopoDS.Edge_s(shape)]
+        return [as_edge(shape)]
     if shape.ShapeType() != TopAbs_WIRE:
         kind = shape.ShapeType().name.removeprefix("TopAbs_").lower()
         raise WireError(f"a wire or an edge is needed, and a {kind} was given")
-    explorer, found = BRepTools_WireExplorer(TopoDS.Wire_s(shape)), []
+    explorer, found = BRepTools_WireExplorer(as_wire(shape)), []
     while explorer.More():
         found.append(explorer.Current())
         explorer.Next()
-    there = TopTools_IndexedMapOfShape()
+    there = IndexedMapOfShape()
     TopExp.MapShapes_s(shape, TopAbs_EDGE, there)
     if len(found) != there.Extent():
         raise WireError(

@@ -22,7 +22,6 @@ from pc2cad.errors import FileNotWrittenError, named
 if TYPE_CHECKING:
     from pc2cad.export.model import ExportOptions
     from pc2cad.part import Part
-    from pc2cad.report import Report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,8 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="application protocol of STEP files (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--colours", action="store_true", help="give every side of the box its own colour"
-    )
+        "--colours",
+        "--colors",
+        action="store_true",
+        help="give every side of the box its own colour",
+    )  # fmt: skip
     parser.add_argument(
         "--deflection", metavar="LENGTH",
         help="largest distance of a triangle's edge from its surface, in model units "
@@ -89,27 +91,24 @@ def run(arguments: argparse.Namespace) -> int:
         _write(files)
     if not arguments.quiet:
         for output in arguments.outputs:
-            say(f"{shown(output)}: {summary(part.report)}{_loss(output)}")
+            say(f"{shown(output)}: {part.report.summary}{_loss(output, part, options)}")
     return 0
 
 
-def summary(report: Report) -> str:
-    """Return volume, area, faces and evidence on one line."""
-    units = report.units
-    exact = report.evidence == "exact"
-    known = f"deviation {report.deviation:.2g} {units} ({report.evidence})"
-    evidence = "exact" if exact else known
-    return (
-        f"volume {report.integrals.volume:.10g} {units}^3, area {report.integrals.area:.10g} "
-        f"{units}^2, {len(report.faces)} faces, {evidence}"
-    )
-
-
-def _loss(path: str) -> str:
+def _loss(output: str, part: Part, options: ExportOptions) -> str:
     """Return what the file's format does to the solid, where it does something."""
     from pc2cad.export.registry import format_for
 
-    return "; written as triangles" if format_for(path).triangles else ""
+    if not format_for(output).triangles:
+        return ""
+    from pc2cad.export.surface import surface
+
+    mesh, units = surface(part.exportable(), options), part.report.units
+    share = mesh.volume / part.report.integrals.volume - 1
+    return (
+        f"; written as {len(mesh.triangles)} triangles, deflection {mesh.deflection:.3g} {units}, "
+        f"volume {mesh.volume:.10g} {units}^3 ({100 * share:+.2g} %)"
+    )
 
 
 def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:

@@ -20,6 +20,7 @@ from pc2cad.cli.output import Progress, one_line, say, table
 from pc2cad.errors import named
 
 if TYPE_CHECKING:
+    from pc2cad.arrays import Array
     from pc2cad.equation.point_equation import Expectations
     from pc2cad.report import EdgeReport, EquationReport, FaceReport, Report
 
@@ -53,13 +54,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         say(json.dumps(report.to_dict(), indent=2, allow_nan=False))
     else:
-        for paragraph in _paragraphs(report, equation.expectations):
+        for paragraph in _paragraphs(report, equation.expectations, part.bounding_box):
             say(paragraph)
     return 0
 
 
-def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
+def _paragraphs(report: Report, expected: Expectations, box: Array) -> Iterator[str]:
     yield one_line(f"{report.name}: {report.title}" if report.title else report.name)
+    yield f"  {report.verdict}"
     if report.parameters:
         yield "  " + ", ".join(f"{name} = {x:.12g}" for name, x in report.parameters.items())
     yield from _bodies(report) if report.own is None else _sides(report.own)
@@ -70,6 +72,12 @@ def _paragraphs(report: Report, expected: Expectations) -> Iterator[str]:
     yield f"\nTopology\n  {_topology(report)}"
     yield f"\nIntegrals ({report.units})"
     yield _integrals(report)
+    yield f"\nBounding box ({report.units})"
+    yield table(
+        [("", "from", "to", "length")]
+        + [(axis, f"{low:.7g}", f"{high:.7g}", f"{high - low:.7g}")
+           for axis, low, high in zip("xyz", *box, strict=True)]
+    )  # fmt: skip
     if report.own is not None:
         yield from _layers_and_limits(report.own, report.units)
     yield "\nEvidence"
@@ -98,7 +106,9 @@ def _layers_and_limits(own: EquationReport, units: str) -> Iterator[str]:
             ]
         )  # fmt: skip
     if own.limits:
-        yield f"\nLimits of the channel ({units}; found by search)"
+        layers_only = all(limit.name == "depth" for limit in own.limits)
+        what = "layers" if layers_only else "channel"
+        yield f"\nLimits of the {what} ({units}; found by search)"
         yield table(
             [("", "found", "breaks at", "where")]
             + [(x.name, f"{x.value:.6g}", f"{x.breaks_at:.6g}", x.sentence) for x in own.limits]
@@ -158,17 +168,16 @@ def _deviations(part: FaceReport | EdgeReport) -> tuple[str, str]:
 
 
 def _topology(report: Report) -> str:
+    from pc2cad.report import count
+
     genus = ""
     if report.own is not None:
         genus = f" of genus {', '.join(str(g) for g in report.own.genus)}"
     return (
-        f"{len(report.faces)} faces, {report.edges} edges, {report.vertices} vertices, "
-        f"{_count(report.shells, 'shell')}{genus}; Euler number {report.euler}"
+        f"{count(len(report.faces), 'face')}, {count(report.edges, 'edge')}, "
+        f"{report.vertices} {'vertex' if report.vertices == 1 else 'vertices'}, "
+        f"{count(report.shells, 'shell')}{genus}; Euler number {report.euler}"
     )
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _integrals(report: Report) -> str:
@@ -226,7 +235,13 @@ def _deviation(report: Report) -> str:
 def _overlap(own: EquationReport, units: str) -> str:
     if not own.images:
         return "not examined"
+    if own.injectivity == "proved":
+        near = f", but within {own.overlap_depth:.2g} {units} of the boundary"
+        return (
+            f"none: proved that no place is covered twice{near if own.overlap_depth else ''} "
+            f"({own.overlap_cells} parts of faces)"
+        )
     return (
-        f"none deeper than {own.contact_clearance:.2g} {units}; "
-        f"{own.images} inner points have winding number 1 (sampled)"
+        f"none deeper than {own.overlap_depth:.2g} {units} (sampled: {own.overlap_open}); "
+        f"{own.images} inner points have winding number 1"
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Final
 
 from pc2cad.cli.output import say
@@ -13,6 +15,15 @@ _BASH: Final = """\
 if [ -n "${{ZSH_VERSION-}}" ]; then autoload -U +X bashcompinit && bashcompinit; fi
 _pc2cad() {{
   local current="${{COMP_WORDS[COMP_CWORD]}}" words=""
+  case "${{COMP_WORDS[COMP_CWORD-1]}}" in
+    --view) COMPREPLY=($(compgen -W "{views}" -- "$current")); return ;;
+    -s|--set|--vary|--slider)
+      case "${{COMP_WORDS[2]}}" in
+{parameters}
+      esac
+      compopt -o nospace 2>/dev/null
+      COMPREPLY=($(compgen -S = -W "$words" -- "$current")); return ;;
+  esac
   if [ "$COMP_CWORD" -eq 1 ]; then
     COMPREPLY=($(compgen -W "{verbs}" -- "$current")); return
   fi
@@ -36,18 +47,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the script."""
     from pc2cad.cli.main import VERBS, make_parser
+    from pc2cad.picture.camera import VIEWS
     from pc2cad.templates.shipped import bodies_paths, template_paths
 
     options = _options(make_parser())
-    templates = [*template_paths(), *bodies_paths()]
+    templates = template_paths() | bodies_paths()
     if arguments.shell == "fish":
-        say("\n".join(_fish(VERBS, options, templates)))
+        say("\n".join(_fish(VERBS, options, list(templates))))
     else:
         rows = [f'    {verb}) words="{" ".join(names)}" ;;' for verb, names in options.items()]
         say(_BASH.format(
-            verbs=" ".join(VERBS), options="\n".join(rows), templates=" ".join(templates)
+            verbs=" ".join(VERBS), options="\n".join(rows), templates=" ".join(templates),
+            views=" ".join(VIEWS), parameters="\n".join(_parameters(templates)),
         ).rstrip())  # fmt: skip
     return 0
+
+
+def _parameters(templates: Mapping[str, Path]) -> Iterator[str]:
+    """Yield a shell's case of every shipped template that has parameters."""
+    for name, path in templates.items():
+        found = tomllib.loads(path.read_text(encoding="utf-8")).get("parameters", {})
+        if found:
+            yield f'      {name}) words="{" ".join(found)}" ;;'
 
 
 def _options(parser: argparse.ArgumentParser) -> dict[str, list[str]]:

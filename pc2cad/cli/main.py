@@ -1,7 +1,7 @@
 """The command ``pc2cad``: reads the arguments, runs a verb, turns errors into one sentence.
 
-Exit codes: 0 done, 2 bad input, 3 not a solid, 4 tolerance not reached, 5 kernel or file trouble;
-130 interrupted, 141 nobody reads the output.
+Exit codes: 0 done, 2 bad input, 3 not a solid, 4 tolerance not reached, 5 kernel or file trouble,
+6 a file that is not verified; 130 interrupted, 141 nobody reads the output.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ VERBS: Final = {
     "view": "compile a template into a page to turn it on, or serve that page live",
     "points": "sample the solid's interior",
     "spline": "write the volume itself as trivariate splines for isogeometric analysis",
+    "verify": "hold a STEP file against itself, and against a template, without a kernel",
     "show": "show the point equation and its coordinate-wise system",
     "templates": "list the shipped templates",
     "new": "write a commented template to start from",
@@ -42,7 +43,7 @@ VERBS: Final = {
 
 
 #: verbs whose work is done by a process that is watched; `study` watches its own workers
-GUARDED: Final = ("build", "check", "mesh", "render", "view", "points", "spline")
+GUARDED: Final = ("build", "check", "mesh", "render", "view", "points", "spline", "verify")
 
 
 class UsageError(InputError):
@@ -90,7 +91,7 @@ def make_parser() -> argparse.ArgumentParser:
         prog="pc2cad",
         description="Compiles a point equation M(u,v,w) into one closed, exact B-rep solid.",
         epilog="Exit codes: 0 done, 2 bad input, 3 not a solid, 4 tolerance not reached, 5 kernel "
-        "or file trouble. PC2CAD_DEBUG=1 shows where an error arose.",
+        "or file trouble, 6 a file not verified. PC2CAD_DEBUG=1 shows where an error arose.",
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the versions and exit")

@@ -21,7 +21,6 @@ from pc2cad.cli.inputs import (
 )
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError, named
-from pc2cad.options import DEFAULTS
 
 if TYPE_CHECKING:
     from pc2cad.mesh.grid import Grading
@@ -73,11 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
     template, path = load_one(arguments)
     equation = bind(template, arguments)
     wanted = read_options(arguments)
-    if wanted != DEFAULTS and not arguments.tetrahedra:
-        raise InputError(
-            "--tolerance, --degree, --max-degree and --profile are for the B-rep that --tetrahedra "
-            "are made of; hexahedra are of the equation itself"
-        )
     with Progress(arguments.quiet) as progress:
         progress("load NumPy and SciPy")
         from pc2cad.compiler import mesh_equation
@@ -127,9 +121,9 @@ def _cells(text: str | None) -> tuple[int, int, int] | None:
 
 
 def _grading(texts: list[str]) -> tuple[Grading, Grading, Grading]:
-    from pc2cad.mesh.grid import Grading
+    from pc2cad.mesh.grid import Growth, gradings
 
-    gradings = {name: Grading() for name in "uvw"}
+    wanted: dict[str, Growth] = {}
     for text in texts:
         found = re.fullmatch(r"([uvw])=([0-9.eE+-]+)(,both)?", text.strip())
         try:
@@ -141,8 +135,8 @@ def _grading(texts: list[str]) -> tuple[Grading, Grading, Grading]:
                 f"--grade '{text[:40]}': write a direction and a ratio between 1e-6 and 1e6, for "
                 "example w=4 or w=4,both"
             )
-        gradings[found[1]] = Grading(ratio, found[3] is not None)
-    return gradings["u"], gradings["v"], gradings["w"]
+        wanted[found[1]] = ratio if found[3] is None else (ratio, "both")
+    return gradings(wanted)
 
 
 def _summary(report: MeshReport) -> str:

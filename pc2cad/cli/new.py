@@ -71,12 +71,27 @@ class FileExistsAlreadyError(InputError):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the file name."""
+    """Add the file name, and what to begin from."""
+    from pc2cad.templates.importers import FORMS, MEASURED
+
     parser.add_argument("file", metavar="FILE.toml", help="the file to write; it must not exist")
+    parser.add_argument(
+        "--from",
+        dest="source",
+        metavar="NAME",
+        help=f"what to begin from: a template's name, or {FORMS}",
+    )
+    parser.add_argument(
+        "--layers", metavar="NAME=THICKNESS,…",
+        help="vmec: layers from the boundary outwards, in metres, such as wall=0.1,blanket=0.5",
+    )  # fmt: skip
+    parser.add_argument("--measured", choices=MEASURED, help="vmec: how layers are measured")
+    parser.add_argument("--periods", type=int, metavar="N", help="vmec: periods of the solid")
+    parser.add_argument("--span", metavar="LENGTH", help="airfoil: length of the wing, in chords")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the starter file."""
+    """Write the template."""
     from pc2cad.export.files import write_atomically
 
     path: str = arguments.file
@@ -86,6 +101,27 @@ def run(arguments: argparse.Namespace) -> int:
         raise FileExistsAlreadyError(f"new: {shown(path)} exists already; choose another name")
     name = os.path.basename(path)
     own = shlex.quote(name) if name.isascii() and name.isprintable() else "FILE.toml"
-    write_atomically(path, STARTER.format(name=own).encode(), new=True)
+    write_atomically(path, _text(arguments, own).encode(), new=True)
     say(f"{shown(path)}: written; next: pc2cad build {shlex.quote(path)} -o part.step")
     return 0
+
+
+def _text(arguments: argparse.Namespace, name: str) -> str:
+    """Return the text of the template."""
+    from pc2cad.templates.importers.kinds import imported, layers_of
+
+    options = {
+        key: value
+        for key in ("layers", "measured", "periods", "span")
+        if (value := getattr(arguments, key)) is not None
+    }
+    if arguments.source is None:
+        if options:
+            raise InputError(
+                f"new: --{next(iter(options))} needs --from, which says what to import"
+            )
+        return STARTER.format(name=name)
+    if "layers" in options:
+        options["layers"] = layers_of(options["layers"])
+    source: str = arguments.source
+    return imported(source if ":" in source else f"template:{source}", options)

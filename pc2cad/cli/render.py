@@ -37,8 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--size", metavar="WxH", default="960x640", help="pixels (%(default)s)")
     parser.add_argument(
-        "--colours", action="store_true", help="give every side of the box its own colour"
-    )
+        "--colours",
+        "--colors",
+        action="store_true",
+        help="give every side of the box its own colour",
+    )  # fmt: skip
     parser.add_argument(
         "--labels", action="store_true", help="name the sides; hidden and collapsed ones too"
     )
@@ -68,8 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compile the template and write every picture."""
     from pc2cad.export.files import check_target
-    from pc2cad.picture.drawing import drawing
-    from pc2cad.picture.image import camera_for, check_ending, write_picture
+    from pc2cad.picture.style import check_ending
 
     template, path = load(arguments)
     equation = bind(template, arguments)
@@ -82,6 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress(arguments.quiet) as progress:
         progress("load the kernel")
         from pc2cad.compiler import compile_solid
+        from pc2cad.picture.drawing import drawing
+        from pc2cad.picture.image import camera_for, write_picture
 
         with named(arguments.template):
             part = compile_solid(equation, read_options(arguments), progress)

@@ -100,22 +100,53 @@ def _meaning(parameter: Parameter) -> str:
 
 
 def _curves(template: Template, path: Path) -> Iterator[str]:
-    """Yield what each curve is in words, and its formula where it has one."""
-    if not template.curves:
+    """Yield what each curve and series is in words, and its formula where it has one."""
+    if not (template.curves or template.data):
         return
     import tomllib
 
     from pc2cad.expression.printing import as_text
-    from pc2cad.expression.tree import symbol
+    from pc2cad.expression.tree import symbol, walk
 
     raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    if "fourier" in raw:
+        yield "\nSeries (sums of c*cos(m*theta - n*periods*phi) and c*sin(m*theta - n*periods*phi))"
+    for name, table in raw.get("fourier", {}).items():
+        counts = ", ".join(f"{len(table.get(part, []))} of {part}" for part in ("cos", "sin"))
+        yield f"  {name}(theta, phi): periods = {table.get('periods', 1)}; waves: {counts}"
+    yield from _tables(template, raw)
+    if "curves" not in raw:
+        return
     yield "\nCurves (coordinates in the plane of the section, once round for t from 0 to 1)"
     for name, table in raw["curves"].items():
         yield f"  {name}_x(t), {name}_y(t): {visible(_in_words(table))}"
-        if table["kind"] in ("sine", "ellipse", "superellipse", "polar", "plane"):
-            for axis in "xy":
-                tree = template.curves[f"{name}_{axis}"](symbol("t"))
+        for axis in "xy":
+            tree = template.curves[f"{name}_{axis}"](symbol("t"))
+            if not any(node.op == "pieces" for node in walk((tree,))):
                 yield f"    {name}_{axis}(t) = {as_text(tree)}"
+
+
+def _tables(template: Template, raw: dict[str, Any]) -> Iterator[str]:
+    """Yield the size of each list, and what each table is a function of."""
+    if template.data:
+        yield "\nData (entries counted from 0)"
+    for name, listed in template.data.items():
+        size = (
+            len(listed.rows[0]) if listed.plain else f"{len(listed.rows)} x {len(listed.rows[0])}"
+        )
+        yield f"  {name}: {size} entries"
+    if "tables" in raw:
+        yield "\nTables (functions through given values, between their first and last places)"
+    for name, given in raw.get("tables", {}).items():
+        table = template.curves[name].table
+        rows = zip(table.places, table.periodic, strict=True)
+        ranges = "; ".join(
+            f"{len(places)} places from {float(places[0]):g} to {float(places[-1]):g}"
+            + (", periodic" if turns else "") for places, turns in rows
+        )  # fmt: skip
+        through = "points" if "points" in given else "values"
+        yield f"  {name}({', '.join('abc'[: table.arity])}): {given.get('kind', 'cubic')}, " \
+              f"{through} at {ranges}"  # fmt: skip
 
 
 def _in_words(table: dict[str, Any]) -> str:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial, reduce
 from typing import Final
 
 from pc2cad.equation.language import CONSTANTS, FUNCTION_NAMES
 from pc2cad.equation.syntax import (
     BinaryNode,
     CallNode,
+    ConditionNode,
+    IndexNode,
     NameNode,
     NegationNode,
     Node,
     NumberNode,
+    PartNode,
     TripleNode,
     parse,
 )
-from pc2cad.expression.functions import PUBLIC_FUNCTIONS
+from pc2cad.expression.conditions import Condition, both, compared, either
+from pc2cad.expression.functions import PUBLIC_FUNCTIONS, REPEATED
 from pc2cad.expression.printing import name_latex
 from pc2cad.expression.tree import Expr, call, number, symbol
 from pc2cad.templates.coordinatewise import Opaque, Symbols
@@ -61,11 +66,37 @@ class _Typesetter:
                 return self._binary(node)
             case TripleNode():
                 return self._special("point", node.operands)
+            case PartNode():
+                return self._below(self.latex(node.operand), node.part, node.operand)
+            case IndexNode():
+                places = ",".join(self.latex(place) for place in node.places)
+                return self._below(name_latex(node.name), places, None)
             case CallNode():
+                if node.name == "if" and len(node.operands) == 3:
+                    return self._condition(node.operands[0]).choose(
+                        self._tree(node.operands[1]), self._tree(node.operands[2])
+                    )
+                if node.name in REPEATED and len(node.operands) > 1:
+                    return reduce(partial(call, node.name), map(self._tree, node.operands))
                 if node.name in PUBLIC_FUNCTIONS:
                     return call(node.name, *(self._tree(x) for x in node.operands))
                 return self._special(node.name, node.operands)
         raise AssertionError(node)
+
+    def _below(self, latex: str, part: str, operand: Node | None) -> Expr:
+        closed = operand is None or isinstance(operand, NameNode)
+        head = latex if closed else rf"\left({latex}\right)"
+        return self._symbols.make(f"{latex}[{part}]", Opaque(rf"{{{head}}}_{{{part}}}"))
+
+    def _condition(self, node: Node) -> Condition:
+        assert isinstance(node, ConditionNode)
+        if node.operator == "not":
+            return ~self._condition(node.operands[0])
+        left, right = node.operands
+        if node.operator in ("and", "or"):
+            join = both if node.operator == "and" else either
+            return join(self._condition(left), self._condition(right))
+        return compared(self._tree(left), node.operator, self._tree(right))
 
     def _binary(self, node: BinaryNode) -> Expr:
         # a sum of a thousand terms leans to the left: walk down its spine without recursion
@@ -86,6 +117,8 @@ class _Typesetter:
         if name == "diff":
             order = f"^{{{parts[2]}}}" if len(parts) == 3 and parts[2] != "1" else ""
             latex = rf"\frac{{\partial{order}}}{{\partial {parts[1]}{order}}} {closed[0]}"
+        elif name == "sum" and len(parts) == 4:
+            latex = rf"\sum_{{{parts[0]}={parts[1]}}}^{{{parts[2]}}} {closed[3]}"
         elif name in _FORMS:
             takes = closed if name in ("distance", "dot", "cross") else parts
             latex = _FORMS[name].format(*takes)

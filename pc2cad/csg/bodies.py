@@ -13,19 +13,25 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import TYPE_CHECKING
 
-from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between, label
+from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between, fuse, label, moved
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
+from pc2cad.csg.contacts import check_contacts
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError, named
 from pc2cad.export.model import NamedFace
 from pc2cad.part import Body, Part, body_colour
 from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
-from pc2cad.templates.bodies import Bodies, Kind, Tree
+from pc2cad.templates.bodies import Bodies, Kind, Pattern, Tree
+from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import SideKey
 from pc2cad.validation import check_expectations
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Solid
 
 #: share of a part's size that a tolerance of the kernel's may be
 LOOSEST = 0.01
@@ -74,7 +80,7 @@ def compile_bodies(
     times["validate"] = time.perf_counter() - start
     order = list(parts)
     faces = tuple(
-        NamedFace(label(names), face, body_colour(order.index(names[0].body)))
+        NamedFace(label(names), face, body_colour(order.index(_original(names[0].body))))
         for face, names in joined.shape.faces
     )
     solid = joined.shape.solids[0]
@@ -98,6 +104,8 @@ class _Joining:
         self.steps: list[StepReport] = []
         #: steps that change nothing
         self.idle: list[str] = []
+        #: where copies of bodies lie, by their names
+        self.placed: dict[str, Placement] = {}
         self._reach = max(KERNEL_TOLERANCE, *(p.report.tolerance for p in parts.values()))
 
     def join(self, tree: Tree) -> _Joined:
@@ -108,10 +116,68 @@ class _Joining:
                 (face, (replace(key, body=tree),)) for key, face in part.kernel_sides.items()
             )
             return _Joined(tree, NamedShape(part.shape, faces), solid_integrals(part.shape))
+        if isinstance(tree, Pattern):
+            return self._pattern(tree)
         first, *others = (self.join(operand) for operand in tree.operands)
         for other in others:
             first = self._step(tree.kind, first, other)
         return first
+
+    def _pattern(self, tree: Pattern) -> _Joined:
+        """Return copies of a body, joined in one operation where they have nothing in common."""
+        one = self.join(tree.operand)
+        inner = {name.body for _, names in one.shape.faces for name in names}
+        copies = []
+        for k, place in enumerate(tree.copies):
+            for body in inner:
+                known = self.placed.get(body)
+                self.placed[f"{body}[{k}]"] = place.after(known) if known else place
+            copies.append(moved(one.shape, place.turn, place.offset, f"[{k}]"))
+        name, count, each = str(tree), len(copies), one.integrals.volume
+        shape, found, gap = self._fused(copies, one.integrals)
+        common = count * each - found.volume
+        apart = (
+            f"{count} copies with nothing in common: {count} x {each:.10g} = {found.volume:.10g}"
+        )
+        across = f"{count} copies of {each:.10g} that overlap: {found.volume:.10g}"
+        slack = self._slack(count * each, count * one.integrals.area)
+        self.steps.append(
+            StepReport(
+                name, "union", each, (count - 1) * each, common, found.volume, gap,
+                apart if abs(common) <= slack else across,
+            )
+        )  # fmt: skip
+        return _Joined(f"step {len(self.steps)}", shape, found)
+
+    def _fused(
+        self, copies: Sequence[NamedShape], each: SolidIntegrals
+    ) -> tuple[NamedShape, SolidIntegrals, float]:
+        """Return the union of copies, its integrals, and what is missing in the sum of volumes.
+
+        Where copies overlap, the union of every other one and that of the rest are held against
+        what these have in common.
+        """
+        if len(copies) == 1:
+            return copies[0], each, 0.0
+        shape = fuse(copies)
+        found = solid_integrals(shape.shape)
+        total, area = len(copies) * each.volume, len(copies) * each.area
+        gap = total - found.volume
+        if abs(gap) > self._slack(total, area):
+            halves = [self._fused(copies[k::2], each) for k in (0, 1)]
+            common = combine("intersect", halves[0][0], halves[1][0])
+            held = solid_integrals(common.shape).volume
+            gap = sum(half[1].volume for half in halves) - held - found.volume
+            if abs(gap) > self._slack(total, area):
+                raise VolumesDisagreeError(
+                    f"{len(copies)} copies: the kernel's union has the volume "
+                    f"{found.volume:.12g}, which does not add up with those of its halves"
+                )
+        return shape, found, gap
+
+    def _slack(self, volume: float, area: float) -> float:
+        """Return what volumes may differ by that are equal but for the kernel's tolerance."""
+        return 2 * self._reach * area + 1e-11 * volume
 
     def _step(self, kind: Kind, first: _Joined, second: _Joined) -> _Joined:
         """Carry out one Boolean, and a second one that its volume is held against."""
@@ -122,7 +188,7 @@ class _Joining:
         a, b = first.integrals.volume, second.integrals.volume
         gap = a - held - found.volume + (b if kind == "union" else 0.0)
         area = first.integrals.area + second.integrals.area
-        slack = 2 * self._reach * area + 1e-11 * (a + b)
+        slack = self._slack(a + b, area)
         if not abs(gap) <= slack:
             raise VolumesDisagreeError(
                 f"{name}: the kernel's result has the volume {found.volume:.12g}, which does not "
@@ -187,19 +253,16 @@ def _report(
     bodies: Bodies, joining: _Joining, joined: _Joined, edges: tuple[NamedEdge, ...]
 ) -> Report:
     shape, found = joined.shape, joined.integrals
+    reports = {name: part.report for name, part in joining.parts.items()}
+    size = max(report.size for report in reports.values())
+    sides = _sides(joining)
+    known = {key: side.deviation for key, side in sides.items()}
+    about = (str(bodies.result), size, bodies.units)
     solids = shape.solids
     if len(solids) != 1:
-        volumes = ", ".join(f"{solid_integrals(solid).volume:.6g}" for solid in solids)
-        raise SeveralPiecesError(
-            f"{bodies.result} falls into {len(solids)} pieces of the volumes {volumes}; a template "
-            "makes one solid: join them, or write a template for each"
-        )
-    reports = {name: part.report for name, part in joining.parts.items()}
+        check_contacts(shape, edges, known, about)
+        raise _falls_apart(bodies, solids)
     tolerance = max(report.tolerance for report in reports.values())
-    size = max(report.size for report in reports.values())
-    sides: dict[SideKey, Side] = {}
-    for name, part in joining.parts.items():
-        sides |= sides_of(name, part.model)
     meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
     curves = tuple(prove_intersection_edges(shape, meeting, sides, size))
     loosest = max(tolerance, KERNEL_TOLERANCE)
@@ -209,19 +272,12 @@ def _report(
                 f"the kernel's edge {curve.name} is {curve.surface_distance:.2g} {bodies.units} "
                 f"off its faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
             )
+    check_contacts(shape, edges, known, about)
     for edge, curve in zip(meeting, curves, strict=True):
         edge.loosen(curve.surface_distance)  # the kernel has to know how far its edges are off
     findings = inspect(solids[0])
     _check(findings, size, bodies.units)
-    # an edge off its faces leaves a strip open; seen from the middle it is half the size away
-    strips = (
-        sum(
-            edge.length * curve.surface_distance
-            for edge, curve in zip(meeting, curves, strict=True)
-        )
-        * size
-        / 6
-    )
+    strips = _strips(meeting, curves, size)
     error = (strips + sum(abs(step.gap) for step in joining.steps)) / found.volume
     return Report(
         bodies.name, bodies.title, bodies.units, dict(bodies.parameters), size, tolerance,
@@ -232,6 +288,35 @@ def _report(
         result=str(bodies.result), bodies=reports, steps=tuple(joining.steps),
         warnings=tuple(_warnings(reports, joining.idle, curves, loosest)),
     )  # fmt: skip
+
+
+def _strips(edges: Sequence[NamedEdge], curves: Sequence[EdgeReport], size: float) -> float:
+    """Return what edges off their faces cost: strips, half the size away from the middle."""
+    pairs = zip(edges, curves, strict=True)
+    return sum(edge.length * curve.surface_distance for edge, curve in pairs) * size / 6
+
+
+def _falls_apart(bodies: Bodies, solids: Sequence[TopoDS_Solid]) -> SeveralPiecesError:
+    volumes = ", ".join(f"{solid_integrals(solid).volume:.6g}" for solid in solids)
+    return SeveralPiecesError(
+        f"{bodies.result} falls into {len(solids)} pieces of the volumes {volumes}; a template "
+        "makes one solid: join them, or write a template for each"
+    )
+
+
+def _sides(joining: _Joining) -> dict[SideKey, Side]:
+    """Return the sides of all bodies and of their copies by the keys of their faces."""
+    sides: dict[SideKey, Side] = {}
+    for name, part in joining.parts.items():
+        sides |= sides_of(name, part.model)
+    own = tuple(sides.items())
+    for name, place in joining.placed.items():
+        sides |= {
+            replace(key, body=name): replace(side, placed=(place.turn, place.offset))
+            for key, side in own
+            if key.body == _original(name)
+        }
+    return sides
 
 
 def _warnings(
@@ -268,6 +353,15 @@ def _check(findings: KernelFindings, size: float, units: str) -> None:
         raise NotASolidError(f"the result is no valid solid: {what}")
 
 
+def _original(name: str) -> str:
+    """Return the body that a copy is of: copies are called ``tooth[3]``."""
+    return name.partition("[")[0]
+
+
+def _unplaced(key: SideKey) -> SideKey:
+    return replace(key, body=_original(key.body))
+
+
 def _bodies(names: tuple[SideKey, ...]) -> set[str]:
     return {name.body for name in names}
 
@@ -282,6 +376,6 @@ def _faces(
         for face, known in zip(body.model.faces, body.report.faces, strict=True)
     }
     return tuple(
-        replace(known[names[0]], name=label(names), area=area)
+        replace(known[_unplaced(names[0])], name=label(names), area=area)
         for (_, names), area in zip(shape.faces, found.face_areas, strict=True)
     )

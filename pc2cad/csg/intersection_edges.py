@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 
+from pc2cad.arrays import Array
 from pc2cad.bounds.edge_bounds import EdgeBound, bound_edge
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, label
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
@@ -27,6 +28,20 @@ class Side:
     deviation: float
     #: surfaces and edges that the side lies on, or that lie on it, exactly
     exact: tuple[Plane | AnalyticSurface | Line | Arc, ...]
+    #: where the body was moved to, a turn and an offset; None for one that stands as it is
+    placed: tuple[Array, Array] | None = None
+
+    def holds(self, edge: NamedEdge) -> bool:
+        """Say whether a line or a conic lies on the side by algebra."""
+        if edge.conic is None:
+            return False
+        start, terms = edge.conic
+        if self.placed is not None:  # looked at where the body was
+            turn, offset = self.placed
+            start = (start - offset) @ turn
+            terms = {name: along @ turn for name, along in terms.items()}
+        point = point_along(start, terms, edge.range)
+        return any(holds(carrier, point) for carrier in self.exact)
 
 
 def sides_of(name: str, model: BoundaryModel) -> dict[SideKey, Side]:
@@ -90,7 +105,4 @@ def _judged(
 
 def _lies_on(edge: NamedEdge, sides: Sequence[Side]) -> bool:
     """Say whether an edge is a conic that lies on both equations' faces by algebra."""
-    if edge.conic is None:
-        return False
-    point = point_along(*edge.conic, edge.range)
-    return all(any(holds(carrier, point) for carrier in side.exact) for side in sides)
+    return all(side.holds(edge) for side in sides)

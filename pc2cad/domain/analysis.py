@@ -11,22 +11,35 @@ anything is asked of it, one without an orientation (`solidity.orientation`) bef
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.domain.cusps import with_cusps
 from pc2cad.domain.map import Mapping3, local_map, open_grid
+from pc2cad.domain.splits import folds, shifts
 from pc2cad.equation.point_equation import LayersError, PointEquation
 from pc2cad.errors import NotASolidError
-from pc2cad.expression.breaks import Break, find_breaks
+from pc2cad.expression.breaks import SAME_POSITION, Break, find_breaks
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr, number, substitute, symbol
 from pc2cad.geometry.scale import Scale
-from pc2cad.topology.cells import Cell, Labels, Symmetry, cell_name, directions_of
+from pc2cad.topology.cells import (
+    IDENTITY,
+    Cell,
+    Labels,
+    SideKey,
+    Symmetry,
+    boundary_patches,
+    cell_name,
+    directions_of,
+)
 from pc2cad.topology.complex import BoundaryComplex
 from pc2cad.topology.quotient import derive_boundary, derive_layers
 
@@ -90,7 +103,7 @@ def analyse(equation: PointEquation) -> Analysis:
 def sample_sides(equation: PointEquation) -> SampledSides:
     """Return the map over the unit box, looked at on its sides; raise MapNotFiniteError."""
     mapping = local_map(equation)
-    breaks = find_breaks(mapping.coordinates)
+    breaks = with_cusps(find_breaks(mapping.coordinates), mapping)
     bounds = tuple(
         (0.0, *(b.position for b in row if b.smoothness == 0 and 0 < b.position < 1), 1.0)
         for row in breaks
@@ -100,8 +113,21 @@ def sample_sides(equation: PointEquation) -> SampledSides:
 
 
 def derive(sides: SampledSides) -> Analysis:
-    """Return the boundary of sampled sides; raise NotASolidError where they do not close."""
-    boundary = derive_boundary(sides.questions, sides.questions.labels)
+    """Return the boundary of sampled sides; raise NotASolidError where they do not close.
+
+    Where sides coincide after a shift or are folded, they are cut first.
+    """
+    try:
+        boundary = derive_boundary(sides.questions, sides.questions.labels)
+        faces = [face.patch for face in boundary.faces]
+        cut = _cut(sides, shifts(sides.map, faces, sides.questions.scale))
+    except NotASolidError:
+        cut = _cut(sides, _all_cuts(sides))
+        if cut is sides:
+            raise
+    if cut is not sides:
+        sides = cut
+        boundary = derive_boundary(sides.questions, sides.questions.labels)
     return Analysis(
         sides.equation,
         sides.map,
@@ -111,6 +137,33 @@ def derive(sides: SampledSides) -> Analysis:
         _layered(sides.equation, boundary, sides.questions),
         sides.questions.scale,
     )
+
+
+def _all_cuts(sides: SampledSides) -> tuple[set[Fraction], ...]:
+    """Return where directions may have to be cut, if the boundary does not close without."""
+    u, v, w = (len(row) - 1 for row in sides.bounds)
+    patches = boundary_patches((u, v, w))
+
+    def span(direction: int, position: int) -> tuple[float, float]:
+        limits = sides.bounds[direction]
+        return limits[position // 2], limits[(position + 1) // 2]
+
+    scale = sides.questions.scale
+    found = shifts(sides.map, patches, scale), folds(sides.map, patches, span, scale)
+    return tuple(a | b for a, b in zip(*found, strict=True))
+
+
+def _cut(sides: SampledSides, places: tuple[set[Fraction], ...]) -> SampledSides:
+    """Return the sides with directions cut at some more places, or as they are."""
+    bounds = []
+    for row, more in zip(sides.bounds, places, strict=True):
+        new = {float(x) for x in more if min(abs(float(x) - y) for y in row) > SAME_POSITION}
+        bounds.append(tuple(sorted({*row, *new})))
+    if tuple(bounds) == sides.bounds:
+        return sides
+    labels = _labels(sides.equation, tuple(bounds))
+    questions = MapQuestions(sides.map, tuple(bounds), labels)
+    return replace(sides, bounds=tuple(bounds), questions=questions)
 
 
 def _layered(
@@ -125,6 +178,15 @@ def _layered(
             f"there are {count} layers ({', '.join(equation.layers)}), and M has {found - 1} "
             "creases in w between them; layers lie at depth(w)"
         )
+    along_u, along_v = (range(1, 2 * len(names) - 2, 2) for names in boundary.labels[:2])
+    for i, j, k in product(along_u, along_v, range(count)):
+        below, above = (i, j, 2 * k), (i, j, 2 * k + 2)
+        if questions.coincide(below, above, IDENTITY):
+            where = SideKey.of(below, boundary.labels, shown=(0, 1)).label
+            raise LayersError(
+                f"the layer {equation.layers[k]}{where} has no thickness: M is the same on both "
+                "its sides; leave it out, or give it a thickness above 0"
+            )
     return derive_layers(boundary, questions)
 
 

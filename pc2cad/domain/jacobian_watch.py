@@ -7,6 +7,9 @@ what rounding can make of det J, given the largest tangents in the box, is added
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import ceil, floor, log10
+
 import numpy as np
 
 from pc2cad.arrays import Array
@@ -20,6 +23,10 @@ ROUNDING = 1e-11
 _ERROR = 64 * float(np.finfo(float).eps)
 
 
+#: whether det J is proved to have a sign where one direction runs from one local place to another
+Proves = Callable[[int, float, float, int], bool]
+
+
 class FlatMapError(NotASolidError):
     """det J vanishes everywhere: the image has no volume."""
 
@@ -31,8 +38,9 @@ class FoldedMapError(NotASolidError):
 class JacobianWatch:
     """Watches the extremes of det J / |M_u||M_v||M_w| wherever the map is looked at."""
 
-    def __init__(self, mapping: Mapping3) -> None:
+    def __init__(self, mapping: Mapping3, proves: Proves | None = None) -> None:
         self.mapping = mapping
+        self._proves = proves
         #: largest value of +sine and of -sine seen
         self.extremes = {1: 0.0, -1: 0.0}
         self._places: dict[int, Array] = {}
@@ -87,21 +95,57 @@ class JacobianWatch:
     def _advice(self, sign: int) -> str:
         """Say how far each parameter can run before the fold, where that is from a whole side."""
         found = []
-        fine, coarse = np.linspace(0.0, 1.0, 65), np.linspace(0.01, 0.99, 21)
+        fine = np.linspace(0.0, 1.0, 65)
         for d, name in enumerate(PARAMETERS):
-            axes = [coarse] * 3
-            axes[d] = fine
-            tangents = self.mapping.tangents((0, 1, 2), *open_grid(*axes))
-            lines = np.moveaxis(sign * self.note(tangents, open_grid(*axes))[2], d, 0)
-            bad = np.nan_to_num(lines, nan=-1.0) < -ROUNDING
-            reach = int(bad.any(axis=(1, 2)).argmax())
-            back = int(bad[::-1].any(axis=(1, 2)).argmax())
-            if reach > 1:
-                found.append(f"{name} up to about {self.mapping.value(d, fine[reach - 1]):.3g}")
-            elif back > 1:
-                found.append(f"{name} from about {self.mapping.value(d, 1 - fine[back - 1]):.3g}")
+            for places in (fine, fine[::-1]):
+                first = int(self._folds(d, places, sign).argmax())
+                if first > 1:
+                    good, bad = (float(places[first + step]) for step in (-1, 0))
+                    found.append(f"{name} {self._limit(d, float(places[0]), good, bad, sign)}")
+                    break
         wall = "a thinner wall or a smaller section may be valid"
         return f"it keeps its sign for {' or for '.join(found)}; {wall}" if found else wall
+
+    def _folds(self, direction: int, places: Array, sign: int) -> Array:
+        """Say at which places of one direction a grid of the others, ends included, has a fold."""
+        axes = [np.linspace(0.0, 1.0, 21)] * 3
+        axes[direction] = places
+        grid = open_grid(*axes)
+        lines = sign * self.note(self.mapping.tangents((0, 1, 2), *grid), grid)[2]
+        bad = np.nan_to_num(np.moveaxis(lines, direction, 0), nan=-1.0) < -ROUNDING
+        return np.asarray(bad.any(axis=(1, 2)))
+
+    def _limit(self, direction: int, end: float, good: float, bad: float, sign: int) -> str:
+        """Return in words how far one direction may run from an end: a short number, proved if so.
+
+        `good` and `bad` are local places between which a fold begins.
+        """
+        for _ in range(24):
+            middle = (good + bad) / 2
+            fold = bool(self._folds(direction, np.array([middle]), sign)[0])
+            good, bad = (good, middle) if fold else (middle, bad)
+        value = self.mapping.value
+        low, high = sorted((value(direction, 0.0), value(direction, 1.0)))
+        step = 10.0 ** (floor(log10(high - low)) - 3)
+        word, away, rounded = ("up to", -1, floor) if end == 0.0 else ("from", 1, ceil)
+        first = rounded(value(direction, bad) / step)
+        for short in (first, first + away):
+            limit = short * step
+            place = self._local(direction, limit)
+            span = (end, place) if end == 0.0 else (place, end)
+            if self._proves is not None and 0 < place < 1 and self._proves(direction, *span, sign):
+                return f"{word} {limit:.6g}"
+        return f"{word} about {value(direction, good):.3g}"
+
+    def _local(self, direction: int, limit: float) -> float:
+        """Return the local place of a value of the equation's own parameter."""
+        low, high = 0.0, 1.0
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (
+                (middle, high) if self.mapping.value(direction, middle) < limit else (low, middle)
+            )
+        return (low + high) / 2
 
 
 def _determinant(a: Array, b: Array, c: Array) -> Array:

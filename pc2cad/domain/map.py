@@ -18,17 +18,22 @@ from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array
 from pc2cad.equation.point_equation import PointEquation
+from pc2cad.expression.breaks import trim_pieces
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.end_roots import take_out_ends
+from pc2cad.expression.end_zeros import take_out_zeros
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.kinks import take_kinks_apart
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.ranges import take_chosen_ranges, take_ranges
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.simplification import simplified
 from pc2cad.expression.tree import Expr, number, substitute, symbol
 
 #: distances from a limit at which speeds are compared
 _NEAR, _NEARER = 1e-6, 1e-9
+#: and those at which a speed that vanishes is looked at
+_BLUNT = 1e-4, 1e-5
 #: a speed below this share of the largest one nearby is rounding
 _NOISE = 1e-9
 
@@ -117,7 +122,15 @@ def local_map(equation: PointEquation) -> Mapping3:
         low + (high - low) * symbol(name)
         for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
     )
-    first = mapping = _mapping(equation, (u, v, w))
+    first = mapping = _mapping(equation.coordinates, (u, v, w), (u, v, w))
+    source: tuple[Expr, ...] = equation.coordinates
+    shown: tuple[Expr, ...] = (u, v, w)
+    without = take_out_zeros(mapping.coordinates)
+    if without != mapping.coordinates:
+        # from here on all is a function of the local parameters
+        x, y, z = source = without
+        shown = (symbol("u"), symbol("v"), symbol("w"))
+        first = mapping = Mapping3((x, y, z), (u, v, w))
     for _ in range(3):
         slower = {
             PARAMETERS[d]: change for d in range(3) if (change := _slower(mapping, d)) is not None
@@ -125,13 +138,18 @@ def local_map(equation: PointEquation) -> Mapping3:
         if not slower:
             return mapping
         u, v, w = substitute(mapping.parameters, slower)
-        mapping = _mapping(equation, (u, v, w))
+        shown = substitute(shown, slower)
+        mapping = _mapping(source, shown, (u, v, w))
     return mapping if all(_slower(mapping, d) is None for d in range(3)) else first
 
 
-def _mapping(equation: PointEquation, parameters: tuple[Expr, Expr, Expr]) -> Mapping3:
-    change = dict(zip(PARAMETERS, parameters, strict=True))
-    trees = take_kinks_apart(substitute(equation.coordinates, change), parameters)
+def _mapping(
+    source: tuple[Expr, ...], change: tuple[Expr, ...], parameters: tuple[Expr, Expr, Expr]
+) -> Mapping3:
+    """Return trees of some parameters with a change of these, and the equation's own ones."""
+    trees = substitute(source, dict(zip(PARAMETERS, change, strict=True)))
+    trees = trim_pieces(take_ranges(trees, parameters))
+    trees = take_chosen_ranges(take_kinks_apart(trees, parameters), parameters)
     x, y, z = take_out_ends(simplified(trees))
     return Mapping3((x, y, z), parameters)
 
@@ -158,24 +176,35 @@ def _root(mapping: Mapping3, direction: int, limit: int) -> int:
     """Return n where M moves as the n-th root (to a whole power) near a limit; 1 where it does not.
 
     The speed goes with h^(a-1) at the distance h from the limit; a is a fraction over n. Edges and
-    corners are looked at as well: the speed may be infinite on those only.
+    corners are looked at as well: the speed may be infinite on those only. One that vanishes (the
+    blunt tip of r = z^(3/4)) counts where it does all over the side.
     """
+    found = _power(mapping, direction, limit, _NEAR, _NEARER)
+    if 0.03 < found < 0.92:
+        exponent = Fraction(found).limit_denominator(8)
+        if abs(float(exponent) - found) < 0.01:
+            return exponent.denominator
+        return ceil(1 / found) + 1
+    if found > 1.08:
+        # nearer to the limit, all would be rounding
+        found = _power(mapping, direction, limit, *_BLUNT)
+        exponent = Fraction(found).limit_denominator(4)
+        return exponent.denominator if abs(float(exponent) - found) < 3e-3 else 1
+    return 1
+
+
+def _power(mapping: Mapping3, direction: int, limit: int, far: float, close: float) -> float:
+    """Return the least power with which M moves between two distances from a limit, seen so far."""
     grid = [np.array([0.0, 0.13, 0.38, 0.61, 0.86, 1.0])] * 3
-    grid[direction] = np.abs(limit - np.array([_NEAR, _NEARER]))
+    grid[direction] = np.abs(limit - np.array([far, close]))
     with np.errstate(all="ignore"):
         tangent = np.moveaxis(mapping.tangents((direction,), *open_grid(*grid))[0], direction, 0)
         near, nearer = np.sqrt((tangent**2).sum(axis=-1))
-        slopes = np.log(near / nearer) / np.log(_NEAR / _NEARER)
+        slopes = np.log(near / nearer) / np.log(far / close)
         # where all but rounding stands still, its noise has slopes as well
         finite = np.where(np.isfinite(nearer), nearer, 0.0)
         moving = np.isfinite(slopes) & (finite > _NOISE * finite.max())
-    found = 1 + float(np.min(slopes, where=moving, initial=0.0))
-    if not 0.03 < found < 0.92:
-        return 1
-    exponent = Fraction(found).limit_denominator(8)
-    if abs(float(exponent) - found) < 0.01:
-        return exponent.denominator
-    return ceil(1 / found) + 1
+    return 1 + (float(slopes[moving].min()) if moving.any() else 0.0)
 
 
 def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:

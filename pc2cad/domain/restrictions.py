@@ -36,8 +36,18 @@ LARGEST_LOSS = 1e-9
 
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
-#: places along a direction: ends and Gauss nodes
-SECTIONS = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(13)[0] + 1) / 2, [1.0]))
+
+
+@lru_cache(maxsize=8)
+def sections(density: int = 1) -> Array:
+    """Return ascending places along a direction: both ends, and 13 Gauss nodes or more between."""
+    nodes = (np.polynomial.legendre.leggauss(13 * density)[0] + 1) / 2
+    places = np.concatenate(([0.0], nodes, [1.0]))
+    places.flags.writeable = False
+    return places
+
+
+SECTIONS = sections()
 
 
 @dataclass(frozen=True, eq=False)

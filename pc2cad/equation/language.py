@@ -2,49 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from difflib import get_close_matches
-from typing import Final
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, reduce
+from math import nan
+from typing import Final, TypeVar
 
 from pc2cad.equation import points
+from pc2cad.equation.names import (
+    CONSTANTS as CONSTANTS,
+)
+from pc2cad.equation.names import (
+    COORDINATE_FUNCTIONS,
+    POINT_FUNCTIONS,
+    SHORTHANDS,
+)
+from pc2cad.equation.names import FUNCTION_NAMES as FUNCTION_NAMES
+from pc2cad.equation.names import PARAMETER_NAMES as PARAMETER_NAMES
+from pc2cad.equation.names import RESERVED_NAMES as RESERVED_NAMES
+from pc2cad.equation.names import Curves as Curves
+from pc2cad.equation.names import Listed as Listed
+from pc2cad.equation.names import Named as Named
+from pc2cad.equation.names import nearest as nearest
 from pc2cad.equation.points import Combination, Value, kind_of
 from pc2cad.equation.syntax import (
+    WORDS,
     BinaryNode,
     CallNode,
+    ConditionNode,
     ExpressionSyntaxError,
+    IndexNode,
     NameNode,
     NegationNode,
     Node,
     NumberNode,
+    PartNode,
     TripleNode,
     parse,
 )
 from pc2cad.errors import InputError
-from pc2cad.expression.functions import FUNCTIONS, PUBLIC_FUNCTIONS
+from pc2cad.expression.budget import bounded
+from pc2cad.expression.conditions import Condition, both, compared, either
+from pc2cad.expression.functions import FUNCTIONS, PUBLIC_FUNCTIONS, REPEATED
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import PI, E, Expr, call, number
+from pc2cad.expression.tree import Expr, call, number
 
-PARAMETER_NAMES: Final = ("u", "v", "w")
-CONSTANTS: Final[dict[str, Expr]] = {"pi": PI, "e": E}
-
-_POINT_FUNCTIONS: Final[dict[str, tuple[Callable[..., Value], tuple[str, ...]]]] = {
-    "dot": (points.dot, ("a", "b")),
-    "cross": (points.cross, ("a", "b")),
-    "length": (points.length, ("a",)),
-    "unit": (points.unit, ("a",)),
-    "distance": (points.distance, ("A", "B")),
-    "det": (points.det, ("a", "b", "c")),
-    "metric": (points.metric, ("A", "B", "C")),
-    "translate": (points.translate, ("A", "B", "C")),
-    "exit_from_plane": (points.exit_from_plane, ("N", "P", "Q")),
-}
-_COORDINATE_FUNCTIONS: Final = {"point": points.point, "vector": points.vector}
-
-FUNCTION_NAMES: Final = (*PUBLIC_FUNCTIONS, *_POINT_FUNCTIONS, *_COORDINATE_FUNCTIONS, "diff")
-RESERVED_NAMES: Final = frozenset((*PARAMETER_NAMES, *CONSTANTS, *FUNCTION_NAMES))
-
-#: scalar functions of one operand that a template defines for itself, such as a contour's x(t)
-Curves = Mapping[str, Callable[[Expr], Expr]]
+_T = TypeVar("_T")
+#: terms of one sum, and of all sums within one another
+MOST_TERMS: Final = 10_000
 
 
 class UnknownNameError(ExpressionSyntaxError):
@@ -55,22 +59,15 @@ class ExpressionValueError(ExpressionSyntaxError):
     """An operation got operands of the wrong kind, or has no value."""
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint that lists the nearest known names (empty when nothing is near)."""
-    known = list(known)
-    close = get_close_matches(name, known, n=3, cutoff=0.5)
-    close += [k for k in known if k.lower() == name.lower() and k not in close]
-    return f"; did you mean {' or '.join(close)}?" if close else ""
-
-
-def read_expression(text: str, names: Mapping[str, Value], curves: Curves | None = None) -> Value:
+def read_expression(text: str, names: Mapping[str, Named], curves: Curves | None = None) -> Value:
     """Return the value of an expression with these names known.
 
     Raises ExpressionSyntaxError (or a subclass) with the column of the mistake; a value that is
     neither scalar, point nor free vector as a whole is an ExpressionValueError.
     """
     node = parse(text)
-    value = _Reader(names, curves or {}).value(node)
+    with bounded():
+        value = _Reader(names, curves or {}).value(node)
     try:
         kind_of(value)
     except InputError as error:
@@ -79,9 +76,10 @@ def read_expression(text: str, names: Mapping[str, Value], curves: Curves | None
 
 
 class _Reader:
-    def __init__(self, names: Mapping[str, Value], curves: Curves) -> None:
-        self._names = names
+    def __init__(self, names: Mapping[str, Named], curves: Curves) -> None:
+        self._names = dict(names)
         self._curves = curves
+        self._terms = 0
 
     def value(self, node: Node) -> Value:
         try:
@@ -108,11 +106,25 @@ class _Reader:
                 return points.point(*(self._scalar(x, "a coordinate") for x in node.operands))
             case CallNode():
                 return self._call(node)
+            case PartNode():
+                return self._part(node)
+            case IndexNode():
+                return self._entry(node)
+            case ConditionNode():
+                raise ExpressionValueError(
+                    "a condition is no value; write if(condition, a, b)", node.column
+                )
         raise AssertionError(node)
 
     def _name(self, node: NameNode) -> Value:
         if node.name in self._names:
-            return self._names[node.name]
+            value = self._names[node.name]
+            if isinstance(value, Listed):
+                places = "[i]" if value.plain else "[i, j]"
+                raise ExpressionValueError(
+                    f"{node.name} is a list of [data]; write {node.name}{places}", node.column
+                )
+            return value
         if node.name in CONSTANTS:
             return CONSTANTS[node.name]
         if node.name in FUNCTION_NAMES or node.name in self._curves:
@@ -145,26 +157,42 @@ class _Reader:
 
     def _call(self, node: CallNode) -> Value:
         name, given = node.name, len(node.operands)
+        if name == "if":
+            return self._choice(node)
+        if name == "sum":
+            return self._sum(node)
+        if name in REPEATED:
+            if given < 2:
+                raise ExpressionValueError(f"{name} takes two operands or more", node.column)
+            first, *others = (self._scalar(x, f"an operand of {name}") for x in node.operands)
+            return reduce(partial(call, name), others, first)
+        if name in SHORTHANDS:
+            make, roles = SHORTHANDS[name]
+            self._check_count(node, len(roles))
+            return make(*(self._scalar(x, f"an operand of {name}") for x in node.operands))
         if name in FUNCTIONS and name in PUBLIC_FUNCTIONS:
             self._check_count(node, FUNCTIONS[name].arity)
             return call(name, *(self._scalar(x, f"the operand of {name}") for x in node.operands))
         if name in self._curves:
-            self._check_count(node, 1)
-            return self._curves[name](self._scalar(node.operands[0], f"the operand of {name}"))
-        if name in _POINT_FUNCTIONS:
-            function, roles = _POINT_FUNCTIONS[name]
+            function = self._curves[name]
+            self._check_count(node, getattr(function, "arity", 1))
+            return function(*(self._scalar(x, f"the operand of {name}") for x in node.operands))
+        if name in POINT_FUNCTIONS:
+            function, roles = POINT_FUNCTIONS[name]
             if given != len(roles):
                 raise ExpressionValueError(f"write {name}({', '.join(roles)})", node.column)
             return function(*(self.value(x) for x in node.operands))
-        if name in _COORDINATE_FUNCTIONS:
+        if name in COORDINATE_FUNCTIONS:
             self._check_count(node, 3)
             coordinates = [self._scalar(x, f"a coordinate of {name}") for x in node.operands]
-            return _COORDINATE_FUNCTIONS[name](*coordinates)
+            return COORDINATE_FUNCTIONS[name](*coordinates)
         if name == "diff":
             return self._diff(node)
         if name in self._names:
             raise UnknownNameError(f"{name} is not a function; write {name}*(…) for a product",
                                    node.column)  # fmt: skip
+        if name in WORDS:
+            raise UnknownNameError(f"{name} stands between conditions", node.column)
         hint = nearest(name, [*FUNCTION_NAMES, *self._curves])
         raise UnknownNameError(f"unknown function '{name}'{hint}", node.column)
 
@@ -182,6 +210,108 @@ class _Reader:
                 "and the order n is 1 to 4", node.column,
             )  # fmt: skip
         return points.derivative(self.value(node.operands[0]), parameter.name, int(order.value))
+
+    def _choice(self, node: CallNode) -> Value:
+        if len(node.operands) != 3:
+            raise ExpressionValueError("write if(condition, a, b)", node.column)
+        condition = self._condition(node.operands[0])
+        a, b = (self.value(x) for x in node.operands[1:])
+        return points.chosen(condition, a, b)
+
+    def _condition(self, node: Node) -> Condition:
+        # a hundred conditions joined by "and" lean to the left
+        spine = [node]
+        while isinstance(spine[-1], ConditionNode) and spine[-1].operator in ("and", "or"):
+            spine.append(spine[-1].operands[0])
+        result = self._comparison(spine[-1])
+        for joint in reversed(spine[:-1]):
+            assert isinstance(joint, ConditionNode)
+            join = both if joint.operator == "and" else either
+            result = join(result, self._condition(joint.operands[1]))
+        return result
+
+    def _comparison(self, node: Node) -> Condition:
+        if not isinstance(node, ConditionNode):
+            raise ExpressionValueError(
+                "a condition is made of < <= > >=, and, or, not, and a value was given", node.column
+            )
+        if node.operator == "not":
+            return ~self._condition(node.operands[0])
+        sides = (self._scalar(x, f"a side of {node.operator}") for x in node.operands)
+        left, right = sides
+        return compared(left, node.operator, right)
+
+    def _part(self, node: PartNode) -> Expr:
+        value = self.value(node.operand)
+        if isinstance(value, Expr):
+            raise ExpressionValueError(
+                f"a point or a vector has the coordinate .{node.part}, a scalar has none",
+                node.column,
+            )
+        return value.coordinates["xyz".index(node.part)]
+
+    def _sum(self, node: CallNode) -> Value:
+        form = "write sum(i, from, to, expression)"
+        if len(node.operands) != 4 or not isinstance(node.operands[0], NameNode):
+            raise ExpressionValueError(form, node.column)
+        name = node.operands[0].name
+        if name in RESERVED_NAMES or name in self._names or name in self._curves:
+            raise ExpressionValueError(
+                f"{name} has a meaning already; {form} with another name", node.operands[0].column
+            )
+        first, last = (self._whole(x, f"a limit of {node.name}") for x in node.operands[1:3])
+        self._terms += max(last - first + 1, 0)
+        if self._terms > MOST_TERMS:
+            raise ExpressionValueError(
+                f"sums have {self._terms} terms, and at most {MOST_TERMS} are added up", node.column
+            )
+        total: Value | None = None
+        for i in range(first, last + 1):
+            self._names[name] = number(i)
+            term = self.value(node.operands[3])
+            if total is not None and isinstance(term, Expr) != isinstance(total, Expr):
+                raise ExpressionValueError("the terms of a sum are of one kind", node.column)
+            total = term if total is None else total + term  # type: ignore[operator]
+        self._names.pop(name, None)
+        return number(0) if total is None else total
+
+    def _entry(self, node: IndexNode) -> Expr:
+        listed = self._names.get(node.name)
+        if not isinstance(listed, Listed):
+            lists = [n for n, value in self._names.items() if isinstance(value, Listed)]
+            known = node.name in self._names or node.name in FUNCTION_NAMES
+            what = f"{node.name} is no list" if known else f"unknown list '{node.name}'"
+            raise UnknownNameError(
+                f"{what}; entries are taken from lists of [data]{nearest(node.name, lists)}",
+                node.column,
+            )
+        places = [self._whole(x, f"an index of {node.name}") for x in node.places]
+        if len(places) != (1 if listed.plain else 2):
+            form = "[i]" if listed.plain else "[i, j]"
+            raise ExpressionValueError(f"write {node.name}{form}", node.column)
+        row = listed.rows[0]
+        if not listed.plain:
+            row = self._taken(node, listed.rows, places[0])
+        return self._taken(node, row, places[-1])
+
+    def _taken(self, node: IndexNode, entries: Sequence[_T], place: int) -> _T:
+        if not 0 <= place < len(entries):
+            raise ExpressionValueError(
+                f"{node.name} has entries from 0 to {len(entries) - 1}, and {place} was asked for",
+                node.column,
+            )
+        return entries[place]
+
+    def _whole(self, node: Node, role: str) -> int:
+        value = self._scalar(node, role)
+        if value.op == "number" and value.payload.denominator == 1:
+            return int(value.payload)
+        near = nan if value.symbols else evaluate(value, {})
+        if not abs(near) < 1e9 or near != round(near):
+            raise ExpressionValueError(
+                f"{role} is a whole number, and {value!r} was given", node.column
+            )
+        return round(near)
 
     def _check_count(self, node: CallNode, wanted: int) -> None:
         if len(node.operands) != wanted:

@@ -71,6 +71,8 @@ class PointEquation:
     frame: str = ""
     #: names of the pieces of w, from w = 0 up, each a solid of its own; without them M is one solid
     layers: tuple[str, ...] = ()
+    #: the thickness of all layers below w, where that is known
+    depth: Expr | None = None
     #: makes the equation again with other points, where it knows the names of its points
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False
@@ -102,10 +104,11 @@ class PointEquation:
             )
         return self.mover(points)
 
-    def layered(self, names: Sequence[str]) -> PointEquation:
+    def layered(self, names: Sequence[str], depth: Expr | None = None) -> PointEquation:
         """Return the equation with its pieces of w, from w = 0 up, as named layers of one part.
 
-        M has creases at w = 1/n, 2/n, … where it comes from `layers.depth`; `analyse` looks.
+        M has creases at w = 1/n, 2/n, … where it comes from `layers.depth`; `analyse` looks. With
+        `depth`, the thickness of all that lies below w, it is found how deep layers can go.
         Raises LayersError for names that are not distinct and for a domain of w other than [0, 1].
         """
         found = tuple(names)
@@ -115,7 +118,7 @@ class PointEquation:
             raise LayersError("the names of layers are texts, each another")
         if self.limits[2] != (0.0, 1.0):
             raise LayersError("layers share w from 0 to 1, and the domain of w is another one")
-        return replace(self, layers=found)
+        return replace(self, layers=found, depth=depth)
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:

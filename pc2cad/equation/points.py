@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from pc2cad.errors import InputError
+from pc2cad.expression.conditions import Condition
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.identity import is_constant_value
 from pc2cad.expression.printing import as_text
@@ -184,6 +185,68 @@ def exit_from_plane(n: Value, p: Value, q: Value) -> Combination:
     """Return the exit point from the plane NPQ: N + NP × NQ (the paper, Fig. 6)."""
     n, p, q = (_need(x, Kind.POINT, "an operand of exit_from_plane") for x in (n, p, q))
     return n + _cross(p - n, q - n)
+
+
+def chosen(condition: Condition, a: Value, b: Value) -> Value:
+    """Return a where a condition holds, else b: both scalars, both points or both vectors."""
+    kinds = kind_of(a), kind_of(b)
+    if kinds[0] is not kinds[1]:
+        raise InputError(
+            f"if(…) chooses between values of one kind, not {kinds[0].value} and {kinds[1].value}"
+        )
+    if isinstance(a, Expr) or isinstance(b, Expr):
+        assert isinstance(a, Expr)
+        assert isinstance(b, Expr)
+        return condition.choose(a, b)
+    choose = condition.choose
+    return Combination(choose(a.x, b.x), choose(a.y, b.y), choose(a.z, b.z), a.weight)
+
+
+def rotate(p: Value, o: Value, a: Value, angle: Value | Number) -> Combination:
+    """Return a point turned about the axis through o along a, right-handed (angle in radians).
+
+    A free vector is turned about the direction a alone.
+    """
+    origin = _need(o, Kind.POINT, "the second operand of rotate")
+    axis = unit(_need(a, Kind.VECTOR, "the third operand of rotate"))
+    moved = _turned("rotate", p)
+    is_point = kind_of(moved) is Kind.POINT
+    arm = moved - origin if is_point else moved
+    sine, cosine = _sine_and_cosine("rotate", angle)
+    along = axis * (dot(axis, arm) * (1 - cosine))
+    turned = arm * cosine + _cross(axis, arm) * sine + along
+    return origin + turned if is_point else turned
+
+
+def rotx(p: Value, angle: Value | Number) -> Combination:
+    """Return a point or a vector turned about the x axis."""
+    p, (s, c) = _turned("rotx", p), _sine_and_cosine("rotx", angle)
+    return Combination(p.x, c * p.y - s * p.z, s * p.y + c * p.z, p.weight)
+
+
+def roty(p: Value, angle: Value | Number) -> Combination:
+    """Return a point or a vector turned about the y axis."""
+    p, (s, c) = _turned("roty", p), _sine_and_cosine("roty", angle)
+    return Combination(c * p.x + s * p.z, p.y, c * p.z - s * p.x, p.weight)
+
+
+def rotz(p: Value, angle: Value | Number) -> Combination:
+    """Return a point or a vector turned about the z axis."""
+    p, (s, c) = _turned("rotz", p), _sine_and_cosine("rotz", angle)
+    return Combination(c * p.x - s * p.y, s * p.x + c * p.y, p.z, p.weight)
+
+
+def _turned(name: str, p: Value) -> Combination:
+    if isinstance(p, Expr):
+        raise InputError(f"{name} turns a point or a free vector, and a scalar was given")
+    return p
+
+
+def _sine_and_cosine(name: str, angle: Value | Number) -> tuple[Expr, Expr]:
+    if isinstance(angle, Combination):
+        raise InputError(f"the angle of {name} is a scalar, and {kind_of(angle).value} was given")
+    tree = as_expr(angle)
+    return call("sin", tree), call("cos", tree)
 
 
 def derivative(value: Value, name: str, order: int = 1) -> Value:

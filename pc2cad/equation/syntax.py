@@ -66,6 +66,30 @@ class BinaryNode(Node):
 
 
 @dataclass(frozen=True)
+class ConditionNode(Node):
+    """One of ``< <= > >= and or not`` with its operands (one for ``not``)."""
+
+    operator: str
+    operands: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class PartNode(Node):
+    """A coordinate of a point, ``P.x``."""
+
+    operand: Node
+    part: str
+
+
+@dataclass(frozen=True)
+class IndexNode(Node):
+    """An entry of a list of [data], ``name[i]`` or ``name[i, j]``."""
+
+    name: str
+    places: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
 class CallNode(Node):
     """A function with its operands."""
 
@@ -91,7 +115,7 @@ _TOKEN: Final = re.compile(
     r"(?P<space>[ \t\r\n]+)"
     r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)"
-    r"|(?P<operator>\*\*|[-+*/^(),\[\]])"
+    r"|(?P<operator>\*\*|[<>]=?|[-+*/^(),.\[\]])"
 )
 
 
@@ -116,6 +140,7 @@ def _tokens(text: str) -> list[_Token]:
             _check_number(piece, text[position : position + 1], column)
         if kind == "name" and len(piece) > LONGEST_NAME:
             raise ExpressionSyntaxError(f"a name is longer than {LONGEST_NAME} characters", column)
+        kind = "operator" if piece in WORDS else kind
         tokens.append(_Token(kind, "^" if piece == "**" else piece, column))
         if len(tokens) > MOST_TOKENS:
             raise ExpressionSyntaxError(f"the expression has over {MOST_TOKENS} tokens", column)
@@ -137,14 +162,25 @@ def _check_number(piece: str, following: str, column: int) -> None:
 
 def _unknown_character(character: str) -> str:
     shown = repr(character) if character.isprintable() else f"U+{ord(character):04X}"
-    hints = {"=": "; an equation's right side alone is written", "'": "; w̄ is written (1 - w)"}
+    hints = {
+        "=": "; an equation's right side alone is written", "'": "; w̄ is written (1 - w)",
+        "&": "; conditions are joined by 'and'", "|": "; conditions are joined by 'or'",
+        "!": "; a condition is turned round by 'not'", "%": "; a remainder is mod(x, m)",
+    }  # fmt: skip
     if not character.isascii():
         return f"the character {shown} is not ASCII; write names and operators in plain letters"
     return f"the character {shown} has no meaning here{hints.get(character, '')}"
 
 
-_PRECEDENCE: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
-_UNARY: Final = 3  # below ^: -u^2 is -(u^2)
+#: operators that are words
+WORDS: Final = ("and", "or", "not")
+_COMPARED: Final = 3
+_PRECEDENCE: Final = {
+    "or": 1, "and": 2, **dict.fromkeys(("<", "<=", ">", ">="), _COMPARED),
+    "+": 4, "-": 4, "*": 5, "/": 5, "^": 7,
+}  # fmt: skip
+_NOT: Final = 2  # binds what is compared, but not what "and" joins
+_UNARY: Final = 6  # below ^: -u^2 is -(u^2)
 
 
 class _Parser:
@@ -197,11 +233,30 @@ class _Parser:
             self._take()
             # ^ binds to the right: 2^3^2 is 2^(3^2)
             right = self._expression(precedence - 1 if operator.text == "^" else precedence)
-            left = BinaryNode(operator.column, operator.text, left, right)
+            if precedence > _COMPARED:
+                left = BinaryNode(operator.column, operator.text, left, right)
+                continue
+            if precedence == _COMPARED and _is_comparison(left):
+                raise ExpressionSyntaxError(
+                    "comparisons are joined by 'and': write a < b and b < c", operator.column
+                )
+            left = ConditionNode(operator.column, operator.text, (left, right))
         self._depth -= 1
         return left
 
     def _operand(self, strength: int) -> Node:
+        node = self._plain_operand(strength)
+        while self._next.text == "." and self._next.kind == "operator":
+            point = self._take()
+            part = self._take()
+            if part.text not in ("x", "y", "z"):
+                raise ExpressionSyntaxError(
+                    f"a point has the coordinates .x, .y and .z, not .{part.text}", point.column
+                )
+            node = PartNode(point.column, node, part.text)
+        return node
+
+    def _plain_operand(self, strength: int) -> Node:
         token = self._take()
         if token.kind == "number":
             return NumberNode(token.column, Fraction(token.text))
@@ -209,7 +264,13 @@ class _Parser:
             if self._next.text == "(" and self._next.kind == "operator":
                 self._take()
                 return CallNode(token.column, token.text, self._list(")", f"to end {token.text}("))
+            if self._next.text == "[" and self._next.column == token.column + len(token.text):
+                self._take()
+                places = self._list("]", f"to end {token.text}[")
+                return IndexNode(token.column, token.text, places)
             return NameNode(token.column, token.text)
+        if token.text == "not":
+            return ConditionNode(token.column, "not", (self._expression(_NOT),))
         if token.text == "-":
             # -a*b is -(a*b), but 2^-a*b is (2^-a)*b
             reach = _PRECEDENCE["+"] if strength < _PRECEDENCE["*"] else _UNARY
@@ -243,6 +304,10 @@ class _Parser:
             return tuple(operands)
 
 
+def _is_comparison(node: Node) -> bool:
+    return isinstance(node, ConditionNode) and node.operator in ("<", "<=", ">", ">=")
+
+
 def _shown(token: _Token) -> str:
     return "the end" if token.kind == "end" else f"'{token.text}'"
 
@@ -252,3 +317,23 @@ def parse(text: str) -> Node:
     if not text.strip():
         raise ExpressionSyntaxError("the expression is empty", 1)
     return _Parser(text).whole()
+
+
+def operand_texts(text: str, node: CallNode) -> tuple[str, ...]:
+    """Return the operands of a call as they are written."""
+    depth, begin, found = 0, 0, []
+    for token in _tokens(text):
+        at = token.column - 1
+        if at < node.column - 1 + len(node.name):
+            continue
+        if token.text in (",", ")") and depth == 1:
+            found.append(text[begin:at].strip())
+            begin = at + 1
+            if token.text == ")":
+                break
+        if token.text in ("(", "["):
+            begin = begin if depth else at + 1
+            depth += 1
+        elif token.text in (")", "]"):
+            depth -= 1
+    return tuple(found)

@@ -13,6 +13,7 @@ from OCP.BRep import BRep_Builder
 from OCP.BRepTools import BRepTools
 from OCP.Standard import Standard_Failure
 from OCP.TopoDS import TopoDS_Shape
+from OCP.TopTools import TopTools_FormatVersion
 
 from pc2cad.errors import KernelError
 from pc2cad.export.kernel import body, census, check_read_back
@@ -29,7 +30,10 @@ def encode(exportable: Exportable, _options: ExportOptions) -> bytes:
     shape = body(exportable)
     stream, found = io.BytesIO(), TopoDS_Shape()
     try:
-        BRepTools.Write_s(shape, stream)
+        # without the triangles that a viewer may have put upon the solid
+        BRepTools.Write_s(
+            shape, stream, False, False, TopTools_FormatVersion.TopTools_FormatVersion_VERSION_1
+        )
         BRepTools.Read_s(found, io.BytesIO(stream.getvalue()), BRep_Builder())
     except Standard_Failure as failure:
         raise KernelError(f"the kernel could not write the solid as BREP: {failure}") from None

@@ -27,8 +27,8 @@ from OCP.IGESData import IGESData_IGESWriter
 from OCP.Standard import Standard_Failure
 from OCP.TCollection import TCollection_HAsciiString
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopoDS import TopoDS
 
+from pc2cad.brep.kernel import as_edge
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
 from pc2cad.export.kernel import (
@@ -95,7 +95,7 @@ def _without_ellipses(exportable: Exportable) -> Exportable:
     another start.
     """
     edges = subshapes(exportable.solid, TopAbs_ShapeEnum.TopAbs_EDGE)
-    kinds = {BRepAdaptor_Curve(TopoDS.Edge_s(edge)).GetType() for edge in edges}
+    kinds = {BRepAdaptor_Curve(as_edge(edge)).GetType() for edge in edges}
     if GeomAbs_CurveType.GeomAbs_Ellipse not in kinds:
         return exportable
     converted = BRepBuilderAPI_NurbsConvert(exportable.solid, True)

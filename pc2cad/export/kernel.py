@@ -24,7 +24,6 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_CompSolid
-from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import (
     XCAFDoc_Area,
     XCAFDoc_Centroid,
@@ -33,6 +32,7 @@ from OCP.XCAFDoc import (
     XCAFDoc_Volume,
 )
 
+from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.errors import KernelError
 from pc2cad.export.model import UNITS_IN_MM, Exportable
 
@@ -231,7 +231,7 @@ def _census(solid: Any, rounding: float = 0.0) -> Census:
 
 def subshapes(shape: Any, kind: Any) -> list[Any]:
     """Return the different subshapes of one kind, in the kernel's order."""
-    found = TopTools_IndexedMapOfShape()
+    found = IndexedMapOfShape()
     TopExp.MapShapes_s(shape, kind, found)
     return [found.FindKey(i) for i in range(1, found.Extent() + 1)]
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.brep.triangles import Triangles
-from pc2cad.errors import KernelError
+from pc2cad.errors import KernelError, require
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
 from pc2cad.export.surface import faces_in_order, single_precision, surface
 from pc2cad.export.version import __version__
@@ -34,11 +34,13 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     """Return the 3MF file of `exportable`.
 
     Raises:
+        PackageMissingError: lib3mf is not installed.
         InputError: the deflection is too fine for the size of the part.
         KernelError: the solid could not be meshed, single precision is too coarse for it, or
             lib3mf refuses the file.
 
     """
+    require("lib3mf", ".3mf files", "lib3mf")
     import lib3mf
 
     mesh = single_precision(surface(exportable, options), "3MF")

@@ -1,3 +1,3 @@
 """The version of pc2cad, as files name who wrote them."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

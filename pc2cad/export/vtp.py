@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.errors import KernelError
+from pc2cad.errors import KernelError, require
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, surface
 from pc2cad.trust.names import clean
@@ -23,10 +23,12 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     """Return the VTP file of `exportable`, coordinates in its unit.
 
     Raises:
+        PackageMissingError: VTK, which comes with CadQuery, is not installed.
         InputError: the deflection is too fine for the size of the part.
         KernelError: the solid could not be meshed, or the text does not read back as it was.
 
     """
+    require("vtkmodules", ".vtp files", "vtk")
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import ceil, floor
+from fractions import Fraction
+from math import ceil, floor, inf
 
 from pc2cad.errors import InputError
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, piece_rows, rewrite, walk
+from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, piece_rows, pieces, rebuild, rewrite, walk
 
 #: positions nearer than this (of a direction of length 1) are one break
 SAME_POSITION = 1e-12
@@ -40,7 +41,7 @@ def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[
         if node.op != "pieces":
             continue
         argument = node.args[0]
-        if len(argument.symbols) != 1 or not _is_affine(argument):
+        if len(argument.symbols) != 1 or not is_affine(argument):
             raise BreaksNotAlignedError(
                 f"a piecewise curve is taken at {argument!r}; its breaks are lines of the solid "
                 "only when that is a·v + b in one of the parameters"
@@ -56,38 +57,108 @@ def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[
     return tuple(tuple(Break(p, s) for p, s in sorted(table.items())) for table in found)
 
 
-def resolve_pieces(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+def resolve_pieces(
+    roots: tuple[Expr, ...], span: tuple[str, Fraction, Fraction] | None = None
+) -> tuple[Expr, ...]:
     """Return the trees with every piecewise function that stays in one piece replaced by it.
 
-    The trees are in the local coordinates of a cell: each symbol runs from 0 to 1.
+    The trees are in the local coordinates of a cell: each symbol runs from 0 to 1, but for the one
+    whose `span` is given.
     """
-    return rewrite(roots, "pieces", _only_piece)
+    known: dict[Expr, Expr] = {}
+
+    def only(node: Expr) -> Expr:
+        # the pieces that are not taken are not looked at: there may be many within many
+        if node not in known:
+            (inside,) = resolve_pieces(node.args[:1], span) if node.args[0].args else node.args[:1]
+            here = node if inside is node.args[0] else rebuild(node, (inside, *node.args[1:]))
+            known[node] = _only_piece(here, span) if here.op == "pieces" else here
+        return known[node]
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        if node.op != "pieces" or only(node) is node:
+            return node.args
+        return (only(node),)
+
+    done: dict[Expr, Expr] = {}
+    for node in walk(roots, below):
+        if node.op == "pieces" and known[node] is not node:
+            done[node] = done[known[node]]
+        else:
+            args = tuple(done[arg] for arg in node.args)
+            done[node] = node if args == node.args else rebuild(node, args)
+    return tuple(done[root] for root in roots)
 
 
-def _only_piece(node: Expr) -> Expr:
-    argument = node.args[0]
-    if len(argument.symbols) != 1 or not _is_affine(argument):
+def trim_pieces(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return the trees without the pieces that lie beyond the ends of the parameters.
+
+    The trees are in local coordinates, each from 0 to 1. Where the box ends on a break, the end
+    belongs to the piece inside. What is closed, and taken once round or more, stays.
+    """
+    return rewrite(roots, "pieces", _trimmed)
+
+
+def _trimmed(node: Expr) -> Expr:
+    met, (breaks, _, smoothness, closed) = _met(node), node.payload
+    if met is None or (not closed and len(met) == len(breaks) - 1):
         return node
+    if len(met) == 1:
+        return _polynomial(node.args[0], *met[0])
+    starts = [start for start, _ in met]
+    end = starts[-1] + (breaks[-1] - breaks[0] if closed else breaks[-1])
+    rows = tuple(row for _, row in met)
+    return pieces(node.args[0], (*starts, end), rows, smoothness, closed=False)
+
+
+def _only_piece(node: Expr, span: tuple[str, Fraction, Fraction] | None) -> Expr:
+    met = _met(node, span)
+    return node if met is None or len(met) > 1 else _polynomial(node.args[0], *met[0])
+
+
+def _polynomial(argument: Expr, start: Fraction, row: tuple[Expr, ...]) -> Expr:
+    value: Expr = ZERO
+    for coefficient in reversed(row):
+        value = value * (argument - start) + coefficient
+    return value
+
+
+def _met(
+    node: Expr, span: tuple[str, Fraction, Fraction] | None = None
+) -> list[tuple[Fraction, tuple[Expr, ...]]] | None:
+    """Return where the pieces begin that are met between the ends of a parameter, and their rows.
+
+    None where the argument is no affine function of one parameter, or goes round once or more.
+    """
+    argument = node.args[0]
+    if len(argument.symbols) != 1 or not is_affine(argument):
+        return None
     (name,) = argument.symbols
-    low, high = sorted(evaluate(argument, {name: x}) for x in (0.0, 1.0))
+    limits = (float(span[1]), float(span[2])) if span and span[0] == name else (0.0, 1.0)
+    low, high = sorted(evaluate(argument, {name: x}) for x in limits)
+    if not high - low < inf:  # a table beyond its range
+        return None
     breaks, _, _, closed = node.payload
-    period = breaks[-1] - breaks[0]
-    turn = floor(((low + high) / 2 - float(breaks[0])) / float(period)) if closed else 0
-    rows = piece_rows(node)
-    for i, (row, start, end) in enumerate(zip(rows, breaks, breaks[1:], strict=False)):
-        shift = start + turn * period
-        width = float(end - start) * SAME_POSITION
-        begins = float(shift) - width <= low or (not closed and i == 0)
-        ends = high <= float(shift + end - start) + width or (not closed and i == len(rows) - 1)
-        if begins and ends:
-            value: Expr = ZERO
-            for coefficient in reversed(row):
-                value = value * (argument - shift) + coefficient
-            return value
-    return node
+    rows, period = piece_rows(node), breaks[-1] - breaks[0]
+    laps = range(1)
+    if closed:
+        if high - low > float(period) * (1 - SAME_POSITION):
+            return None
+        laps = range(*(floor((x - float(breaks[0])) / float(period)) + k
+                       for x, k in ((low, -1), (high, 2))))  # fmt: skip
+    found = []
+    for lap in laps:
+        for i, (row, start, end) in enumerate(zip(rows, breaks, breaks[1:], strict=False)):
+            width = float(end - start) * SAME_POSITION
+            begins = float(start + lap * period) < high - width or (not closed and i == 0)
+            ends = low + width < float(end + lap * period) or (not closed and i == len(rows) - 1)
+            if begins and ends:
+                found.append((start + lap * period, row))
+    return found
 
 
-def _is_affine(argument: Expr) -> bool:
+def is_affine(argument: Expr) -> bool:
+    """Say whether a tree is a·v + b in one of the parameters, or constant."""
     form = normal_form(argument, largest=50)
     if form is None:
         return False

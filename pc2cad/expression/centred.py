@@ -29,6 +29,7 @@ from pc2cad.expression.tree import (
     symbol,
     walk,
 )
+from pc2cad.expression.waves import partials
 
 _Index = Integers
 
@@ -215,17 +216,40 @@ def _slope(node: Expr, args: tuple[Centred, ...], name: str, centre: Interval) -
 def _partials(node: Expr, args: tuple[Centred, ...]) -> list[Interval]:
     """Enclose the partial derivatives of one operation over the values of its operands."""
     values = tuple(a.value for a in args)
-    if node.op == "sign":
-        jump = (values[0].lower <= 0) & (values[0].upper >= 0)
-        return [Interval(np.where(jump, -np.inf, 0.0), np.where(jump, np.inf, 0.0))]
+    if node.op in ("sign", "floor", "mod", "where", "within"):
+        return _jumping_partials(node, values)
     if node.op == "pieces":
         return _piece_partials(node, values)
     if node.op == "pow" and node.args[1].op == "number" and node.args[1].payload == 2:
         # x² - c² = (x + c)(x - c)
         return [values[0] + args[0].centre, values[1]]
     places = tuple(symbol(str(i)) for i in range(len(args)))
+    if node.op == "fourier":
+        return [_evaluated(tree, values) for tree in partials(node.payload, *places)]
     fixed = node.args[1] if node.op == "pow" and node.args[1].op == "number" else None
     return [_evaluated(tree, values) for tree in _partial_trees(node.op, places, fixed)]
+
+
+def _jumping_partials(node: Expr, values: tuple[Interval, ...]) -> list[Interval]:
+    """Enclose the partial derivatives of an operation that jumps; a jump has no slope."""
+    one, zero = interval(np.ones(1)), interval(np.zeros(1))
+    x = values[0]
+    if node.op == "within":
+        return [one, zero, zero]
+    if node.op in ("sign", "where"):
+        jump = (x.lower <= 0) & (x.upper >= 0)
+    else:
+        turns = x if node.op == "floor" else x / values[1]
+        jump = ~(np.floor(turns.lower) == np.floor(turns.upper))
+    unknown = _unknown_where(jump, interval(np.zeros_like(x.lower)))
+    if node.op == "mod":
+        turns = Interval(np.floor(turns.lower), np.floor(turns.upper))
+        return [_unknown_where(jump, interval(np.ones_like(x.lower))), -turns]
+    if node.op == "where":
+        first = Interval(np.where(x.upper < 0, 0.0, 1.0), np.where(x.lower >= 0, 1.0, 0.0))
+        first = Interval(np.minimum(first.lower, first.upper), np.maximum(first.lower, first.upper))
+        return [unknown, first, one - first]
+    return [unknown]
 
 
 @lru_cache(maxsize=256)

@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from pc2cad.expression.functions import FUNCTIONS
-from pc2cad.expression.tree import ANALYTIC, ONE, ZERO, Expr, call, number, piece_rows, pieces, walk
+from pc2cad.expression.tree import (
+    ANALYTIC,
+    ONE,
+    ZERO,
+    Expr,
+    call,
+    number,
+    piece_rows,
+    pieces,
+    walk,
+)
+from pc2cad.expression.waves import partials
 
 
 def derivatives(roots: tuple[Expr, ...], name: str) -> tuple[Expr, ...]:
@@ -33,8 +44,15 @@ def _derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
         return _power_derivative(node, done)
     if op == "pieces":
         return _pieces_derivative(node, done)
+    if op == "within":
+        return done[args[0]]
+    if op in ("min", "max", "where"):
+        # of the operand that is taken, and of no other: that may have none
+        condition = {"min": args[-1] - args[0], "max": args[0] - args[-1]}.get(op, args[0])
+        return call("where", condition, done[args[-2]], done[args[-1]])
+    along = partials(node.payload, *args) if op == "fourier" else FUNCTIONS[op].partials(args)
     total = ZERO
-    for partial, arg in zip(FUNCTIONS[op].partials(args), args, strict=True):
+    for partial, arg in zip(along, args, strict=True):
         total = total + partial * done[arg]
     return total
 
@@ -50,11 +68,13 @@ def _power_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
 def _pieces_derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
     breaks, width, smoothness, closed = node.payload
     rows = piece_rows(node)
-    inner = done[node.args[0]]
+    inner, place = done[node.args[0]], node.args[0]
+    if place.op == "within":  # its name stands for the values
+        place = place.payload.derivative.rebuilt(place.args)
     lower = smoothness if smoothness == ANALYTIC else smoothness - 1
     along = tuple(tuple(row[k] * number(k) for k in range(1, width)) or (ZERO,) for row in rows)
-    result = pieces(node.args[0], breaks, along, lower, closed) * inner
+    result = pieces(place, breaks, along, lower, closed) * inner
     # the coefficients may depend on the parameters as well, and on that of the pieces
     across = tuple(tuple(done[c] for c in row) for row in rows)
     after = smoothness if inner is ZERO else lower
-    return result + pieces(node.args[0], breaks, across, after, closed)
+    return result + pieces(place, breaks, across, after, closed)

@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.expression import wave_values
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.intervals import (
     INFINITE,
@@ -90,8 +91,10 @@ def enclose(
         return _power(node, args)
     if op == "pieces":
         return _pieces(node, args)
-    if op == "atan2":
-        return _atan2(*args)
+    if op == "fourier":
+        return wave_values.enclose(node.payload, *args)
+    if op in _SEVERAL:
+        return _SEVERAL[op](*args)
     return ENCLOSURES[op](args[0])
 
 
@@ -184,6 +187,48 @@ def _atan2(y: Interval, x: Interval) -> Interval:
                     np.where(cut, half_turn, np.minimum(result.upper, half_turn)))  # fmt: skip
 
 
+def _floor(x: Interval) -> Interval:
+    return Interval(np.floor(x.lower), np.floor(x.upper))
+
+
+def _mod(x: Interval, m: Interval) -> Interval:
+    """Enclose x - m floor(x/m), m > 0: between 0 and m, and closer where the quotient is known."""
+    turns = _floor(x / m)
+    rest = x - m * turns
+    known = (turns.lower == turns.upper) & (m.lower > 0)
+    lower = np.where(known, np.maximum(rest.lower, 0.0), 0.0)
+    result = Interval(lower, np.where(known, np.minimum(rest.upper, m.upper), m.upper))
+    return whole_line_where(~(m.lower > 0) | ~np.isfinite(rest.lower + rest.upper), result)
+
+
+def _least(a: Interval, b: Interval) -> Interval:
+    return Interval(np.minimum(a.lower, b.lower), np.minimum(a.upper, b.upper))
+
+
+def _largest(a: Interval, b: Interval) -> Interval:
+    return Interval(np.maximum(a.lower, b.lower), np.maximum(a.upper, b.upper))
+
+
+def _where(g: Interval, a: Interval, b: Interval) -> Interval:
+    """Enclose a where g >= 0, else b; the hull of both where the sign is not known."""
+    both = a.join(b)
+    first, second = g.lower >= 0, g.upper < 0
+    return Interval(
+        np.where(first, a.lower, np.where(second, b.lower, both.lower)),
+        np.where(first, a.upper, np.where(second, b.upper, both.upper)),
+    )
+
+
+def _within(t: Interval, low: Interval, high: Interval) -> Interval:
+    """Enclose what of an argument lies inside a range."""
+    result = Interval(np.maximum(t.lower, low.lower), np.minimum(t.upper, high.upper))
+    return whole_line_where(result.lower > result.upper, result)
+
+
+_SEVERAL: Final[dict[str, Callable[..., Interval]]] = {
+    "atan2": _atan2, "mod": _mod, "min": _least, "max": _largest, "where": _where,
+    "within": _within,
+}  # fmt: skip
 ENCLOSURES: Final[dict[str, _One]] = {
     "sin": _sine,
     "cos": _cosine,
@@ -202,6 +247,7 @@ ENCLOSURES: Final[dict[str, _One]] = {
     "sqrt": _root,
     "abs": Interval.magnitude,
     "sign": _sign,
+    "floor": _floor,
 }
 
 

@@ -12,7 +12,7 @@ from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol, walk
 
 #: the operations that polynomials are made of: others are not worked out to see them cancel
-_POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
+POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
 
 
 def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
@@ -28,14 +28,20 @@ def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     return roots
 
 
-def _factored(node: Expr) -> Expr:
-    """Return a root with whole powers taken out."""
+def root_exponent(node: Expr) -> Fraction | None:
+    """Return the positive, broken exponent of a square root or power of parameters, else None."""
     exponent = Fraction(1, 2)
     if node.op == "pow":
         if node.args[1].op != "number":
-            return node
+            return None
         exponent = node.args[1].payload
-    if exponent.denominator == 1 or exponent < 0 or not node.symbols:
+    return exponent if exponent.denominator > 1 and exponent > 0 and node.symbols else None
+
+
+def _factored(node: Expr) -> Expr:
+    """Return a root with whole powers taken out."""
+    exponent = root_exponent(node)
+    if exponent is None:
         return node
     form = _polynomial(node.args[0])
     if form is None:
@@ -74,7 +80,7 @@ def _arc(node: Expr) -> Expr:
 
 def _polynomial(tree: Expr) -> NormalForm | None:
     """Return the normal form of a polynomial in the parameters with rational coefficients."""
-    if any(node.op not in _POLYNOMIAL for node in walk((tree,))):
+    if any(node.op not in POLYNOMIAL for node in walk((tree,))):
         return None
     form = normal_form(tree, largest=60)
     if not form or any(atom.op != "symbol" for monomial in form for atom, _ in monomial):

@@ -9,6 +9,7 @@ not n·m·k times. This factoring by parameter is what makes channels fast.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, operands, walk
+from pc2cad.expression.wave_values import values
 
 Value = Any  # a float or an array of any broadcastable shape
 
@@ -110,8 +112,24 @@ def _step(node: Expr) -> _Run:
         return _power_step(node.args[1])
     if op == "pieces":
         return _pieces_step(node)
+    if op == "fourier":
+        return partial(values, payload)
+    if op in _CHOICES:
+        return _CHOICES[op]
     function: _Run = getattr(np, FUNCTIONS[op].numpy_name)
     return function
+
+
+def _where(condition: Value, a: Value, b: Value) -> Value:
+    chosen = np.where(condition >= 0, a, b)
+    return np.where(np.isnan(condition), np.nan, chosen) if np.isnan(condition).any() else chosen
+
+
+def _within(t: Value, low: Value, high: Value) -> Value:
+    return np.where((t >= low) & (t <= high), t, np.nan)
+
+
+_CHOICES: dict[str, _Run] = {"where": _where, "within": _within}
 
 
 def _power_step(exponent: Expr) -> _Run:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from math import isqrt
+from math import floor, isqrt
 from typing import Final
 
 from pc2cad.expression.tree import ONE, PI, ZERO, Expr, ValueDomainError, call, mul, number
@@ -29,6 +29,11 @@ class Function:
 
 def _square(a: Expr) -> Expr:
     return a**2
+
+
+def _chosen(condition: Expr) -> tuple[Expr, Expr]:
+    """Return 1 and 0 where a number is not negative, else 0 and 1."""
+    return call("where", condition, ONE, ZERO), call("where", condition, ZERO, ONE)
 
 
 FUNCTIONS: Final[dict[str, Function]] = {
@@ -56,15 +61,23 @@ FUNCTIONS: Final[dict[str, Function]] = {
     "log": Function(1, "log", lambda a: (1 / a[0],)),
     "sqrt": Function(1, "sqrt", lambda a: (1 / (2 * call("sqrt", a[0])),)),
     "abs": Function(1, "abs", lambda a: (call("sign", a[0]),)),
-    # made by the derivative of abs only: not a name of the language
     "sign": Function(1, "sign", lambda a: (ZERO,)),
+    "floor": Function(1, "floor", lambda a: (ZERO,)),
+    # x - m floor(x/m): in [0, m) for m > 0
+    "mod": Function(2, "mod", lambda a: (ONE, -call("floor", a[0] / a[1]))),
+    "min": Function(2, "minimum", lambda a: _chosen(a[1] - a[0])),
+    "max": Function(2, "maximum", lambda a: _chosen(a[0] - a[1])),
+    # b where a condition of the form a >= 0 holds, else c: what if(...) is made of
+    "where": Function(3, "", lambda a: (ZERO, *_chosen(a[0]))),
 }
-#: the names a user may write
-PUBLIC_FUNCTIONS: Final = tuple(name for name in FUNCTIONS if name != "sign")
+#: the names a user may write as functions of scalars
+PUBLIC_FUNCTIONS: Final = tuple(name for name in FUNCTIONS if name != "where")
+#: those that take two operands or more, one by one
+REPEATED: Final = ("min", "max")
 
 _AT_ZERO: Final = {
     **dict.fromkeys(("sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh"), ZERO),
-    **dict.fromkeys(("sqrt", "abs", "sign"), ZERO),
+    **dict.fromkeys(("sqrt", "abs", "sign", "floor"), ZERO),
     **dict.fromkeys(("cos", "cosh", "exp"), ONE),
 }
 #: cos(r·pi) for r in [0, 2): the values that are rational
@@ -83,6 +96,8 @@ def fold(name: str, args: Args) -> Expr | Args:
     (a, *_) = args
     if name == "atan2":
         return ZERO if a is ZERO and args[1] is ONE else args
+    if len(args) > 1:
+        return _fold_choice(name, args)
     if a is ZERO and name in _AT_ZERO:
         return _AT_ZERO[name]
     if name in ("sin", "cos"):
@@ -96,12 +111,31 @@ def fold(name: str, args: Args) -> Expr | Args:
     return args
 
 
+def _fold_choice(name: str, args: Args) -> Expr | Args:
+    """Fold what chooses between operands, or divides by one."""
+    a, b = args[:2]
+    numbers = a.op == b.op == "number"
+    if name == "where":
+        if b is args[2]:
+            return b
+        return (b if a.payload >= 0 else args[2]) if a.op == "number" else args
+    if name == "mod":
+        if b.op == "number" and b.payload <= 0:
+            raise ValueDomainError(f"mod(x, {b.payload}) needs a positive number behind the comma")
+        return number(a.payload % b.payload) if numbers else args
+    if a is b:
+        return a
+    return (a if (a.payload <= b.payload) == (name == "min") else b) if numbers else args
+
+
 def _fold_number(name: str, a: Expr) -> Expr | Args:
     value: Fraction = a.payload
     if name == "abs":
         return number(abs(value))
     if name == "sign":
         return number((value > 0) - (value < 0))
+    if name == "floor":
+        return number(floor(value))
     if name == "log" and value == 1:
         return ZERO
     if name == "sqrt" and value > 0:

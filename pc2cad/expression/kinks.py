@@ -1,4 +1,4 @@
-"""Kinks: absolute values become pieces that change where their arguments change their sign.
+"""Kinks: absolute values and choices become pieces that change where their arguments change sign.
 
 |g| of one parameter is g or -g on each piece, so that its kinks are breaks of that parameter like
 those of polygons: grid lines of meshes, edges between faces, knots. So are those of the root of a
@@ -8,38 +8,30 @@ parameters its zeros are a curve, along which nothing can be joined; that is ref
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import pairwise, product
 from math import floor, pi
 
-from pc2cad.expression.breaks import SAME_POSITION, BreaksNotAlignedError
-from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.choices import CHOICES, in_formulas, is_bent_table, vanishes_at_breaks
 from pc2cad.expression.enclosures import IntervalProgram
-from pc2cad.expression.intervals import Interval, interval
+from pc2cad.expression.intervals import interval
+from pc2cad.expression.kink_curves import refuse_curve
+from pc2cad.expression.magnitudes import largest_seen
 from pc2cad.expression.normal_form import NormalForm, normal_form, ordered, tree_of
+from pc2cad.expression.rounded_identity import is_zero_to_rounding
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import (
-    ONE,
-    PI,
-    Expr,
-    call,
-    number,
-    pieces,
-    power,
-    rebuild,
-    symbol,
-    walk,
-)  # fmt: skip
+from pc2cad.expression.sign_changes import in_pieces, sign_changes
+from pc2cad.expression.tree import ONE, PI, Expr, call, number, power, rebuild, substitute, walk
 
 #: the functions that may hold kinks: a root of a square and the arc of a wave are absolute values
-_KINKED = frozenset(("abs", "sqrt", "acos", "asin"))
-#: intervals that the search for zeros begins with, that it takes at once, and how narrow they get
-_FIRST, _MOST, _NARROW = 16, 2048, 2.0**-44
+_KINKED = frozenset(("abs", "sign", "sqrt", "acos", "asin")) | CHOICES
 #: where a wave is looked at between two kinks
 _SHARES = (0.21, 0.5, 0.68)
 #: places per parameter at which an argument of two, or three, parameters is looked at
 _PLACES = {2: 33, 3: 13}
+#: a place at which few functions vanish
+_AT = (0.371, 0.613, 0.847)
 
 
 def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[Expr, ...]:
@@ -51,7 +43,7 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
     function whose zeros are too many to be found stays. Raises BreaksNotAlignedError where an
     argument of several parameters changes its sign.
     """
-    if _KINKED.isdisjoint(node.op for node in walk(roots)):
+    if not any(node.op in _KINKED or is_bent_table(node) for node in walk(roots)):
         return roots
     # what is only used in a power of 2 or more has no kink
     bare = {arg for node in walk(roots) if not _is_smooth_power(node) for arg in node.args}
@@ -61,9 +53,15 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
     for node in walk(roots):
         args = tuple(done[arg] for arg in node.args)
         moved = node if args == node.args else rebuild(node, args)
-        if node not in kept and moved.op == node.op:
+        if moved.op in CHOICES or is_bent_table(moved):
+            formulas = in_formulas(moved, partial(by_sign, shown=shown))
+            if node not in kept or not vanishes_at_breaks(formulas):
+                moved = formulas
+        elif node not in kept and moved.op == node.op:
             if node.op == "abs" and node in bare:
                 moved = _absolute(args[0], 1, shown)
+            elif node.op == "sign":
+                moved = by_sign(args[0], ONE, -ONE, shown) or moved
             elif node.op == "sqrt":
                 moved = _root(moved)
             elif node.op in ("acos", "asin"):
@@ -118,7 +116,7 @@ def _root(node: Expr) -> Expr:
     if half is None or len(node.symbols) != 1:
         return node
     inner, exponent = half
-    return _in_pieces(inner, exponent) if exponent % 2 else power(inner, number(exponent))
+    return _absolute(inner, exponent, ()) if exponent % 2 else power(inner, number(exponent))
 
 
 def _arc(node: Expr) -> Expr:
@@ -129,14 +127,12 @@ def _arc(node: Expr) -> Expr:
     if wave.op not in ("sin", "cos") or len(wave.symbols) != 1:
         return node
     (angle,), cosine = wave.args, wave.op == "cos"
-    found = _changes(call("sin" if cosine else "cos", angle))
-    if found is None:
+    changes = sign_changes(call("sin" if cosine else "cos", angle))
+    if changes is None:
         return node
-    (name,) = wave.symbols
-    _, changes = found
-    breaks = (Fraction(0), *(change.place for change in changes), Fraction(1))
+    name, places = changes.name, changes.places
     rows = []
-    for low, high in pairwise(breaks):
+    for low, high in pairwise((Fraction(0), *places, Fraction(1))):
         at = (float(low + (high - low) * share) for share in _SHARES)
         found_there = [evaluate(angle, {name: x}) / pi for x in at]
         # the angle may touch the end of its half turn inside, and turn back
@@ -146,9 +142,7 @@ def _arc(node: Expr) -> Expr:
         even = whole % 2 == 0
         end = whole + 1 if cosine and not even else whole
         rows.append(angle - end * PI if even else end * PI - angle)
-    arc = rows[0]
-    if len(rows) > 1:
-        arc = pieces(symbol(name), breaks, tuple((row,) for row in rows), 0, closed=False)
+    arc = in_pieces(name, places, tuple(rows))
     if cosine != (node.op == "acos"):
         arc = PI / 2 - arc
     # acos(-x) = pi - acos(x), asin(-x) = -asin(x)
@@ -168,22 +162,20 @@ def _absolute(argument: Expr, exponent: int, shown: tuple[Expr, ...]) -> Expr:
     if exponent % 2 == 0:
         return power(argument, number(exponent))
     if len(argument.symbols) == 1:
-        return _in_pieces(argument, exponent)
+        return _of_one_sign(argument, exponent, shown)
     result = ONE
     for factor, times in _factors(argument):
         if times * exponent % 2 == 0:
             result = result * power(factor, number(times * exponent))
-        elif len(factor.symbols) < 2:
-            result = result * _in_pieces(factor, times * exponent)
         else:
-            result = result * _of_several(factor, times * exponent, shown)
+            result = result * _of_one_sign(factor, times * exponent, shown)
     return result
 
 
 def _factors(tree: Expr) -> list[tuple[Expr, int]]:
     """Return factors of a tree and their exponents."""
     if tree.op == "neg":
-        return _factors(tree.args[0])
+        return [(-ONE, 1), *_factors(tree.args[0])]
     if tree.op == "mul":
         return [*_factors(tree.args[0]), *_factors(tree.args[1])]
     if tree.op == "div":
@@ -211,9 +203,82 @@ def _common(form: NormalForm) -> list[tuple[Expr, int]]:
     return [*shared.items(), (tree_of(rest), 1)]
 
 
-def _of_several(factor: Expr, exponent: int, shown: tuple[Expr, ...]) -> Expr:
-    """Return the absolute value of what depends on several parameters, if it keeps its sign."""
+def _of_one_sign(factor: Expr, exponent: int, shown: tuple[Expr, ...]) -> Expr:
+    """Return |factor|^exponent, the exponent odd, without the absolute value where it can be."""
+    if factor.symbols:
+        smooth = abs(exponent) > 1
+        whole = power(factor, number(exponent))
+        found = _by_sign_of(factor, whole, -whole, None if smooth else shown)
+        if found is not None:
+            return found
+    return power(call("abs", factor), number(exponent))
+
+
+def by_sign(
+    condition: Expr, positive: Expr, negative: Expr, shown: tuple[Expr, ...] | None
+) -> Expr | None:
+    """Return one tree where a condition is positive, and the other where it is negative.
+
+    The places where it changes its sign are breaks of the parameter along which it does; one that
+    keeps its sign leaves one tree. A condition that is zero along a whole piece of a parameter is
+    positive there. `shown` are u, v and w of the equation as trees of the symbols, each of which
+    runs from 0 to 1. None where the changes are too many to be found. Raises
+    BreaksNotAlignedError where they lie along a curve; without `shown` that is None as well.
+    """
+    for factor, times in _factors(condition):
+        if times % 2 == 0:
+            continue
+        if not factor.symbols:
+            if evaluate(factor, {}) < 0:
+                positive, negative = negative, positive
+            continue
+        chosen = _by_sign_of(factor, positive, negative, shown)
+        other = _by_sign_of(factor, negative, positive, shown)
+        if chosen is None or other is None:
+            return None
+        positive, negative = chosen, other
+    return positive
+
+
+def _by_sign_of(
+    factor: Expr, positive: Expr, negative: Expr, shown: tuple[Expr, ...] | None
+) -> Expr | None:
+    """Return `by_sign` of what is no product; curves are refused where `shown` is given."""
     names = sorted(factor.symbols)
+    seen = _signs_seen(factor, names) if len(names) > 1 else {}
+    if len(seen) == 1 and _keeps_sign(factor, names):
+        return positive if 1 in seen else negative
+    parts = _parted(factor, names) if len(names) > 1 else None
+    if parts is not None:
+        return by_sign(parts[0] * parts[1] * parts[2], positive, negative, shown)
+    for name in names:
+        changes = sign_changes(factor, name)
+        if changes is not None:
+            return changes.choose(positive, negative)
+    if len(seen) > 1 and shown is not None:
+        refuse_curve(factor, shown)
+    return None
+
+
+def _parted(tree: Expr, names: list[str]) -> tuple[Expr, Expr, Expr] | None:
+    """Return a tree as a product of a constant and functions of one parameter and of the others.
+
+    None where it is no such product. That it is one is proved to rounding.
+    """
+    here = {name: number(_AT[k]) for k, name in enumerate(names)}
+    (middle,) = substitute((tree,), here)
+    if abs(evaluate(middle, {})) < 1e-6 * largest_seen(tree):
+        return None
+    for name in names:
+        (along,) = substitute((tree,), {n: x for n, x in here.items() if n != name})
+        (across,) = substitute((tree,), {name: here[name]})
+        if is_zero_to_rounding(tree * middle - along * across, tree * middle):
+            return middle, along, across
+    return None
+
+
+def _signs_seen(factor: Expr, names: list[str]) -> dict[int, dict[str, float]]:
+    """Return a place for each sign that samples show."""
     count = _PLACES.get(len(names), 5)
     steps = [(k + 0.5) / count for k in range(count)]
     signs: dict[int, dict[str, float]] = {}
@@ -222,11 +287,7 @@ def _of_several(factor: Expr, exponent: int, shown: tuple[Expr, ...]) -> Expr:
         value = evaluate(factor, values)
         if value:
             signs.setdefault(1 if value > 0 else -1, values)
-    if len(signs) > 1 and abs(exponent) == 1:
-        _refuse(factor, signs[1], signs[-1], shown)
-    if len(signs) == 1 and _keeps_sign(factor, names):
-        return power(factor if 1 in signs else -factor, number(exponent))
-    return power(call("abs", factor), number(exponent))
+    return signs
 
 
 def _keeps_sign(tree: Expr, names: list[str]) -> bool:
@@ -239,147 +300,3 @@ def _keeps_sign(tree: Expr, names: list[str]) -> bool:
     }
     (value,) = IntervalProgram((tree,))(boxes)
     return bool((value.lower >= 0).all() or (value.upper <= 0).all())
-
-
-def _refuse(
-    tree: Expr, first: dict[str, float], second: dict[str, float], shown: tuple[Expr, ...]
-) -> None:
-    """Raise BreaksNotAlignedError with a place between two of opposite signs."""
-    low, high = 0.0, 1.0
-    at = first
-    for _ in range(60):
-        middle = (low + high) / 2
-        at = {name: first[name] + middle * (second[name] - first[name]) for name in first}
-        if evaluate(tree, at) > 0:
-            low = middle
-        else:
-            high = middle
-    own = {name: evaluate(parameter, at) for name, parameter in zip("uvw", shown, strict=True)
-           if name in at and parameter.symbols <= set(at)}  # fmt: skip
-    place = ", ".join(f"{name} = {value:.4g}" for name, value in own.items())
-    plain = all(parameter.op == "symbol" for parameter in shown)
-    what = f"abs({tree!r})" if plain else f"the abs of a function of {' and '.join(own)}"
-    raise BreaksNotAlignedError(
-        f"{what} has a kink along a curve through {place}; kinks are lines of the solid only where "
-        "they lie at values of one parameter: take parameters in which they do, or two bodies"
-    )
-
-
-# -- one parameter ---------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Change:
-    """A place at which a function may change its sign, and the sign after it."""
-
-    place: Fraction
-    after: int
-
-
-def _in_pieces(tree: Expr, exponent: int) -> Expr:
-    """Return |g|^n, n odd, of one parameter: ±g^n in pieces; unchanged where zeros are unknown."""
-    found = None if not tree.symbols else _changes(tree)
-    if found is None:
-        return power(call("abs", tree), number(exponent))
-    whole = power(tree, number(exponent))
-    first, changes = found
-    rows = [(whole if sign > 0 else -whole,) for sign in (first, *(c.after for c in changes))]
-    if len(rows) == 1:
-        return rows[0][0]
-    (name,) = tree.symbols
-    breaks = (Fraction(0), *(c.place for c in changes), Fraction(1))
-    return pieces(symbol(name), breaks, tuple(rows), max(exponent - 1, 0), closed=False)
-
-
-def _changes(tree: Expr) -> tuple[int, list[_Change]] | None:
-    """Return a function's sign at 0 and where it changes on ]0, 1[; None where that is not known.
-
-    Complete: an interval is done with where the enclosure of the values has one sign, or that of
-    the slopes, so that there is one zero at most. What is left is halved, down to `_NARROW`: there,
-    as at ends where rounding hides the sign, the next signs that are known decide.
-    """
-    (name,) = tree.symbols
-    ask = IntervalProgram((tree, *derivatives((tree,), name)))
-    ends = [(k / _FIRST, (k + 1) / _FIRST) for k in range(_FIRST)]
-    #: begin, end, sign at the begin, sign at the end; 0 where it is not known
-    rows: list[tuple[float, float, int, int]] = []
-    while ends:
-        if len(ends) > _MOST:
-            return None
-        starts, stops = [a for a, _ in ends], [b for _, b in ends]
-        value, slope = ask({name: interval(starts, stops)})
-        points = [ask({name: interval(row)})[0] for row in (starts, stops)]
-        columns = (_signs(value, ends), _strict_signs(slope, ends),
-                   *(_strict_signs(point, ends) for point in points))  # fmt: skip
-        left = []
-        for (a, b), sign, monotone, begin, end in zip(ends, *columns, strict=True):
-            if sign:
-                rows.append((a, b, sign, sign))
-            elif monotone:
-                rows.append((a, b, begin, end))
-            elif b - a < _NARROW:
-                rows.append((a, b, 0, 0))
-            else:
-                left += [(a, (a + b) / 2), ((a + b) / 2, b)]
-        ends = left
-    return _told(tree, name, sorted(rows))
-
-
-def _signs(value: Interval, rows: list[tuple[float, float]]) -> list[int]:
-    """Return the signs of enclosures: 1 where none is negative, -1 where none is positive."""
-    return [1 if a >= 0 else -1 if b <= 0 else 0 for a, b in _listed(value, rows)]
-
-
-def _strict_signs(value: Interval, rows: list[tuple[float, float]]) -> list[int]:
-    return [(a > 0) - (b < 0) for a, b in _listed(value, rows)]
-
-
-def _listed(value: Interval, rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    zeros = [0.0] * len(rows)
-    return list(zip((value.lower + zeros).tolist(), (value.upper + zeros).tolist(), strict=True))
-
-
-def _told(
-    tree: Expr, name: str, rows: list[tuple[float, float, int, int]]
-) -> tuple[int, list[_Change]]:
-    """Return the changes of sign along intervals that follow one another."""
-    first = sign = next((s for _, _, *ends in rows for s in ends if s), 1)
-    changes: list[_Change] = []
-    known = 0.0
-    for place, here in ((x, s) for a, b, *ends in rows for x, s in zip((a, b), ends, strict=True)):
-        if not here:
-            continue
-        if here != sign:
-            zero = _zero(tree, name, known, place)
-            if zero < SAME_POSITION:
-                first = here
-            elif zero < 1 - SAME_POSITION:
-                changes.append(_Change(zero, here))
-        known, sign = place, here
-    return first, changes
-
-
-def _zero(tree: Expr, name: str, a: float, b: float) -> Fraction:
-    """Return where a function changes its sign between two places; exactly where it is linear."""
-    if a < b:
-        exact = _linear_zero(tree, name)
-        if exact is not None and a <= exact <= b:
-            return exact
-    low = evaluate(tree, {name: a}) > 0
-    for _ in range(64):
-        middle = (a + b) / 2
-        if not a < middle < b:
-            break
-        value = evaluate(tree, {name: middle})
-        if value == 0:
-            return Fraction(middle)
-        a, b = (middle, b) if (value > 0) == low else (a, middle)
-    return Fraction((a + b) / 2)
-
-
-def _linear_zero(tree: Expr, name: str) -> Fraction | None:
-    form = normal_form(tree, largest=50)
-    if form is None or not set(form) <= {(), ((symbol(name), 1),)}:
-        return None
-    slope = form.get(((symbol(name), 1),), Fraction(0))
-    return -form.get((), Fraction(0)) / slope if slope else None

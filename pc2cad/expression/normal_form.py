@@ -77,6 +77,8 @@ def _inner(node: Expr) -> tuple[Expr, ...]:
     """Return the operands that the form is made of: none for an atom."""
     if node.op in ("add", "neg", "mul"):
         return node.args
+    if node.op == "within":  # equal to its argument wherever it has a value
+        return node.args[:1]
     if node.op == "div" or (node.op == "pow" and _is_repeated(node.args[1])):
         return node.args[:1]
     return ()
@@ -93,6 +95,8 @@ def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalF
         return {(): node.payload} if node.payload else {}
     if node.op == "add":
         return _sum(forms[node.args[0]], forms[node.args[1]], largest)
+    if node.op == "within":
+        return forms[node.args[0]]
     if node.op == "neg":
         return {m: -c for m, c in forms[node.args[0]].items()}
     if node.op == "mul":

@@ -89,14 +89,52 @@ def _subtrahend(
     return None
 
 
+def _sides(
+    condition: Expr, parts: dict[Expr, _Part], form: Callable[[Expr, dict[Expr, _Part]], _Part]
+) -> tuple[_Part, _Part]:
+    """Return what is compared where a tree is not negative: a difference is taken apart."""
+    if condition.op == "add":
+        first, second = condition.args
+        for inner in (first, second, *second.args):  # a known text is not asked for those below it
+            if inner not in parts:
+                parts[inner] = (as_text(inner), _ATOM)
+        taken = _subtrahend(second, parts, form)
+        if taken is not None:
+            return parts[first], taken
+    return parts[condition], ("0", _ATOM)
+
+
+def _pieces_text(node: Expr, parts: dict[Expr, _Part]) -> str:
+    """Return a table as name(a, b), its own arguments in order; else that there are pieces."""
+    if node.args[0].op != "within":
+        return f"<piecewise polynomial of {parts[node.args[0]][0]}>"
+    return f"{node.args[0].payload.name}({', '.join(map(as_text, table_arguments(node)))})"
+
+
+def table_arguments(node: Expr) -> list[Expr]:
+    """Return what the pieces of a table are taken at, outermost first."""
+    found: list[Expr] = []
+    inner: Expr | None = node
+    while inner is not None and inner.args[0].op == "within":
+        found.append(inner.args[0].args[0])
+        below = (c for c in inner.args[1:] if c.op == "pieces")
+        inner = next(below, None)
+    return found
+
+
 def _text(node: Expr, parts: dict[Expr, _Part]) -> _Part:
     op = node.op
     if op == "number":
         return _number_text(node.payload)
     if op in ("symbol", "constant"):
         return node.payload, _ATOM
+    if op == "within":
+        return f"{node.payload.name}({parts[node.args[0]][0]})", _ATOM
     if op == "pieces":
-        return f"<piecewise polynomial of {parts[node.args[0]][0]}>", _ATOM
+        return _pieces_text(node, parts), _ATOM
+    if op == "fourier":
+        angles = ", ".join(parts[arg][0] for arg in node.args)
+        return f"<series of {len(node.payload.rows)} waves of {angles}>", _ATOM
     p = [parts[arg] for arg in node.args]
     if op == "add":
         taken = _subtrahend(node.args[1], parts, _text)
@@ -111,6 +149,9 @@ def _text(node: Expr, parts: dict[Expr, _Part]) -> _Part:
         return f"{_wrap(p[0], _PRODUCT)}/{_wrap(p[1], _POWER)}", _PRODUCT
     if op == "pow":
         return f"{_wrap(p[0], _ATOM)}^{_wrap(p[1], _ATOM)}", _POWER
+    if op == "where":
+        condition = " >= ".join(text for text, _ in _sides(node.args[0], parts, _text))
+        return f"if({condition}, {p[1][0]}, {p[2][0]})", _ATOM
     return f"{op}({', '.join(text for text, _ in p)})", _ATOM
 
 
@@ -149,7 +190,8 @@ _GREEK = frozenset(
 )
 _LATEX_FUNCTIONS = {
     "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan", "log": r"\ln",
-    **{f: rf"\{f}" for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp")},
+    "sign": r"\operatorname{sgn}",
+    **{f: rf"\{f}" for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "min", "max")},
 }  # fmt: skip
 
 
@@ -183,8 +225,19 @@ def _latex(node: Expr, parts: dict[Expr, _Part]) -> _Part:
         return (r"\pi" if node.payload == "pi" else r"\mathrm{e}"), _ATOM
     if op == "symbol":
         return name_latex(node.payload), _ATOM
+    if op == "within" or (op == "pieces" and node.args[0].op == "within"):
+        places = table_arguments(node) if op == "pieces" else node.args[:1]
+        name = (node if op == "within" else node.args[0]).payload.name
+        given = ", ".join(parts[a][0] for a in places)
+        return rf"{name_latex(name.rstrip(chr(39)))}{chr(39) * name.count(chr(39))}" + (
+            rf"\left({given}\right)"
+        ), _ATOM
     if op == "pieces":
         return rf"p_{{{len(piece_rows(node))}}}\left({parts[node.args[0]][0]}\right)", _ATOM
+    if op == "fourier":
+        theta, phi = (_group(parts[arg], _POWER) for arg in node.args)
+        waves = rf"c_{{mk}} \cos\left(m\,{theta} - k\,{phi} - \delta_{{mk}}\right)"
+        return rf"\sum_{{m,k}}^{{{len(node.payload.rows)}}} {waves}", _PRODUCT
     return _latex_operation(node, [parts[arg] for arg in node.args], parts)
 
 
@@ -209,5 +262,11 @@ def _latex_operation(node: Expr, p: list[_Part], parts: dict[Expr, _Part]) -> _P
         return rf"\sqrt{{{p[0][0]}}}", _ATOM
     if op == "abs":
         return rf"\left|{p[0][0]}\right|", _ATOM
+    if op == "floor":
+        return rf"\left\lfloor {p[0][0]} \right\rfloor", _ATOM
+    if op == "where":
+        condition = r" \ge ".join(text for text, _ in _sides(node.args[0], parts, _latex))
+        rows = rf"{p[1][0]} & \text{{if }} {condition} \\ {p[2][0]} & \text{{else}}"
+        return rf"\begin{{cases}} {rows} \end{{cases}}", _ATOM
     name = _LATEX_FUNCTIONS.get(op, rf"\operatorname{{{op}}}")
     return rf"{name}\left({', '.join(text for text, _ in p)}\right)", _ATOM

@@ -15,7 +15,16 @@ _NAN = float("nan")
 _SPECIAL: dict[str, Callable[..., float]] = {
     "abs": abs,
     "sign": lambda a: float((a > 0) - (a < 0)),
+    "mod": lambda a, m: a % m,
+    "min": lambda a, b: _either(a, b, a <= b),
+    "max": lambda a, b: _either(a, b, a >= b),
+    "where": lambda g, a, b: g if g != g else a if g >= 0 else b,
+    "within": lambda t, low, high: t if low <= t <= high else _NAN,
 }
+
+
+def _either(a: float, b: float, first: bool) -> float:
+    return a + b if a != a or b != b else a if first else b
 
 
 def evaluate(root: Expr, values: Mapping[str, float]) -> float:
@@ -61,6 +70,8 @@ def _value(node: Expr, args: list[float], values: Mapping[str, float]) -> float:
         return result if isinstance(result, float) else _NAN
     if op == "pieces":
         return _piece_value(node, args)
+    if op == "fourier":
+        return node.payload.value(*args)  # type: ignore[no-any-return]
     return (_SPECIAL.get(op) or getattr(math, op))(*args)
 
 

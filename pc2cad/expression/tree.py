@@ -16,6 +16,7 @@ from zlib import crc32
 from pc2cad.expression.budget import spend
 from pc2cad.expression.exact import ValueDomainError as ValueDomainError
 from pc2cad.expression.exact import exact
+from pc2cad.expression.foreign import Foreign
 
 Number = int | float | Fraction
 
@@ -46,13 +47,18 @@ class Layout(NamedTuple):
     #: repeats with the period breaks[-1] - breaks[0]; else the end pieces go on
     closed: bool
 
+    def rebuilt(self, args: tuple[Expr, ...]) -> Expr:
+        """Return such pieces of other operands."""
+        rows = tuple(args[i : i + self.width] for i in range(1, len(args), self.width))
+        return pieces(args[0], self.breaks, rows, self.smoothness, self.closed)
 
-class Expr:
+
+class Expr(Foreign):
     """A node: an operation, its operands, and a payload for leaves.
 
     ``op`` is ``"number"`` (payload: Fraction), ``"constant"`` (payload: ``pi`` or ``e``),
-    ``"symbol"`` (payload: name), one of ``add mul div pow neg``, a function name, or ``"pieces"``
-    (a piecewise polynomial, see `pieces`). Build nodes with the functions below, never directly.
+    ``"symbol"`` (payload: name), one of ``add mul div pow neg``, a function name, ``"pieces"``
+    (see `pieces`) or ``"fourier"`` (see `waves.fourier`). Build nodes with functions, not directly.
     """
 
     __slots__ = ("__weakref__", "args", "op", "payload", "rank", "symbols", "value")
@@ -296,18 +302,30 @@ def pieces(
     width = len(rows[0])
     if all(c is rows[0][0] for (c, *_) in rows) and all(c is ZERO for row in rows for c in row[1:]):
         return rows[0][0]
+    layout = Layout(breaks, width, smoothness, closed)
     if arg.op == "number":
-        t = arg.payload
-        if closed:
-            t = (t - breaks[0]) % (breaks[-1] - breaks[0]) + breaks[0]
-        index = max((i for i in range(len(rows)) if breaks[i] <= t), default=0)
-        value = ZERO
-        for coefficient in reversed(rows[index]):
-            value = value * (t - breaks[index]) + coefficient
-        return value
+        index, local = row_at(layout, arg.payload)
+        return polynomial(rows[index], number(local))
     flat = tuple(c for row in rows for c in row)
     spend(4 * len(flat))
-    return intern("pieces", (arg, *flat), Layout(breaks, width, smoothness, closed))
+    return intern("pieces", (arg, *flat), layout)
+
+
+def row_at(layout: Layout, t: Fraction) -> tuple[int, Fraction]:
+    """Return the piece at a value of the argument, and the local variable there."""
+    breaks = layout.breaks
+    if layout.closed:
+        t = (t - breaks[0]) % (breaks[-1] - breaks[0]) + breaks[0]
+    index = max((i for i in range(len(breaks) - 1) if breaks[i] <= t), default=0)
+    return index, t - breaks[index]
+
+
+def polynomial(row: tuple[Expr, ...], t: Expr) -> Expr:
+    """Return the polynomial of t with ascending coefficients."""
+    value = ZERO
+    for coefficient in reversed(row):
+        value = value * t + coefficient
+    return value
 
 
 def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
@@ -318,10 +336,7 @@ def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
 
 
 def operands(node: Expr) -> tuple[Expr, ...]:
-    """Return what a program has to work out before the node.
-
-    Coefficients of pieces are none of it where all are constant: they make a table.
-    """
+    """Return what a program works out before the node: no coefficients of pieces, if constant."""
     table = node.op == "pieces" and not any(c.symbols for c in node.args[1:])
     return node.args[:1] if table else node.args
 
@@ -336,11 +351,7 @@ def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     build = _BUILDERS.get(node.op)
     if build is not None:
         return build(*args)
-    if node.op == "pieces":
-        breaks, width, smoothness, closed = node.payload
-        rows = tuple(args[1 + i : 1 + i + width] for i in range(0, len(args) - 1, width))
-        return pieces(args[0], breaks, rows, smoothness, closed)
-    return call(node.op, *args)
+    return call(node.op, *args) if node.payload is None else node.payload.rebuilt(args)
 
 
 _BUILDERS: Final[dict[str, Callable[..., Expr]]] = {
@@ -374,19 +385,9 @@ def walk(
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:
     """Return the trees with symbols replaced and everything folded anew."""
-    found = frozenset[str]().union(*(root.symbols for root in roots))
-    names = frozenset(name for name in found & values.keys() if values[name] is not symbol(name))
-    if not names:
-        return roots
-    done: dict[Expr, Expr] = {}
-    for node in walk(roots, lambda n: () if n.symbols.isdisjoint(names) else n.args):
-        if node.symbols.isdisjoint(names):
-            done[node] = node
-        elif node.op == "symbol":
-            done[node] = values[node.payload]
-        else:
-            done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
-    return tuple(done[root] for root in roots)
+    from pc2cad.expression.substitution import substituted
+
+    return substituted(roots, values)
 
 
 def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> tuple[Expr, ...]:

@@ -61,6 +61,16 @@ class SurfaceFunction:
     turns: bool = False
     #: of a rational surface
     weight: Callable[[Array, Array], Array] | None = None
+    #: points and normals (of any length), (n, m, 3), on the product of parameters (n,) and (m,)
+    product: Callable[[Array, Array], tuple[Array, Array]] | None = None
+
+    def on_grid(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """Return points and normals (of any length), (n, m, 3), on a product of parameters."""
+        if self.product is not None:
+            return self.product(a, b)
+        shape = (len(a), len(b), 3)
+        point, along_a, along_b = self.jet(np.repeat(a, len(b)), np.tile(b, len(a)))
+        return point.reshape(shape), np.cross(along_a, along_b).reshape(shape)
 
 
 @dataclass(frozen=True, eq=False)

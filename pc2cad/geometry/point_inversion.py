@@ -8,7 +8,6 @@ from __future__ import annotations
 from functools import singledispatch
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import (
@@ -25,6 +24,7 @@ from pc2cad.geometry.carriers import (
     SplineCurve,
     Torus,
 )
+from pc2cad.geometry.splines.spline_basis import spline_values
 
 TURN = 2 * np.pi
 
@@ -33,16 +33,32 @@ TURN = 2 * np.pi
 
 
 def along_curve(carrier: CurveCarrier, points: Array) -> Array:
-    """Return the parameters (n,) of points (n, 3) on an arc or on one arc of an open conic."""
+    """Return the parameters (n,) of points (n, 3) on an arc, or on a conic in rational pieces."""
     if isinstance(carrier, Arc):
         local = (points - carrier.frame.origin) @ carrier.frame.axes[:2].T
         return np.asarray(
             np.arctan2(local[:, 1] / carrier.radii[1], local[:, 0] / carrier.radii[0])
         )
     assert isinstance(carrier, SplineCurve)
+    pieces = conic_pieces(carrier)
     # (1-t)² : 2w t(1-t) : t² are the shares of the three poles, weights left out
-    first, middle, last = conic_shares(carrier, points)
-    return np.asarray((last + middle / 2) / (first + middle + last))
+    first, middle, last = np.stack([conic_shares(piece, points) for piece in pieces], axis=1)
+    total = first + middle + last
+    # on the conic 2t(1-t) is negative beyond the ends of a piece
+    own = np.argmax(middle / total, axis=0)
+    places = (np.arange(len(pieces))[:, None] + (last + middle / 2) / total) / len(pieces)
+    return np.asarray(np.take_along_axis(places, own[None], axis=0)[0])
+
+
+def conic_pieces(carrier: SplineCurve) -> list[SplineCurve]:
+    """Return the equal pieces of degree 2 of a conic, each over [0, 1]."""
+    starts = range(0, len(carrier.poles) - 1, 2)
+    weights = np.ones(len(carrier.poles)) if carrier.weights is None else carrier.weights
+    knots = np.repeat([0.0, 1.0], 3)
+    return [
+        SplineCurve(2, knots, carrier.poles[i : i + 3], weights[i : i + 3] / weights[i])
+        for i in starts
+    ]
 
 
 def conic_shares(conic: SplineCurve, points: Array) -> Array:
@@ -62,7 +78,7 @@ def curve_points(carrier: CurveCarrier, share: Array) -> Array:
     homogeneous = carrier.poles
     if carrier.weights is not None:
         homogeneous = np.column_stack((carrier.poles * carrier.weights[:, None], carrier.weights))
-    values = BSpline(carrier.knots, homogeneous, carrier.degree)(share)
+    values = spline_values(carrier.knots, homogeneous, carrier.degree, share)
     return np.asarray(values if carrier.weights is None else values[:, :3] / values[:, 3:])
 
 

@@ -7,7 +7,7 @@ Everything is exact until the last rounding to a float.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -119,6 +119,17 @@ def _integral(f: _Polynomial) -> Fraction:
     return total
 
 
+def _integral_over(f: _Polynomial, spans: Sequence[tuple[Fraction, Fraction]]) -> Fraction:
+    """Return the integral over a box."""
+    total = Fraction(0)
+    for powers, c in f.items():
+        total += c * prod(
+            (high ** (n + 1) - low ** (n + 1)) / (n + 1)
+            for n, (low, high) in zip(powers, spans, strict=True)
+        )
+    return total
+
+
 def _plane_area(
     analysis: Analysis, patch: Cell, tangents: list[list[_Polynomial]], scale: int
 ) -> float | None:
@@ -137,7 +148,11 @@ def _plane_area(
     for v, (i, j) in product(vectors, ((0, 1), (1, 2), (2, 0))):
         if v[i] * first[j] != v[j] * first[i]:
             return None
-    square = sum(_integral(f) ** 2 for f in normal)
+    spans = [(Fraction(0), Fraction(1))] * 3
+    for axis in (s, t):
+        low, high = analysis.span(axis, patch[axis])
+        spans[axis] = Fraction(low), Fraction(high)
+    square = sum(_integral_over(f, spans) ** 2 for f in normal)
     return sqrt(square / scale**4)
 
 

@@ -19,6 +19,7 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
+from pc2cad.expression.narrow import narrow_limits
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import walk
 from pc2cad.geometry.splines.bernstein import degree_in
@@ -56,7 +57,7 @@ class NotIntegrableError(NotASolidError):
 
 
 @dataclass(frozen=True)
-class Properties:
+class MassProperties:
     """Integrals of the solid in model units, with an estimate of their relative error."""
 
     volume: float
@@ -79,7 +80,7 @@ class Properties:
         return 2 * self.volume / self.area
 
 
-def integrate(analysis: Analysis) -> Properties:
+def integrate(analysis: Analysis) -> MassProperties:
     """Return the integrals; raise FoldedMapError where a quadrature node shows a fold."""
     centre = _centre(analysis)
     watch = JacobianWatch(analysis.map)
@@ -91,7 +92,8 @@ def integrate(analysis: Analysis) -> Properties:
         moments, error = _total(densities.volume, [p.rule() for p in exact]), EXACT
     else:
         features = _features(densities.measure, _limits(analysis))
-        whole = [_panels(densities.volume, _limits(analysis), d, features) for d in range(3)]
+        limits = _narrowed(analysis, _limits(analysis))
+        whole = [_panels(densities.volume, limits, d, features) for d in range(3)]
         found = [_integral(densities.volume, part) for part in _layers(analysis, whole)]
         layers, errors = [m for m, _ in found], [e for _, e in found]
         moments, error = np.sum(layers, axis=0), max(errors)
@@ -120,13 +122,41 @@ def integrate(analysis: Analysis) -> Properties:
         )
     outer = len(analysis.boundary.faces)
     volume, centroid = _mass(moments, centre)
-    numeric = Properties(
+    numeric = MassProperties(
         volume, sum(areas[:outer]), centroid, tuple(areas[:outer]), max(errors), QUADRATURE,
         tuple(_mass(part, centre) for part in layers) if analysis.equation.layers else (),
         tuple(areas[outer:]),
     )  # fmt: skip
     closed = exact_integrals(analysis)
     return numeric if closed is None else _in_closed_form(closed, numeric, errors[1:])
+
+
+def inertia(analysis: Analysis, about: tuple[float, float, float]) -> Array:
+    """Return the tensor of inertia (3, 3) about a place, for the density 1, in units^5.
+
+    By the same quadrature as `integrate`; raises what that raises.
+    """
+    centre, watch = np.array(about), JacobianWatch(analysis.map)
+    pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+
+    def second(u: Array, v: Array, w: Array) -> Samples:
+        points, *tangents = analysis.map.frame(u, v, w)
+        determinant, size, _ = watch.note(tangents, (u, v, w))
+        from_centre = points - centre
+        with np.errstate(all="ignore"):
+            values = [from_centre[..., i] * from_centre[..., j] * determinant for i, j in pairs]
+            size = size * (from_centre * from_centre).sum(axis=-1)
+        return Samples(np.stack(values, axis=-1), size, points, np.stack(tangents))
+
+    limits = _limits(analysis)
+    features = _features(second, limits)
+    found, _ = _integral(second, [_panels(second, limits, d, features) for d in range(3)])
+    moments = np.empty((3, 3))
+    for (i, j), value in zip(pairs, found, strict=True):
+        moments[i, j] = moments[j, i] = value
+    # det J may be negative all over
+    moments *= np.sign(np.trace(moments))
+    return np.asarray(np.trace(moments) * np.eye(3) - moments)
 
 
 def _mass(moments: Array, centre: Array) -> tuple[float, tuple[float, float, float]]:
@@ -148,15 +178,15 @@ def _layers(analysis: Analysis, whole: list[Panels]) -> list[list[Panels]]:
 
 
 def _in_closed_form(
-    exact: ExactIntegrals, numeric: Properties, face_errors: list[float]
-) -> Properties:
+    exact: ExactIntegrals, numeric: MassProperties, face_errors: list[float]
+) -> MassProperties:
     """Return the properties with all that is known exactly in place of what was integrated."""
     x, y, z = (float(c) for c in exact.centroid)
     pairs = list(zip(exact.face_areas, numeric.face_areas, strict=True))
     areas = tuple(a if a is not None else b for a, b in pairs)
     curved = [e for (a, _), e in zip(pairs, face_errors, strict=True) if a is None]
     source = CLOSED_FORM if not curved else CLOSED_FORM_BUT_AREA
-    return Properties(
+    return MassProperties(
         float(exact.volume), sum(areas), (x, y, z), areas, max(curved, default=0.0), source
     )
 
@@ -186,9 +216,10 @@ def _flat_area(analysis: Analysis, patch: Cell, rules: list[Panels]) -> float:
     s, t = directions_of(patch)
     nodes, weights = [], []
     for d, panels in enumerate(rules):
-        x, weight = panels.rule() if patch[d] % 2 else (np.array([float(patch[d] > 0)]), np.ones(1))
-        nodes.append(x)
-        weights.append(weight)
+        low, high = analysis.span(d, patch[d])
+        x, weight = panels.rule() if patch[d] % 2 else (np.zeros(1), np.ones(1))
+        nodes.append(low + (high - low) * x)
+        weights.append(weight * (high - low) if patch[d] % 2 else weight)
     along_s, along_t = analysis.map.tangents((s, t), *open_grid(*nodes))
     normals = np.cross(along_s, along_t).reshape(-1, 3)
     weight = (weights[0][:, None, None] * weights[1][:, None] * weights[2]).ravel()
@@ -291,6 +322,15 @@ def _limits(analysis: Analysis, patch: Cell | None = None) -> list[list[float]]:
         inner = [b.position for b in analysis.breaks[d] if low < b.position < high]
         found.append([low, *inner, high])
     return found
+
+
+def _narrowed(analysis: Analysis, limits: list[list[float]]) -> list[list[float]]:
+    """Return limits with those between which functions change at short length."""
+    trees = analysis.map.coordinates
+    return [
+        sorted({*row, *narrow_limits(trees, name).tolist()})
+        for name, row in zip(PARAMETERS, limits, strict=True)
+    ]
 
 
 def _on_face(

@@ -40,7 +40,7 @@ class Counts:
                         coupled.add((corner, ring[k - 1]))
                         coupled.add((corner, following))
         self._coupled = {self._top(half) for half in coupled}
-        # what is drawn together most often says how wide the core is
+        # what is collapsed most often says how wide the core is
         for rank in (2, 1, 0):
             self._choose(solids, rank)
 

@@ -1,11 +1,11 @@
-"""Large cells of a box whose sides are drawn together: hexahedra, wedges and tetrahedra.
+"""Large cells of a box whose sides are collapsed: hexahedra, wedges and tetrahedra.
 
 The box is cut where M has creases, at least in three where it closes, and for every right angle
 about an axis or a point. What a collapse of its sides makes of a large cell is a hexahedron, a
 wedge, a tetrahedron or a pyramid, which is two tetrahedra: no corner has more than three edges.
 
 A large cell has coordinates of its own (`Chart`), in which it is a polytope with plane sides: the
-shares of the box times the distances from the sides that are drawn together.
+shares of the box times the distances from the sides that are collapsed.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class Polytope:
     cell: tuple[int, int, int]
     #: the direction and the cells of the fine grid along each edge; none along a cut
     edges: tuple[tuple[int, float] | None, ...]
-    #: in how many ways each direction is drawn together in the large cell
+    #: in how many ways each direction is collapsed in the large cell
     ignored: tuple[int, int, int]
 
 
@@ -173,7 +173,7 @@ def _angles(analysis: Analysis, side: SideFate) -> Iterator[tuple[int, float]]:
         if e != side.along:
             chords = _chords(analysis, side, e, 64)
             lengths = np.sqrt((chords * chords).sum(axis=-1, keepdims=True))
-            # another side may be drawn together with this one, and nothing turns along it
+            # another side may be collapsed with this one, and nothing turns along it
             chords = np.divide(chords, lengths, out=np.zeros_like(chords), where=lengths > 0)
             steps = np.sqrt((np.diff(chords, axis=0) ** 2).sum(axis=-1))
             yield e, float((2 * np.arcsin(np.minimum(steps / 2, 1))).sum(axis=0).max())
@@ -238,7 +238,7 @@ def polytopes(checked: CheckedMap, large: Grid) -> list[Polytope]:
         same = [tuple(np.flatnonzero((places == place).all(axis=1))) for place in places]
         if any(first != group[0] for first, group in zip(pattern, same, strict=True)):
             raise UnsuitableGridError(
-                "an O-grid is known where whole sides are drawn together to a curve or a point; "
+                "an O-grid is known where whole sides are collapsed to a curve or a point; "
                 f"here an edge of cell {cell} is, and the sides at it are not"
             )
         lengths = [float(large.lines[d][cell[d] + 1] - large.lines[d][cell[d]]) for d in range(3)]
@@ -290,7 +290,7 @@ def _without_pyramids(rows: list[list[int]]) -> list[tuple[Piece, ...]]:
     for nodes in rows:
         if is_flat(pattern_of(nodes)):
             raise UnsuitableGridError(
-                "a large cell of the O-grid has no inside, because sides at it are drawn together"
+                "a large cell of the O-grid has no inside, because sides at it are collapsed"
             )
     cuts = Cuts()
     made = cuts.solve(cells, lambda number: cells)

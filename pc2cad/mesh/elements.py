@@ -90,7 +90,7 @@ TETRAHEDRON = ElementType(
 )
 #: all types, in the order in which a mesh numbers its elements
 TYPES = {t.name: t for t in (HEXAHEDRON, WEDGE, PYRAMID, TETRAHEDRON)}
-#: a pyramid as a hexahedron with one face drawn together: how shape functions are defined on it
+#: a pyramid as a hexahedron with one face collapsed: how shape functions are defined on it
 COLLAPSED_PYRAMID = {
     1: (0, 1, 2, 3, 4, 4, 4, 4),
     2: (0, 1, 2, 3, 4, 4, 4, 4, 5, 6, 7, 8, 4, 4, 4, 4, 9, 10, 11, 12),
@@ -165,7 +165,7 @@ def shapes(name: str, order: int, places: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def rule(name: str, count: int) -> tuple[Array, Array]:
-    """Return places and weights on the reference element: Gauss, drawn together for triangles."""
+    """Return places and weights on the reference element: Gauss, collapsed for triangles."""
     x, weight = np.polynomial.legendre.leggauss(count)
     x, weight = (x + 1) / 2, weight / 2
     dimensions = 2 if name in ("quad", "triangle") else 3

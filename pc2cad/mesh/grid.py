@@ -6,9 +6,10 @@ lines (mirrored ones where it reverses), so that nodes can be identified by thei
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from pc2cad.topology.cells import Cell, directions_of
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
 
-#: fewest cells between two sides that are drawn together along the same direction
+#: fewest cells between two sides that are collapsed along the same direction
 FEWEST_BETWEEN = 2
 #: fewest cells round a closed direction: with fewer, two elements share two faces
 FEWEST_ROUND = 3
@@ -43,6 +44,10 @@ class Grading:
     ratio: float = 1.0
     #: True: the cells grow towards the middle and shrink again
     both_ends: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1e-6 <= self.ratio <= 1e6:
+            raise InputError(f"cells grow by a ratio between 1e-6 and 1e6, not {self.ratio}")
 
     def position(self, share: Array) -> Array:
         """Return the parameter at a share of the cells."""
@@ -65,6 +70,31 @@ class Grading:
     def _inverse(self, t: Array) -> Array:
         growth = np.log(self.ratio)
         return t if growth == 0 else np.asarray(np.log1p(t * (self.ratio - 1)) / growth)
+
+
+#: last cell over first, or with "both" the middle one over those at both ends
+Growth = float | tuple[float, Literal["both"]]
+
+
+def gradings(wanted: Mapping[str, Growth]) -> tuple[Grading, Grading, Grading]:
+    """Return the grading along u, v and w: ``{"w": 4}`` or ``{"w": (4, "both")}``.
+
+    Raises InputError for another direction, or a ratio that is none.
+    """
+    found = {name: Grading() for name in "uvw"}
+    for name, growth in wanted.items():
+        match growth:
+            case int() | float() as ratio if name in found:
+                found[name] = Grading(ratio)
+            case (int() | float() as ratio, "both") if name in found:
+                found[name] = Grading(ratio, True)
+            case _:
+                raise InputError(
+                    f"grading {name!r}: {growth!r}: write u, v or w and a ratio, last cell over "
+                    "first ('w': 4), or middle over both ends ('w': (4, 'both'))"
+                )
+    u, v, w = found.values()
+    return u, v, w
 
 
 @dataclass(frozen=True)
@@ -133,7 +163,7 @@ def _wanted(
     closed, tapered = closed_directions(analysis), _tapered_directions(analysis)
     reasons = {
         FEWEST_ROUND: ", because the solid closes in that direction",
-        FEWEST_BETWEEN: ", because sides at both its ends are drawn together",
+        FEWEST_BETWEEN: ", because sides at both its ends are collapsed",
         1: "",
     }
     fewest = [FEWEST_ROUND if d in closed else FEWEST_BETWEEN if d in tapered else 1
@@ -174,7 +204,7 @@ def closed_directions(analysis: Analysis) -> set[int]:
 
 
 def _tapered_directions(analysis: Analysis) -> set[int]:
-    """Return the directions of one piece both ends of which are drawn together along another one.
+    """Return the directions of one piece both ends of which are collapsed along another one.
 
     A single cell between them would have no inside.
     """

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """What is asked of a mesh of hexahedra; lengths in model units."""
+    """What is asked of a mesh; lengths in model units."""
 
     #: cells along u, v and w
     cells: tuple[int, int, int] | None = None
@@ -47,6 +47,8 @@ class MeshOptions:
             raise InputError("tetrahedra have a size of cells, not numbers of them along u, v, w")
         if self.shape == "tetrahedra" and self.core == "ogrid":
             raise InputError("tetrahedra have no core; an O-grid is one of hexahedra")
+        if self.shape == "tetrahedra" and any(g.ratio != 1 for g in self.grading):
+            raise InputError("tetrahedra have one size of cells; hexahedra may grow along u, v, w")
         if self.order not in (1, 2):
             raise InputError(f"elements have order 1 or 2, not {self.order}")
 

@@ -1,4 +1,4 @@
-"""O-grids: hexahedra alone, where sides of the box are drawn together to axes, points and rims.
+"""O-grids: hexahedra alone, where sides of the box are collapsed to axes, points and rims.
 
 The blocks (modules `polytopes` and `blocks`) get lattices of nodes, which are one wherever blocks
 share a face. Every node is a value of the equation itself.
@@ -30,9 +30,9 @@ from pc2cad.topology.cells import Cell
 def o_grid(checked: CheckedMap, grid: Grid, order: Literal[1, 2] = 1) -> VolumeMesh:
     """Return hexahedra of order 1 or 2 for a solid, about as many as a grid has cells.
 
-    Half the cells across a sector of the round direction are the core's. Where no side is drawn
-    together, it is the mesh of the grid. Raises UnsuitableGridError where only an edge of a side
-    is drawn together.
+    Half the cells across a sector of the round direction are the core's. Where no side is
+    collapsed, it is the mesh of the grid. Raises UnsuitableGridError where only an edge of a side
+    is collapsed.
     """
     large = large_cells(checked.analysis, grid)
     solids = polytopes(checked, large)
@@ -80,8 +80,8 @@ def _merged(lattices: list[_Lattice]) -> tuple[list[_Lattice], int]:
     for faces in shared.values():
         if len(faces) > 2 or len({face.shape for face in faces}) > 1:
             raise UnsuitableGridError(
-                "blocks of the O-grid do not meet face to face: a cell of the box that is drawn "
-                "together to a pyramid lies on one that is not"
+                "blocks of the O-grid do not meet face to face: a cell of the box that is "
+                "collapsed to a pyramid lies on one that is not"
             )
     pairs = [(a.ravel(), b.ravel()) for a, b in (f for f in shared.values() if len(f) == 2)]
     moved, stands = joined(pairs)

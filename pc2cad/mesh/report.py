@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from pc2cad.checked import CheckedMap
-from pc2cad.integrals.mass_properties import Properties
+from pc2cad.integrals.mass_properties import MassProperties
 from pc2cad.mesh.quality import Quality
 from pc2cad.mesh.volume_mesh import VolumeMesh, by_whole_side
 from pc2cad.topology.cells import SideKey
@@ -62,7 +62,7 @@ class MeshReport:
 def report_on(
     mesh: VolumeMesh,
     quality: Quality,
-    properties: Properties,
+    properties: MassProperties,
     areas: Mapping[str, float],
     cells: tuple[int, int, int] | None,
     times: Mapping[str, float],

@@ -18,9 +18,10 @@ from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.TopTools import TopTools_FormatVersion
 
 from pc2cad.arrays import Integers
+from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
@@ -88,7 +89,7 @@ def _together(solids: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
 
 def _in_order(solid: TopoDS_Shape, faces: Mapping[SideKey, TopoDS_Face]) -> list[SideKey | None]:
     """Return the faces' names in the order in which gmsh numbers them; None between layers."""
-    found = TopTools_IndexedMapOfShape()
+    found = IndexedMapOfShape()
     TopExp.MapShapes_s(solid, TopAbs_FACE, found)
     names = {found.FindIndex(face): name for name, face in faces.items()}
     return [names.get(index) for index in range(1, found.Extent() + 1)]
@@ -112,7 +113,8 @@ def _model(solid: TopoDS_Shape) -> Iterator[Any]:
         gmsh.model.add("pc2cad")
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "solid.brep"
-            BRepTools.Write_s(solid, str(path))
+            version = TopTools_FormatVersion.TopTools_FormatVersion_VERSION_1
+            BRepTools.Write_s(solid, str(path), False, False, version)
             gmsh.model.occ.importShapes(str(path))
         gmsh.model.occ.synchronize()
         yield gmsh

@@ -33,10 +33,11 @@ def drawing(part: Part, style: Style | None = None) -> Scene:
     lines = _lines(sides, style, offsets)
     labels = _labels(part, list(sides.patches(PLACES)), offsets) if style.labels else []
     if style.labels or style.explode:
-        for name, side, path in sides.collapsed():
+        for side, path in sides.collapsed():
             whole = path if len(path) > 1 else np.repeat(path, 2, axis=0)
             lines.append(Lines((whole,), side_colour(side.patch), 4.0))
             if style.labels:
+                name = part.model.complex.name(side.patch)
                 labels.append(Label(f"{name} is a {side.fate}", path))
     if style.points is not None:
         return Scene((), tuple(lines), (_cloud(sides, style.points),), tuple(labels))

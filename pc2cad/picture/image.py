@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
+from dataclasses import fields
 from importlib import import_module
 from typing import Any
 from xml.sax.saxutils import escape
@@ -12,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pc2cad.arrays import Array
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, PointCadError
 from pc2cad.export.files import by_ending, write_atomically
+from pc2cad.part import Part
 from pc2cad.picture import raster
-from pc2cad.picture.camera import Camera, aim
+from pc2cad.picture.camera import VIEWS, Camera, aim
+from pc2cad.picture.drawing import drawing
 from pc2cad.picture.overlay import (
     BAR_SHARE,
     TEXT_HEIGHT,
@@ -27,12 +30,11 @@ from pc2cad.picture.overlay import (
     visible,
 )
 from pc2cad.picture.scene import Colour, Lines, Scene
+from pc2cad.picture.style import VECTOR, Style, check_ending
 
 SIZE = (960, 640)
 #: sides of a picture in pixels
 SIZE_LIMITS = (64, 8192)
-#: ending -> whether names and lines are vectors
-VECTOR = {".png": False, ".svg": True}
 
 
 def camera_for(
@@ -45,16 +47,12 @@ def camera_for(
     return aim(scene.extent(), direction, size, BAR_SHARE if scene.bar is not None else 0.0)
 
 
-def check_ending(path: str | os.PathLike[str]) -> None:
-    """Raise InputError unless the name ends like a picture's."""
-    by_ending(path, VECTOR, "picture")
-
-
 def encode(scene: Scene, camera: Camera, path: str | os.PathLike[str]) -> bytes:
     """Return the picture as a file of the kind that the ending of `path` stands for.
 
     Raises InputError for an unknown ending, NoRendererError where VTK cannot draw.
     """
+    check_ending(path)
     vector = by_ending(path, VECTOR, "picture")
     need_depth = bool(scene.labels) or vector
     seen = raster.depths(scene, camera) if need_depth else None
@@ -63,6 +61,37 @@ def encode(scene: Scene, camera: Camera, path: str | os.PathLike[str]) -> bytes:
         pixels = raster.colours(scene, camera, with_lines=False)
         return svg(pixels, _seen_lines(scene, camera, seen), shapes)  # type: ignore[arg-type]
     return raster.png(_stamped(raster.colours(scene, camera), shapes))
+
+
+def picture_of(
+    part: Part,
+    path: str | os.PathLike[str],
+    *,
+    view: str | tuple[float, float, float] = "iso",
+    size: tuple[int, int] = SIZE,
+    **style: Any,
+) -> bytes:
+    """Return a picture of a part; see `Part.render`. Raises InputError, NoRendererError."""
+    check_ending(path)
+    unknown = sorted(set(style) - {field.name for field in fields(Style)})
+    if unknown:
+        raise InputError(
+            f"a picture has no '{unknown[0]}'; it has "
+            f"{', '.join(field.name for field in fields(Style))}"
+        )
+    if isinstance(view, str) and view not in VIEWS:
+        raise InputError(f"'{view[:40]}' is no view; there are {', '.join(VIEWS)}, or (x, y, z)")
+    scene = drawing(part, Style(**style))
+    direction = VIEWS[view] if isinstance(view, str) else view
+    return encode(scene, camera_for(scene, direction, size), path)
+
+
+def notebook_picture(part: Part) -> bytes | None:
+    """Return the PNG of a part that a notebook shows; None where nothing can draw."""
+    try:
+        return picture_of(part, "part.png", size=(640, 480))
+    except PointCadError:
+        return None
 
 
 def write_picture(scene: Scene, camera: Camera, path: str | os.PathLike[str]) -> None:

@@ -135,16 +135,15 @@ class Sides:
                         points = self._points(patch, {d: along, other: float(value)})
                         yield index, points.reshape(-1, 3)
 
-    def collapsed(self, fineness: int = 240) -> Iterator[tuple[str, SideFate, Array]]:
-        """Yield name, fate and image, (k, 3), of every side that is a curve or a point."""
+    def collapsed(self, fineness: int = 240) -> Iterator[tuple[SideFate, Array]]:
+        """Yield fate and image, (k, 3), of every side that is a curve or a point."""
         along = np.linspace(0.0, 1.0, fineness)
         for side in self.part.model.complex.sides:
             if side.fate in ("curve", "point"):
                 place: Place = dict.fromkeys(directions_of(side.patch), 0.5)
                 if side.along is not None:
                     place[side.along] = along
-                points = self._points(side.patch, place).reshape(-1, 3)
-                yield self.part.model.complex.name(side.patch), side, points
+                yield side, self._points(side.patch, place).reshape(-1, 3)
 
     def inside(self, counts: tuple[int, int, int]) -> Array:
         """Return M on an even grid of the whole box, (n, m, k, 3): the paper's point set."""

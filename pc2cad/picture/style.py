@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, require
+from pc2cad.export.files import by_ending
 from pc2cad.picture.scene import Colour
 
 STEEL: Colour = (0.60, 0.68, 0.76)
 #: more points than this make a picture of half a minute and a page of hundreds of megabytes
 LARGEST_CLOUD = 20_000_000
+
+#: ending -> whether names and lines are vectors
+VECTOR = {".png": False, ".svg": True}
+
+
+def check_ending(path: str | os.PathLike[str]) -> None:
+    """Raise InputError unless the name ends like a picture's and VTK is there to draw it."""
+    by_ending(path, VECTOR, "picture")
+    require("vtkmodules", "pictures", "vtk")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ its poles, so that there is nothing to sew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,7 @@ from pc2cad.domain.restrictions import SAFE_DEGREE, RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
+    Arc,
     Evidence,
     Line,
     PCurve,
@@ -26,6 +27,7 @@ from pc2cad.geometry.carriers import (
     SplineSurface,
 )
 from pc2cad.geometry.recognition.from_points import Fitted, irrational
+from pc2cad.geometry.recognition.meridians import along_meridian
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.bernstein import bernstein, bezier_knots
 from pc2cad.geometry.splines.rational import (
@@ -36,13 +38,22 @@ from pc2cad.geometry.splines.rational import (
     fit_face,
 )
 from pc2cad.geometry.splines.spline_profile import spline_profile
+from pc2cad.geometry.splines.tensor import Deviation
 from pc2cad.options import DEFAULTS, CompileOptions
+from pc2cad.representation.between_faces import extremes_first, lies_between
 from pc2cad.representation.boundary_model import BoundaryModel, Layer, ModelEdge, ModelFace
-from pc2cad.representation.deviation_proof import Side, prove_edge, prove_face
+from pc2cad.representation.deviation_proof import (
+    Side,
+    prove_edge,
+    prove_face,
+    prove_meridian,
+)
+from pc2cad.representation.meridian_faces import approximated_meridian
 from pc2cad.representation.parametrisation import FaceDirection, Parametrisations
 from pc2cad.representation.plan import Cells, Plan, plan_of, settle
 from pc2cad.representation.plane_faces import coplanar_groups, join_straight_edges, plane_face
-from pc2cad.representation.tightening import Attempt, tighten
+from pc2cad.representation.tightening import Aim, Attempt, tighten
+from pc2cad.representation.tips import hold, rest_at
 from pc2cad.representation.trimming import sides_of_fitted, sides_on, whole_square
 from pc2cad.topology.complex import EdgeUse, Shell
 
@@ -134,12 +145,12 @@ def _carriers(work: _Work) -> _Carriers:
         plan = settle(plan.without(frozenset([found])))
 
 
-def _attempt(work: _Work, plan: Plan, target: float) -> Attempt[_Carriers | int]:
-    """Return edges and faces from fits that aim at a length, or a face that has to be a spline.
+def _attempt(work: _Work, plan: Plan, aim: Aim) -> Attempt[_Carriers | int]:
+    """Return edges and faces from fits with an aim, or a face that has to be a spline.
 
     Deviations are proved only where the seen ones leave room for that.
     """
-    fits = _Fits(work, plan, plan.parametrisations.resolved(target, work.rounding))
+    fits = _Fits(work, plan, plan.parametrisations.resolved(aim, work.rounding))
     boundary, planes = work.cells.boundary, work.cells.planes
     edges = [fits.edge(i) for i in range(len(boundary.edges))]
     faces = []
@@ -148,16 +159,32 @@ def _attempt(work: _Work, plan: Plan, target: float) -> Attempt[_Carriers | int]
         if face is None:
             return Attempt(group[0], 0.0, 0.0)
         faces.append(face)
-    worst, share = _worst(edges, faces), SAMPLED_SHARE * work.tolerance
-    if worst > share or not work.prove:
-        return Attempt((edges, faces), worst, share)
+    share = SAMPLED_SHARE * work.tolerance
+    seen = _judged(work, edges, faces, share)
+    if seen.deviation > share or not work.prove:
+        return seen
     edges, faces = fits.proved(edges, faces)
-    worst = _worst(edges, faces)
-    return Attempt((edges, faces), worst, work.tolerance if worst <= work.tolerance else share)
+    proved = _judged(work, edges, faces, share)
+    return replace(proved, allowed=work.tolerance) if proved.deviation <= work.tolerance else proved
 
 
-def _worst(edges: list[ModelEdge], faces: list[ModelFace]) -> float:
-    return max([e.deviation for e in edges] + [f.deviation for f in faces])
+def _judged(
+    work: _Work, edges: list[ModelEdge], faces: list[ModelFace], allowed: float
+) -> Attempt[_Carriers | int]:
+    """Return edges and faces with the largest deviation of them, and where it was seen."""
+    cells, worst, where = work.cells, {}, ""
+    rows: list[tuple[ModelEdge | ModelFace, RestrictedMap]] = [
+        *((face, cells.faces[face.cells[0]]) for face in faces),
+        *zip(edges, cells.edges, strict=True),
+    ]
+    off, function = max(rows, key=lambda row: row[0].deviation)
+    if off.place:
+        worst = {
+            cells.classes.owner(piece): place
+            for piece, place in zip(function.pieces, off.place, strict=True)
+        }
+        where = f"on {cells.boundary.name(function.cell)} near {function.shown(*off.place)}"
+    return Attempt((edges, faces), off.deviation, allowed, worst, where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,11 +197,19 @@ class _Fits:
 
     def proved(self, edges: list[ModelEdge], faces: list[ModelFace]) -> _Carriers:
         """Return edges and faces with proved deviations where those can be had."""
-        proved_faces, sides = [], []
-        for face in faces:
-            proved, own = self._proved_face(face) if face.evidence == "sampled" else (face, [])
-            proved_faces.append(proved)
-            sides += own
+        proved_faces, sides = list(faces), []
+        carried = [(face, self.work.cells.faces[face.cells[0]]) for face in faces]
+        for row in extremes_first(carried):
+            for place in row:
+                face, function = carried[place]
+                if face.evidence != "sampled":
+                    continue
+                ends = [(proved_faces[i], carried[i][1]) for i in row[:2]]
+                found = lies_between((face, function), *ends) if place not in row[:2] else None
+                if found is None:
+                    found, own = self._proved_face(face)
+                    sides += own
+                proved_faces[place] = found
         functions = zip(edges, self.work.cells.edges, self.plan.bound, strict=True)
         return [
             prove_edge(
@@ -191,6 +226,10 @@ class _Fits:
 
     def _proved_face(self, face: ModelFace) -> tuple[ModelFace, list[Side]]:
         functions = [self.work.cells.faces[i] for i in face.cells]
+        placement = self.plan.placements[face.cells[0]]
+        meridian = approximated_meridian(functions[0], placement, self.parametrisations)
+        if meridian is not None:
+            return prove_meridian(face, meridian, self.work.known), []
         parametrisations = []
         if isinstance(face.carrier, SplineSurface):
             parametrisations = [
@@ -209,6 +248,8 @@ class _Fits:
             simple = self.work.cells.simple(index)
             if simple is not None:
                 carrier = Line(*ends) if isinstance(simple, Line) else simple
+                if isinstance(simple, Arc):
+                    carrier = self._meridian(index, simple) or carrier
                 return ModelEdge(carrier, edge.start, edge.end, "exact", 0.0)
         parametrisation = self.parametrisations.parametrisation(
             FaceDirection(function, 0, self.plan.bound[index])
@@ -222,12 +263,24 @@ class _Fits:
             function(parametrisation.places(parametrisation.space.sites)), parametrisation
         )
         poles[0], poles[-1] = ends
-        seen = edge_deviation(function, parametrisation, poles, weights).largest
+        for end, row in ((0, poles), (1, poles[::-1])):
+            hold(row, rest_at(function, 0, end))
+        seen = edge_deviation(function, parametrisation, poles, weights)
         curve = SplineCurve(
             parametrisation.space.degree, parametrisation.space.knots, poles, weights
         )
         evidence: Evidence = "exact" if parametrisation.exact else "sampled"
-        return ModelEdge(curve, edge.start, edge.end, evidence, seen)
+        return ModelEdge(curve, edge.start, edge.end, evidence, seen.largest, place=seen.place)
+
+    def _meridian(self, index: int, arc: Arc) -> SplineCurve | None:
+        """Return an arc in the parameter of a surface whose meridian it is, if that is a spline."""
+        for face, _ in self.work.cells.boundary.edge_uses()[index]:
+            placement = self.plan.placements[face]
+            if isinstance(placement, Fitted):
+                found = along_meridian(placement.carrier, arc)
+                if found is not None:
+                    return found
+        return None
 
     # -- faces ---------------------------------------------------------------------------------
 
@@ -248,8 +301,11 @@ class _Fits:
             if on_surface is None:
                 return None
             surface, sides = on_surface
+            meridian = approximated_meridian(function, placement, self.parametrisations)
+            seen = meridian.seen(surface) if meridian else Deviation(0.0, 0)
             return ModelFace(key, (index,), surface, cell.uses, (), sides, placement.turned,
-                             inward != placement.turned, "exact", 0.0, 0)  # fmt: skip
+                             inward != placement.turned, "sampled" if meridian else "exact",
+                             seen.largest, seen.samples, place=seen.place)  # fmt: skip
         square = whole_square(cell.uses)
         s, t = (
             self.parametrisations.parametrisation(FaceDirection(function, axis)) for axis in (0, 1)
@@ -265,13 +321,14 @@ class _Fits:
                              square, False, inward, "exact", 0.0, 0)  # fmt: skip
         poles, weights = fit_face(function, s, t)
         self._take_edges(poles, cell.uses, edges)
+        self._hold_tips(function, poles, cell.uses)
         seen = face_deviation(function, s, t, poles, weights)
         carrier = SplineSurface(
             (s.space.degree, t.space.degree), (s.space.knots, t.space.knots), poles, weights
         )
         evidence: Evidence = "exact" if s.exact and t.exact else "sampled"
         return ModelFace(key, (index,), carrier, cell.uses, (), square, False, inward, evidence,
-                         seen.largest, seen.samples)  # fmt: skip
+                         seen.largest, seen.samples, place=seen.place)  # fmt: skip
 
     def _on_surface(
         self, placement: SurfacePlacement | Fitted, index: int, edges: list[ModelEdge]
@@ -315,6 +372,14 @@ class _Fits:
             carrier = edges[use.edge].carrier
             if isinstance(carrier, SplineCurve) and len(carrier.poles) == len(row):
                 row[...] = carrier.poles if use.forward == anticlockwise else carrier.poles[::-1]
+
+    def _hold_tips(self, function: RestrictedMap, poles: Array, uses: tuple[EdgeUse, ...]) -> None:
+        """Let a face come to sides that are points as the equation does."""
+        across = poles.transpose(1, 0, 2)
+        nets = (across, poles[::-1], across[::-1], poles)
+        for net, use, axis, end in zip(nets, uses, (1, 0, 1, 0), (0, 1, 1, 0), strict=True):
+            if use.edge is None:
+                hold(net, rest_at(function, axis, end))
 
 
 def _bezier(poles: Array) -> SplineCurve:

@@ -23,6 +23,8 @@ class ModelEdge:
     #: the largest distance seen, and the parameters (of the edge) where no bound could be had
     sampled: float = 0.0
     open: tuple[tuple[float, float], ...] = ()
+    #: where it was seen, in the spline's parameter
+    place: tuple[float, ...] = ()
 
 
 #: a closed walk of (edge, forward) with the face on the left, seen against the plane's normal
@@ -56,6 +58,8 @@ class ModelFace:
     #: the largest distance seen, and the parameters (of the patch) where no bound could be had
     sampled: float = 0.0
     open: tuple[tuple[float, float], ...] = ()
+    #: where it was seen, in the spline's parameters
+    place: tuple[float, ...] = ()
 
     @property
     def name(self) -> str:

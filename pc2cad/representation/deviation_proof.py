@@ -17,12 +17,13 @@ from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, pieces, substitute, symbol
-from pc2cad.geometry.carriers import Evidence, Plane, SplineCurve, SplineSurface
+from pc2cad.geometry.carriers import Evidence, Plane, Revolution, SplineCurve, SplineSurface
 from pc2cad.geometry.splines.arcs import Arcs
 from pc2cad.geometry.splines.bernstein import bezier_knots, degree_in
 from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.representation.boundary_model import ModelEdge, ModelFace
+from pc2cad.representation.meridian_faces import Meridian
 from pc2cad.topology.cells import Cell
 
 #: share of the distance that may be added between slices of a volume
@@ -93,8 +94,9 @@ def prove_edge(
         return replace(edge, sampled=edge.deviation, open=((0.0, 1.0),))
     evidence, deviation = _judge(bound)
     return replace(
-        edge, evidence=evidence, deviation=deviation, sampled=bound.sampled, open=bound.open
-    )
+        edge, evidence=evidence, deviation=deviation, sampled=bound.sampled, open=bound.open,
+        place=bound.place,
+    )  # fmt: skip
 
 
 def prove_face(
@@ -123,9 +125,34 @@ def prove_face(
     evidence, deviation = _judge(bound)
     proved = replace(
         face, evidence=evidence, deviation=deviation, sampled=bound.sampled,
-        samples=sum(b.samples for b in bounds), open=bound.open,
+        samples=sum(b.samples for b in bounds), open=bound.open, place=bound.place,
     )  # fmt: skip
     return proved, _sides_of(face, functions[0], bound)
+
+
+def prove_meridian(face: ModelFace, meridian: Meridian, known: Known) -> ModelFace:
+    """Return a revolution with a proved deviation, where one can be had: that of its meridian.
+
+    The patch is the meridian turned, by algebra, as the surface is its spline.
+    """
+    trees, names = meridian.function.trees
+    axis = meridian.axis
+    section = substitute(trees, {names[1 - axis]: number(Fraction(meridian.level))})
+    assert isinstance(face.carrier, Revolution)
+    assert isinstance(face.carrier.basis, SplineCurve)
+    try:
+        bound = _bound_spline(
+            section, (names[axis],), face.carrier.basis, (meridian.parametrisation,), known
+        )
+    except BreaksNotAlignedError:
+        return face
+    evidence, deviation = _judge(bound)
+    open_ = bound.open and (*bound.open, (0.0, 1.0))
+    return replace(
+        face, evidence=evidence, deviation=deviation, sampled=bound.sampled,
+        samples=bound.samples, open=open_ if axis == 0 else open_[::-1],
+        place=meridian.place(bound.place[0]),
+    )  # fmt: skip
 
 
 def bound_volume(

@@ -15,7 +15,7 @@ from pc2cad.expression.intervals import Interval
 from pc2cad.expression.tree import number
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.recognition.from_points import Fitted, fit, fit_curve, irrational
-from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, plane
+from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, lay_turned, plane
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.recognition.separable_form import is_planar
@@ -55,12 +55,15 @@ def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, E
 
 
 def placement_of(function: RestrictedMap, slack: float) -> SurfacePlacement | Fitted | None:
-    """Return a face laid on the analytic surface that carries it within a distance, or None."""
+    """Return a face on the analytic surface that carries it within a distance, or None."""
     placement = function.may_be_swept and function.form and lay(function.form)
     if placement:
         return placement
     fitted = fit(function, function.normals, slack)
-    return fitted if fitted and holds(fitted.carrier, function.trees[0]) else None
+    if fitted and holds(fitted.carrier, function.trees[0]):
+        return fitted
+    # a contour or a spline turned: its meridian is none of the curves that CAD has names for
+    return (function.may_be_swept and function.form and lay_turned(function.form)) or None
 
 
 def simple_curve(function: RestrictedMap, slack: float) -> CurveCarrier | None:

@@ -19,20 +19,28 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.domain.restrictions import (
-    SECTIONS,
     DirectionClasses,
     Piece,
     RestrictedMap,
     polynomial_space,
+    sections,
 )
 from pc2cad.expression.angle_multiples import common
 from pc2cad.expression.breaks import Break
+from pc2cad.expression.narrow import narrow_limits
 from pc2cad.geometry.recognition.separable_form import LARGEST_ORDER
-from pc2cad.geometry.splines.adaptive_knots import DirectionRules, Sampler, adapt, beside
+from pc2cad.geometry.splines.adaptive_knots import (
+    DirectionRules,
+    Sampler,
+    adapt,
+    beside,
+    closer,
+)
 from pc2cad.geometry.splines.arcs import Arcs, Wave
 from pc2cad.geometry.splines.rational import Parametrisation, rational_course
 from pc2cad.geometry.splines.spline_profile import SplineProfile
 from pc2cad.geometry.splines.spline_space import SplineSpace
+from pc2cad.representation.tightening import Aim
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,10 +155,10 @@ class Parametrisations:
 
     # -- approximation -------------------------------------------------------------------------
 
-    def resolved(self, target: float, floor: float) -> Parametrisations:
+    def resolved(self, aim: Aim, floor: float) -> Parametrisations:
         """Return the parametrisations with a space for each class in which one is approximated.
 
-        `target` and `floor` (what rounding leaves) are lengths. Raises ToleranceNotReachedError.
+        `floor` (what rounding leaves) is a length. Raises ToleranceNotReachedError.
         """
         users: dict[Piece, list[FaceDirection]] = {}
         for direction in self._face_directions:
@@ -161,9 +169,28 @@ class Parametrisations:
         result = copy(self)
         result._spaces = {}
         for owner, directions in users.items():
-            column = beside([result._column(direction) for direction in directions])
-            result._spaces[owner] = adapt(column, self._rules(owner), target, floor)
+            column = beside([result._column(direction, aim) for direction in directions])
+            limits = np.concatenate(
+                [closer(self._focus(owner, aim)), *map(self._narrow, directions)]
+            )
+            result._spaces[owner] = adapt(column, self._rules(owner), aim.target, floor, limits)
         return result
+
+    def _narrow(self, direction: FaceDirection) -> Array:
+        """Return limits where the function changes at short length, in the splines' parameter."""
+        owner = self._owner(direction)
+        if owner in self._arcs:
+            return np.empty(0)
+        trees, names = direction.function.trees
+        limits = narrow_limits(trees, names[direction.axis])
+        symmetric = self._classes.rules(owner).symmetric
+        return np.concatenate((limits, 1 - limits)) if symmetric else limits
+
+    def _focus(self, owner: Piece, aim: Aim) -> Array:
+        """Return the places of a class that are looked at closely, in the splines' parameter."""
+        focus = np.array(aim.focus.get(owner, ()), dtype=float)
+        symmetric = self._classes.rules(owner).symmetric
+        return np.unique(np.concatenate((focus, 1 - focus))) if symmetric else focus
 
     def _rules(self, owner: Piece) -> DirectionRules:
         rules = self._classes.rules(owner)
@@ -176,28 +203,31 @@ class Parametrisations:
         degrees = sorted({max(degree, 2 * order) for degree in rules.degrees})
         return replace(rules, degrees=degrees, breaks=breaks, periodic=False)
 
-    def _column(self, direction: FaceDirection) -> Sampler:
+    def _column(self, direction: FaceDirection, aim: Aim) -> Sampler:
         """Return the function of one axis alone, the other taken at its sections."""
         arcs, order = self._arcs.get(self._owner(direction), (None, 0))
         along = Parametrisation(SplineSpace(1, (0.0, 1.0)), arcs, order)
         function = direction.function
         if len(function.pieces) == 1:
             return lambda x: function(along.places(x)) * along.weight(x)[:, None]
-        across = self._sections(FaceDirection(function, 1 - direction.axis))
+        across = self._sections(FaceDirection(function, 1 - direction.axis), aim)
         if direction.axis == 0:
             return lambda x: function(along.places(x), across) * along.weight(x)[:, None, None]
         return lambda x: (
             function(across, along.places(x)).transpose(1, 0, 2) * along.weight(x)[:, None, None]
         )
 
-    def _sections(self, direction: FaceDirection) -> Array:
+    def _sections(self, direction: FaceDirection, aim: Aim) -> Array:
         """Return the places across which a face is looked at: the sites of a small known space."""
-        exact = self.exact(direction)
-        if exact is None and self._owner(direction) in self._spaces:
+        exact, owner = self.exact(direction), self._owner(direction)
+        focus = self._focus(owner, aim)
+        if exact is None and owner in self._spaces and len(focus) == 0:
             exact = self.parametrisation(direction)
-        if exact is None or exact.space.size > 12:
-            return SECTIONS
-        return exact.places(exact.space.sites)
+        if exact is not None and exact.space.size <= 12:
+            return exact.places(exact.space.sites)
+        arcs, _ = self._arcs.get(owner, (None, 0))
+        close = focus if arcs is None else arcs.places(focus)
+        return np.union1d(sections(aim.density), close)
 
 
 def exact_course(

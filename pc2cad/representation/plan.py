@@ -17,7 +17,12 @@ from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.spline_profile import SplineProfile
 from pc2cad.representation.face_carriers import on_line, placement_of, plane_of, simple_curve
-from pc2cad.representation.parametrisation import FaceDirection, Parametrisations
+from pc2cad.representation.parametrisation import (
+    FaceDirection,
+    Parametrisations,
+    exact_course,
+)
+from pc2cad.representation.tips import rest_at
 from pc2cad.representation.trimming import axis_of
 from pc2cad.topology.cells import Cell, outward_sign
 from pc2cad.topology.complex import BoundaryComplex
@@ -77,7 +82,19 @@ class Cells:
         if direction.wave is not None:
             return self.profile.allows(direction.wave)
         form = direction.function.form
+        if form is not None and form.axes[direction.axis].kind == "other":
+            # where it has no exact form a meridian is approximated, and the kernel turns none that
+            # comes to rest at its tips
+            return (
+                self._is_exact(direction)
+                or max(rest_at(direction.function, direction.axis, end) for end in (0, 1)) == 1
+            )
         return form is not None and form.order(direction.axis) <= self.profile.exact
+
+    def _is_exact(self, direction: FaceDirection) -> bool:
+        breaks = self.classes.breaks(direction.piece)
+        course = exact_course(direction.function, direction.axis, breaks, None, self.profile)
+        return course is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +152,21 @@ class Plan:
             on_line(function)
             or (not bound and self.cells.simple(edge) is not None)
             or self.parametrisations.exact(FaceDirection(function, 0, bound)) is not None
+            or self._is_meridian(edge)
         )
+
+    def _is_meridian(self, edge: int) -> bool:
+        """Say whether an edge is approximated as the meridians of all revolutions at it are.
+
+        Whatever else is there is a plane, or a spline in the same parameter.
+        """
+        boundary = self.cells.boundary
+        for face, use in boundary.edge_uses()[edge]:
+            placement = self.placements[face]
+            axis = axis_of(boundary.faces[face].uses.index(use))
+            if placement is not None and not placement.follows(axis):
+                return False
+        return self.bound[edge]
 
     def _face_directions(self) -> list[FaceDirection]:
         cells, uses = self.cells, self.cells.boundary.edge_uses()

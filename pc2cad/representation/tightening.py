@@ -1,17 +1,61 @@
-"""The loop of everything that is approximated: fit, see how far it is off, ask for less, again."""
+"""The loop of everything that is approximated: fit, see how far it is off, aim better, again.
+
+A fit that is a little off aims at less. One that is off by far more than it aimed at has not seen
+something, a needle or a slanting front; then the place where it is worst is looked at closely, and
+sections are taken nearer to one another, while the aim stays what it is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
+from pc2cad.domain.restrictions import Piece
 from pc2cad.errors import ToleranceNotReachedError
 
 Result = TypeVar("Result")
 
 #: fits that are tried, and what each may use of what the one before would have needed
-TRIES, EASE = 6, 0.8
+TRIES, EASE = 8, 0.8
+#: a fit that is off by more than so many times its aim has not seen what it is off by
+UNSEEN = 16.0
+#: how many times nearer sections come to one another, in one step and in the end
+DENSER, DENSEST = 4, 16
+#: places that are nearer to one another (of a direction of length 1) are looked at together
+NEAR = 1e-6
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a fit aims at."""
+
+    #: the distance (model units) that one direction may be off by
+    target: float
+    #: how many times as many sections as at first
+    density: int = 1
+    #: places that are looked at closely, by pieces of directions, ascending, in their parameters
+    focus: Mapping[Piece, tuple[float, ...]] = field(default_factory=dict)
+
+    def after(self, deviation: float, allowed: float, worst: Mapping[Piece, float]) -> Aim:
+        """Return what to aim at after a fit that was off by more than is allowed."""
+        share = EASE * min(1.0, allowed / deviation)
+        new = {
+            piece: place
+            for piece, place in worst.items()
+            if all(abs(place - known) > NEAR for known in self.focus.get(piece, ()))
+        }
+        seen = deviation <= UNSEEN * self.target or not worst
+        if seen or not (new or self.density < DENSEST):
+            return Aim(max(share, 1 / UNSEEN) * self.target, self.density, self.focus)
+        focus = {
+            piece: tuple(
+                sorted({*self.focus.get(piece, ()), *([new[piece]] if piece in new else [])})
+            )
+            for piece in {*self.focus, *new}
+        }
+        # one look at the place itself, before all others are looked at more closely too
+        return Aim(self.target, min(DENSER * self.density, DENSEST) if self.focus else 1, focus)
 
 
 @dataclass(frozen=True)
@@ -22,22 +66,27 @@ class Attempt(Generic[Result]):
     #: largest deviation from the equation, and the largest that is allowed
     deviation: float
     allowed: float
+    #: where it was seen to be largest, by pieces of directions, and in words
+    worst: Mapping[Piece, float] = field(default_factory=dict)
+    where: str = ""
 
 
 def tighten(
-    attempt: Callable[[float], Attempt[Result]], target: float, what: str, tolerance: float
+    attempt: Callable[[Aim], Attempt[Result]], target: float, what: str, tolerance: float
 ) -> Result:
-    """Return the first result whose deviation is allowed, from fits that aim at ever less.
+    """Return the first result whose deviation is allowed, from fits that aim ever better.
 
     `target` is what the first fit aims at; `what` deviates, in the words of a message. Raises
     ToleranceNotReachedError.
     """
+    aim = Aim(target)
     for _ in range(TRIES):
-        found = attempt(target)
+        found = attempt(aim)
         if found.deviation <= found.allowed:
             return found.result
-        target *= EASE * min(1.0, found.allowed / found.deviation)
+        aim = aim.after(found.deviation, found.allowed, found.worst)
+    place = f", most {found.where}" if found.where else ""
     raise ToleranceNotReachedError(
-        f"{what} by {found.deviation:.3g} from the equation where {tolerance:.3g} was asked; "
-        "allow a larger --tolerance"
+        f"{what} by {found.deviation:.3g} from the equation where {tolerance:.3g} was asked{place}"
+        "; allow a larger --tolerance"
     )

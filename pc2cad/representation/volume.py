@@ -17,6 +17,7 @@ from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap, resolve_tolerance
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.expression.narrow import narrow_limits
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.geometry.splines.adaptive_knots import Sampler, adapt, beside, check_places
 from pc2cad.geometry.splines.arcs import wave_in
@@ -27,7 +28,7 @@ from pc2cad.geometry.splines.trivariate import GridSampler, SplineVolume, fit_vo
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.representation.deviation_proof import bound_volume
 from pc2cad.representation.parametrisation import exact_course
-from pc2cad.representation.tightening import Attempt, tighten
+from pc2cad.representation.tightening import Aim, Attempt, tighten
 from pc2cad.topology.cells import Cell, SideKey
 from pc2cad.topology.complex import BoundaryComplex
 
@@ -153,9 +154,9 @@ def _check_exact(patches: tuple[Patch, ...], noise: float) -> None:
         )
 
 
-def _attempt(work: _Work, target: float) -> Attempt[tuple[Patch, ...]]:
-    """Return the patches from fits that aim at a length."""
-    patches = _patches(work, _spaces(work, target, work.checked.scale.fitting_noise / 16))
+def _attempt(work: _Work, aim: Aim) -> Attempt[tuple[Patch, ...]]:
+    """Return the patches from fits with an aim."""
+    patches = _patches(work, _spaces(work, aim.target, work.checked.scale.fitting_noise / 16))
     proved = all(patch.bound is not None for patch in patches)
     worst = max(patch.deviation for patch in patches)
     return Attempt(patches, worst, (1.0 if proved else _ALL) * work.tolerance)
@@ -209,15 +210,20 @@ def _exact_course(
 def _spaces(work: _Work, target: float, floor: float) -> dict[Piece, SplineSpace]:
     """Return a space for every class of pieces of directions that has no exact form."""
     users: dict[Piece, list[Sampler]] = {}
+    limits: dict[Piece, list[Array]] = {}
     for function in work.functions:
         for d in range(3):
             if work.exact[function.cell, d] is None:
                 owner = work.classes.owner((d, function.cell[d]))
                 users.setdefault(owner, []).append(_along(function, d))
-    return {
-        owner: adapt(beside(samplers), work.classes.rules(owner), target, floor)
-        for owner, samplers in users.items()
-    }
+                trees, names = function.trees
+                limits.setdefault(owner, []).append(narrow_limits(trees, names[d]))
+    found = {}
+    for owner, samplers in users.items():
+        rules, close = work.classes.rules(owner), np.concatenate(limits[owner])
+        close = np.concatenate((close, 1 - close)) if rules.symmetric else close
+        found[owner] = adapt(beside(samplers), rules, target, floor, close)
+    return found
 
 
 def _along(function: RestrictedMap, d: int) -> Sampler:

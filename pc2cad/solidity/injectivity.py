@@ -20,6 +20,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis, analyse
 from pc2cad.domain.map import open_grid
+from pc2cad.domain.pinch import pinch_of
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.normal_form import split_turns
 from pc2cad.expression.parameters import PARAMETERS
@@ -234,7 +235,11 @@ def _missed_seam(analysis: Analysis, one: FaceMesh, other: FaceMesh) -> str:
         return ""
     nodes = np.linspace(0.0, 1.0, 17)
     gap = np.linalg.norm(first(nodes, nodes) - second(nodes, nodes), axis=-1)
-    if gap.max() > 0.25 * analysis.size:
+    # lines that lead away and back come near where they began; straight ones do not
+    axes: list[Array] = [nodes] * 3
+    lines = analysis.map.points(*open_grid(*axes))
+    steps = np.linalg.norm(np.diff(lines, axis=apart[0]), axis=-1)
+    if gap.max() > 0.25 * steps.sum(axis=apart[0]).max():
         return ""
     names = [analysis.boundary.name(function.cell) for function in (first, second)]
     return (
@@ -351,5 +356,6 @@ def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
         if i != outer[0]:
             doubtful = places[winding_numbers(places, hull.triangles) != 1]
             if hull.first_contradiction(doubtful, 1) is not None:
-                raise ShellsNotNestedError("a void is not inside the outer shell")
+                outside = ShellsNotNestedError("a void is not inside the outer shell")
+                raise pinch_of(analysis) or outside
     return outer[0]

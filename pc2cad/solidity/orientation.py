@@ -8,7 +8,9 @@ over the box. Zeros on collapsed sides and along tangent edges are normal; both 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +18,9 @@ from pc2cad.arrays import Array
 from pc2cad.domain.jacobian_watch import ROUNDING, JacobianWatch
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.expression.identity import Verdict
-from pc2cad.solidity.jacobian_proof import proved_sign
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import number, substitute, symbol
+from pc2cad.solidity.jacobian_proof import proved_sign, sign_by_algebra
 
 #: places per direction of the first sweep, its ends included
 SWEEP = 11
@@ -54,7 +58,7 @@ def find_orientation(mapping: Mapping3) -> Orientation:
         return Orientation(proved, Verdict.PROVED, _inner_zero(JacobianWatch(mapping), proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
-    watch = JacobianWatch(mapping)
+    watch = JacobianWatch(mapping, partial(_proved_within, mapping))
     grid = open_grid(axis, axis, axis)
     sine = watch.see(*grid)
     watch.check()
@@ -64,6 +68,15 @@ def find_orientation(mapping: Mapping3) -> Orientation:
     place = _search(watch, places[:, order], sign)
     # a zero on a side is normal; moved inside along it, it has to be gone
     return Orientation(sign, Verdict.UNDECIDED, _zero_near(watch, sign, np.clip(place, 0.05, 0.95)))
+
+
+def _proved_within(mapping: Mapping3, direction: int, low: float, high: float, sign: int) -> bool:
+    """Say whether det J has a sign by algebra where one direction runs between two places."""
+    name = PARAMETERS[direction]
+    near, far = (number(Fraction(x).limit_denominator(10**9)) for x in (low, high))
+    change = {name: near + (far - near) * symbol(name)}
+    x, y, z = substitute(mapping.coordinates, change)
+    return sign_by_algebra(replace(mapping, coordinates=(x, y, z), _programs={})) == sign
 
 
 def _inner_zero(watch: JacobianWatch, sign: int) -> str:

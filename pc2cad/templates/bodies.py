@@ -11,20 +11,28 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final, Literal, cast
 
-from pc2cad.equation.language import nearest
+from pc2cad.equation.language import Curves, Named, nearest
 from pc2cad.equation.point_equation import Expectations, PointEquation
-from pc2cad.equation.syntax import CallNode, ExpressionSyntaxError, NameNode, Node, parse
+from pc2cad.equation.syntax import (
+    CallNode,
+    ExpressionSyntaxError,
+    NameNode,
+    Node,
+    operand_texts,
+    parse,
+)
 from pc2cad.errors import InputError
 from pc2cad.expression.tree import Expr
+from pc2cad.templates.patterns import PATTERNS, Placement, check_operands, placements
 from pc2cad.templates.reader import TABLES, TEXTS, Reader, read_tables
 from pc2cad.templates.tables import Tables, shown
-from pc2cad.templates.template import Header, Moved, Template, expectations
+from pc2cad.templates.template import Header, Moved, Template, TemplateError, expectations
 
 MOST_BODIES: Final = 32
 Kind = Literal["union", "cut", "intersect"]
 KINDS: Final = ("union", "cut", "intersect")
 _BODY_TABLES: Final = ("domain", "let", "guide", "frame", "solid", "expect")
-_SHARED: Final = ("parameters", "points", "curves", "let")
+_SHARED: Final = ("parameters", "points", "data", "curves", "fourier", "tables", "let")
 
 
 @dataclass(frozen=True)
@@ -38,8 +46,25 @@ class Operation:
         return f"{self.kind}({', '.join(map(str, self.operands))})"
 
 
-#: a body's name, or a Boolean
-Tree = str | Operation
+@dataclass(frozen=True)
+class Pattern:
+    """Copies of a body, or of a Boolean: the text of its operands, and where the copies lie.
+
+    The places are known once the parameters have values. Copies are named ``tooth[0]``,
+    ``tooth[1]`` …
+    """
+
+    kind: str
+    operand: Tree
+    texts: tuple[str, ...]
+    copies: tuple[Placement, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.kind}({', '.join((str(self.operand), *self.texts))})"
+
+
+#: a body's name, a Boolean, or copies of one
+Tree = str | Operation | Pattern
 
 
 @dataclass(frozen=True)
@@ -47,7 +72,7 @@ class Bodies:
     """The point equations of several bodies and how they make one solid."""
 
     equations: Mapping[str, PointEquation]
-    result: Operation
+    result: Operation | Pattern
     name: str
     title: str
     about: str
@@ -62,7 +87,7 @@ class BodiesTemplate(Header):
 
     #: each a template of its own, with the parameters and points of all
     bodies: tuple[Template, ...]
-    result: Operation
+    result: Operation | Pattern
     #: reads what is expected of the result, with values for the parameters and other points
     _expected: Any = field(repr=False)
 
@@ -86,9 +111,14 @@ class BodiesTemplate(Header):
         equations = {body.name: body.bind(values) for body in self.bodies}
         given = next(iter(equations.values())).parameters
         bound, moved = self.values(values)
-        expected = expectations(self._expected(bound, moved)["expected"])
+        head = self._expected(bound, moved)
+        expected = expectations(head["expected"])
+        try:
+            result = cast("Operation | Pattern", _placed(self.result, head["names"]))
+        except InputError as error:
+            raise TemplateError(f"{self.name}: result: {error}") from error
         return Bodies(
-            equations, self.result, self.name, self.title, self.about, self.units, given, expected
+            equations, result, self.name, self.title, self.about, self.units, given, expected
         )
 
 
@@ -105,7 +135,7 @@ def read_bodies(name: str, file: str, data: dict[str, Any]) -> BodiesTemplate:
     shared: dict[str, Any] = {k: data[k] for k in (*TEXTS, *_SHARED) if k in data}
     head = partial(_shared, file, {**shared, "expect": data.get("expect", {})})
     known = head({}, {})
-    del known["expected"]
+    del known["expected"], known["names"]
     bodies = []
     for body, row in rows.items():
         common, own_lets = tables.table("let"), row.get("let", {})
@@ -136,7 +166,7 @@ def _rows(tables: Tables) -> dict[str, dict[str, Any]]:
     raw = tables.data.get("bodies", [])
     if not isinstance(raw, list) or not all(isinstance(row, dict) for row in raw):
         tables.fail("bodies", "each body is a table of its own, [[bodies]]")
-    if len(raw) < 2:
+    if len(raw) < (1 if any(name in str(tables.data.get("result")) for name in PATTERNS) else 2):
         tables.fail("bodies", f"a result needs two bodies or more, [[bodies]]; here are {len(raw)}")
     if len(raw) > MOST_BODIES:
         tables.fail("bodies", f"there are {len(raw)} bodies; at most {MOST_BODIES} are allowed")
@@ -147,12 +177,12 @@ def _rows(tables: Tables) -> dict[str, dict[str, Any]]:
         if not isinstance(name, str):
             tables.fail(f"body {number}", 'needs a name, name = "…"')
         key = f"body {shown(name)}"
-        if name in KINDS:
+        if name in (*KINDS, *PATTERNS):
             tables.fail(key, f"the name {name} is reserved")
         names.define(key, name, None)
         if name in rows:
             tables.fail(key, f"the name {name} is defined twice")
-        common = [part for part in row if part in ("parameters", "points", "curves")]
+        common = [part for part in row if part in _SHARED and part != "let"]
         if common:
             tables.fail(f"{key}: {common[0]}", f"is common to all bodies: write [{common[0]}] once")
         tables.check_keys(row, ("name", "about", *_BODY_TABLES), f"{key}: ")
@@ -160,13 +190,13 @@ def _rows(tables: Tables) -> dict[str, dict[str, Any]]:
     return rows
 
 
-def _result(tables: Tables, bodies: list[str]) -> Operation:
+def _result(tables: Tables, bodies: list[str]) -> Operation | Pattern:
     text = tables.text("result")
     if not text:
         tables.fail("result", f'is missing: how the bodies join, for example "union({bodies[0]}, '
                     f'{bodies[1]})"')  # fmt: skip
     try:
-        tree = _operation(parse(text), bodies)
+        tree = _operation(parse(text), text, bodies)
     except InputError as error:
         tables.fail("result", str(error))
     if isinstance(tree, str):
@@ -174,10 +204,20 @@ def _result(tables: Tables, bodies: list[str]) -> Operation:
     unused = [name for name in bodies if name not in set(_names(tree))]
     if unused:
         tables.fail("result", f"the body {unused[0]} is not used")
-    return cast(Operation, tree)
+    return cast("Operation | Pattern", tree)
 
 
-def _operation(node: Node, bodies: list[str]) -> Tree:
+def _placed(tree: Tree, known: tuple[Mapping[str, Named], Curves]) -> Tree:
+    """Return the tree with the places of its copies."""
+    if isinstance(tree, str):
+        return tree
+    if isinstance(tree, Operation):
+        return Operation(tree.kind, tuple(_placed(operand, known) for operand in tree.operands))
+    copies = placements(tree.kind, tree.texts, *known)
+    return replace(tree, operand=_placed(tree.operand, known), copies=copies)
+
+
+def _operation(node: Node, text: str, bodies: list[str]) -> Tree:
     if isinstance(node, NameNode):
         if node.name not in bodies:
             raise ExpressionSyntaxError(
@@ -189,14 +229,19 @@ def _operation(node: Node, bodies: list[str]) -> Tree:
             "bodies are joined by union(a, b), cut(a, b) and intersect(a, b); sums of points "
             "belong into an equation", node.column,
         )  # fmt: skip
+    if node.name in PATTERNS:
+        check_operands(node)
+        body = _operation(node.operands[0], text, bodies)
+        return Pattern(node.name, body, operand_texts(text, node)[1:])
     if node.name not in KINDS:
+        known = (*KINDS, *PATTERNS)
         raise ExpressionSyntaxError(
-            f"'{node.name}' is none of {', '.join(KINDS)}{nearest(node.name, KINDS)}", node.column
+            f"'{node.name}' is none of {', '.join(known)}{nearest(node.name, known)}", node.column
         )
     if len(node.operands) < 2:
         raise ExpressionSyntaxError(f"{node.name} takes two bodies or more", node.column)
     return Operation(
-        cast(Kind, node.name), tuple(_operation(operand, bodies) for operand in node.operands)
+        cast(Kind, node.name), tuple(_operation(operand, text, bodies) for operand in node.operands)
     )
 
 
@@ -204,5 +249,5 @@ def _names(tree: Tree) -> Iterator[str]:
     if isinstance(tree, str):
         yield tree
     else:
-        for operand in tree.operands:
+        for operand in tree.operands if isinstance(tree, Operation) else (tree.operand,):
             yield from _names(operand)

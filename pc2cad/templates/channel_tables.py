@@ -77,16 +77,15 @@ def attempt(tables: Tables, key: str, make: Callable[[], Any]) -> Any:
 # -- [curves] --------------------------------------------------------------------------------------
 
 
-def read_curves(tables: Tables) -> None:
-    """Define NAME_x(t) and NAME_y(t) for every curve."""
-    for name, raw in tables.table("curves").items():
-        key = f"[curves.{shown(name)}]"
-        kind = _check_kind(tables, key, raw, CURVES)
-        pair = attempt(tables, key, partial(_curve, tables, key, kind, raw))
-        tables.define(key, name, None)
-        for axis, function in zip("xy", pair, strict=True):
-            tables.define(key, f"{name}_{axis}", None)
-            tables.curves[f"{name}_{axis}"] = function
+def read_curve(tables: Tables, name: str, raw: Any) -> None:
+    """Define NAME_x(t) and NAME_y(t) for a curve."""
+    key = f"[curves.{shown(name)}]"
+    kind = _check_kind(tables, key, raw, CURVES)
+    pair = attempt(tables, key, partial(_curve, tables, key, kind, raw))
+    tables.define(key, name, None)
+    for axis, function in zip("xy", pair, strict=True):
+        tables.define(key, f"{name}_{axis}", None)
+        tables.curves[f"{name}_{axis}"] = function
 
 
 def _curve(tables: Tables, key: str, kind: str, raw: dict[str, Any]) -> curves.Curve:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from pc2cad.equation.language import PARAMETER_NAMES, read_expression
+from pc2cad.equation.language import PARAMETER_NAMES, Named, read_expression
 from pc2cad.equation.points import Combination, Kind, Value, kind_of
 from pc2cad.errors import InputError
 from pc2cad.expression.derivatives import derivatives
@@ -99,10 +99,11 @@ class _System:
         self._symbols = Symbols()
         #: names that symbols of coordinates must not be taken for
         self._taken = {p.name for p in template.parameters} | {d.name for d in template.lets}
-        self._names: dict[str, Value] = {p.name: symbol(p.name) for p in template.parameters}
+        self._names: dict[str, Named] = dict(template.data)
+        self._names |= {p.name: symbol(p.name) for p in template.parameters}
         self._names |= {p: symbol(p) for p in PARAMETER_NAMES}
         functions = [*template.curves, *(["depth"] if template.layers else [])]
-        self._curves = {name: self._curve(name, 0) for name in functions}
+        self._curves = {name: self._function(name) for name in functions}
         #: scalars of [let] as trees, to be seen through where weights must be added up
         self._scalars: dict[str, Expr] = {}
         for definition in (*template.points, *template.carried):
@@ -179,18 +180,47 @@ class _System:
 
         return self._symbols.make(text, Opaque(latex, derivative))
 
-    def _curve(self, name: str, order: int) -> Callable[[Expr], Expr]:
-        primes = "'" * order
+    def _function(self, name: str) -> Callable[..., Value]:
+        """Return a function of the template; one with points for values has symbols for each."""
+        if not getattr(self._template.curves.get(name), "is_point", False):
+            return self._curve(name)
+        x, y, z = (self._curve(name, axis=axis) for axis in AXES)
 
-        def at(t: Expr) -> Expr:
-            latex = rf"{name_latex(name)}{primes}\left({self._symbols.latex(t)}\right)"
+        def at(*operands: Expr) -> Combination:
+            return Combination(x(*operands), y(*operands), z(*operands), ONE)
+
+        at.arity = getattr(x, "arity", 1)  # type: ignore[attr-defined]
+        return at
+
+    def _curve(self, name: str, along: tuple[int, ...] = (), axis: str = "") -> Callable[..., Expr]:
+        """Return a function of the template, or its partial derivative along some operands.
+
+        Of one with points for values, the coordinate along an axis.
+        """
+        arity = getattr(self._template.curves.get(name), "arity", 1)
+        own = f"{axis}_{name}" if axis else name
+        primes = "'" * len(along) if arity == 1 else ""
+        places = "" if arity == 1 or not along else ",".join(str(i + 1) for i in along)
+
+        def at(*operands: Expr) -> Expr:
+            listed = ", ".join(self._symbols.latex(x) for x in operands)
+            partial = rf"\partial_{{{places}}} " if places else ""
+            latex = rf"{partial}{name_latex(own)}{primes}\left({listed}\right)"
 
             def derivative(parameter: str) -> Expr:
-                inner = self._symbols.total(t, parameter)
-                return inner * self._curve(name, order + 1)(t) if inner is not ZERO else ZERO
+                total = ZERO
+                for i, operand in enumerate(operands):
+                    inner = self._symbols.total(operand, parameter)
+                    if inner is not ZERO:
+                        order = tuple(sorted((*along, i)))
+                        total = total + inner * self._curve(name, order, axis)(*operands)
+                return total
 
-            return self._symbols.make(f"{name}{primes}({as_text(t)})", Opaque(latex, derivative))
+            label = f"d[{places}] {own}" if places else f"{own}{primes}"
+            text = f"{label}({', '.join(as_text(x) for x in operands)})"
+            return self._symbols.make(text, Opaque(latex, derivative))
 
+        at.arity = arity  # type: ignore[attr-defined]
         return at
 
     def _read(self, definition: Definition) -> Value:
@@ -207,7 +237,7 @@ class _System:
     def _see_through(self, tree: Expr) -> Expr:
         return substitute((tree,), self._scalars)[0]
 
-    def _read_with(self, text: str, names: Mapping[str, Value]) -> Value:
+    def _read_with(self, text: str, names: Mapping[str, Named]) -> Value:
         """Read an expression; its derivatives reach through the symbols."""
         known = dict(names)
         while (found := list(re.finditer(r"\bdiff\s*\(", text))) != []:

@@ -12,7 +12,8 @@ from typing import Final
 from pc2cad.expression.budget import bounded
 from pc2cad.templates.bodies import BodiesTemplate, read_bodies
 from pc2cad.templates.reader import read_tables
-from pc2cad.templates.scan import check_numbers, check_text
+from pc2cad.templates.scan import check_numbers, check_text, unquoted_expression
+from pc2cad.templates.shipped import find_template
 from pc2cad.templates.template import Template, TemplateError
 from pc2cad.trust.names import clean
 
@@ -20,8 +21,17 @@ LARGEST_FILE: Final = 256 * 1024
 
 
 def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
-    """Read a template of one solid or of several bodies; raise TemplateError for any mistake."""
-    return parse_template(read_template_text(Path(path)), Path(path).stem, str(path))
+    """Read a template of one solid or of several bodies: a file's, or a shipped one by its name.
+
+        duct = pc.read_template("duct").bind({"wall": 2})
+
+    Raises TemplateError for any mistake, UnknownTemplateError where there is no such template.
+    """
+    found, name = Path(path), os.fspath(path)
+    # a bare word is a name; what looks like a file and is none says so
+    if found.name == name and not found.suffix:
+        found = find_template(name)
+    return parse_template(read_template_text(found), found.stem, str(found))
 
 
 def parse_template(text: str, name: str, file: str = "template") -> Template | BodiesTemplate:
@@ -32,7 +42,8 @@ def parse_template(text: str, name: str, file: str = "template") -> Template | B
         # as_float keeps decimals exact: 0.1 is one tenth
         data = tomllib.loads(text, parse_float=_decimal)
     except tomllib.TOMLDecodeError as error:
-        raise TemplateError(f"{file}: not valid TOML: {error}") from error
+        unquoted = unquoted_expression(text, str(error))
+        raise TemplateError(f"{file}: {unquoted or f'not valid TOML: {error}'}") from error
     except ValueError as error:  # Python converts no decimals of over 4300 digits
         raise TemplateError(f"{file}: a number has thousands of digits") from error
     except (RecursionError, MemoryError) as error:

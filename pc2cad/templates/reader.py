@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.channels.layers import depth
-from pc2cad.equation.language import PARAMETER_NAMES, read_expression
+from pc2cad.equation.language import PARAMETER_NAMES, Listed, Named, read_expression
 from pc2cad.equation.point_equation import UNITS, Interval
 from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
 from pc2cad.errors import InputError
 from pc2cad.expression.budget import bounded
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, ZERO, Expr, symbol
-from pc2cad.templates.channel_tables import attempt, read_curves, read_frame, read_guide
+from pc2cad.templates.channel_tables import attempt, read_curve, read_frame, read_guide
+from pc2cad.templates.order import Entry, entries, in_order
+from pc2cad.templates.series_tables import read_series
 from pc2cad.templates.tables import Tables, shown, written
 from pc2cad.templates.template import Definition, Moved, Parameter, Template
 from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
+if TYPE_CHECKING:
+    from pc2cad.channels.frames import Frame
+    from pc2cad.channels.guides import Guide
+
 TEXTS: Final = ("title", "about", "source", "units")
 TABLES: Final = (
-    "parameters", "points", "domain", "curves", "guide", "frame", "layers", "let", "solid",
-    "expect",
+    "parameters", "points", "domain", "data", "curves", "fourier", "tables", "guide", "frame",
+    "layers", "let", "solid", "expect",
 )  # fmt: skip
 _EXPECTED: Final = (
     "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
@@ -51,6 +58,19 @@ def read_tables(
         return Reader(file, data, bound, moved).template(name)
 
 
+@dataclass
+class _Found:
+    """What the entries of a template define, as they are read one after the other."""
+
+    data: dict[str, Listed] = field(default_factory=dict)
+    curves: dict[str, Any] = field(default_factory=dict)
+    guide: Guide | None = None
+    frame: Frame | None = None
+    carried: list[Definition] = field(default_factory=list)
+    layers: list[Definition] = field(default_factory=list)
+    lets: list[Definition] = field(default_factory=list)
+
+
 class Reader(Tables):
     """Reads the tables in the order in which they may refer to one another."""
 
@@ -73,33 +93,73 @@ class Reader(Tables):
         parameters = self._parameters()
         domain = self._domain()
         points = self._points()
-        read_curves(self)
-        self.names |= {p: symbol(p) for p in PARAMETER_NAMES}
-        u = self.bound(domain[0][0]), self.bound(domain[0][1])
-        guide, carried = read_guide(self, u)
-        frame, normals = read_frame(self, guide)
-        curves, layers = dict(self.curves), self._layers()
-        written_out = carried if "N" in self.table("guide") else []
-        carried = [] if written_out else carried
-        lets = (*written_out, *self._lets())
+        found = self._entries(("guide", "frame", "layers"), domain)
         solid, M = self._solid()
         return Template(
-            name, **texts, parameters=parameters, points=points, curves=curves,
-            guide=guide, frame=frame, carried=(*carried, *normals), layers=layers, lets=lets,
-            domain=domain, solid=solid, M=M, expected=self._expected(),
-            _again=partial(read_tables, name, self.file, self.data),
+            name, **texts, parameters=parameters, points=points, curves=found.curves,
+            data=found.data, guide=found.guide, frame=found.frame, carried=tuple(found.carried),
+            layers=tuple(found.layers), lets=tuple(found.lets), domain=domain, solid=solid, M=M,
+            expected=self._expected(), _again=partial(read_tables, name, self.file, self.data),
             _given=(self._bound, self._moved),
         )  # fmt: skip
 
     def shared(self) -> dict[str, Any]:
         """Return what bodies have in common, and what is expected of their result."""
         texts, parameters, points = self.texts(), self._parameters(), self._points()
-        read_curves(self)
-        self.names |= {p: symbol(p) for p in PARAMETER_NAMES}
-        self._lets()
+        self._entries((), None)
         return {
             **texts, "parameters": parameters, "points": points, "expected": self._expected(),
+            "names": (self.names, self.curves),
         }  # fmt: skip
+
+    def _entries(
+        self, whole: tuple[str, ...], domain: tuple[Interval, Interval, Interval] | None
+    ) -> _Found:
+        """Read the entries of all tables that may mention one another, each after what it does."""
+        self.names |= {p: symbol(p) for p in PARAMETER_NAMES}
+        sections = {
+            key: self.table(key) for key in ("data", "curves", "fourier", "tables", *whole, "let")
+            if key not in whole or key in self.data
+        }  # fmt: skip
+        found = _Found()
+        for entry in in_order(entries(sections), self.fail):
+            match entry.section:
+                case "data":
+                    from pc2cad.templates.data_tables import read_list  # it loads NumPy
+
+                    found.data[entry.name] = read_list(self, entry.name, entry.raw)
+                case "curves":
+                    self._without_parameters(read_curve, entry)
+                case "fourier":
+                    self._without_parameters(read_series, entry)
+                case "tables":
+                    from pc2cad.templates.data_tables import read_table
+
+                    read_table(self, entry.name, entry.raw)
+                case "guide":
+                    assert domain is not None
+                    found.guide, carried = read_guide(self, self._run(domain))
+                    (found.lets if "N" in entry.raw else found.carried).extend(carried)
+                case "frame":
+                    found.frame, carried = read_frame(self, found.guide)
+                    found.carried += carried
+                case "layers":
+                    found.layers += self._layers()
+                case _:
+                    found.lets.append(self._let(entry.name, entry.raw))
+        found.curves.update(
+            {n: f for n, f in self.curves.items() if n != "depth" or not found.layers}
+        )
+        return found
+
+    def _without_parameters(self, read: Callable[[Tables, str, Any], None], entry: Entry) -> None:
+        """Read an entry in which u, v and w mean nothing, or something else."""
+        parameters = {p: self.names.pop(p) for p in PARAMETER_NAMES}
+        read(self, entry.name, entry.raw)
+        self.names |= parameters
+
+    def _run(self, domain: tuple[Interval, Interval, Interval]) -> tuple[Value, Value]:
+        return self.bound(domain[0][0]), self.bound(domain[0][1])
 
     def texts(self) -> dict[str, str]:
         """Return title, about, source and units."""
@@ -160,7 +220,7 @@ class Reader(Tables):
         self.names |= {d.name: d.value for d in moved}
         return tuple(moved)
 
-    def _current(self, fixed: Definition, known: Mapping[str, Value]) -> Definition:
+    def _current(self, fixed: Definition, known: Mapping[str, Named]) -> Definition:
         raw = self._moved[fixed.name]
         key = f"the point {fixed.name}"
         try:
@@ -212,14 +272,11 @@ class Reader(Tables):
             self.curves["depth"] = attempt(self, key, lambda: depth(values))
         return tuple(result)
 
-    def _lets(self) -> tuple[Definition, ...]:
-        result = []
-        for name, raw in self.table("let").items():
-            key = f"[let] {shown(name)}"
-            value = self.expression(key, raw) if isinstance(raw, str) else self.scalar(key, raw)
-            self.define(key, name, value)
-            result.append(Definition(name, written(raw), value))
-        return tuple(result)
+    def _let(self, name: str, raw: object) -> Definition:
+        key = f"[let] {shown(name)}"
+        value = self.expression(key, raw) if isinstance(raw, str) else self.scalar(key, raw)
+        self.define(key, name, value)
+        return Definition(name, written(raw), value)
 
     def _solid(self) -> tuple[tuple[Definition, ...], Combination]:
         table = self.table("solid")

@@ -87,3 +87,28 @@ def _has_giant(data: dict[str, Any]) -> bool:
             elif isinstance(inner, int) and abs(inner) > LARGEST_CONSTANT:
                 return True
     return False
+
+
+_PLACE: Final = re.compile(r"\(at line (\d+), column (\d+)\)")
+#: what stands between a value's beginning and its end, outside quotes
+_EXPRESSION: Final = re.compile(r"[A-Za-z0-9_.+*/^()<>, -]*[A-Za-z+*/^(][A-Za-z0-9_.+*/^()<>, -]*")
+
+
+def unquoted_expression(text: str, error: str) -> str:
+    """Return what is wrong where a parser of TOML stopped at an expression without quotes, or ''.
+
+    `error` is the parser's sentence, which ends with the place.
+    """
+    place = _PLACE.search(error)
+    if place is None:
+        return ""
+    number, column = int(place[1]), int(place[2])
+    line = text.split("\n")[number - 1][:200]
+    start = max(line.rfind(mark, 0, column) for mark in "=[{,") + 1
+    value = line[start:].partition("#")[0]
+    alone = line[start - 1 : start] == "=" and "{" not in line[:start]
+    value = (value if alone else re.split(r"[],}]", value)[0]).strip()
+    if not _EXPRESSION.fullmatch(value) or (start and "=" not in line[:start]):
+        return ""
+    key = shown(line[:start]) + " " if alone else ""
+    return f'line {number}: an expression stands in quotes: {key}"{value}"'

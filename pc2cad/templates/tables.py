@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Any, Final
 
-from pc2cad.equation.language import RESERVED_NAMES, nearest, read_expression
+from pc2cad.equation.language import FUNCTION_NAMES, RESERVED_NAMES, Named, nearest, read_expression
 from pc2cad.equation.points import Combination, Value, kind_of
 from pc2cad.errors import InputError
 from pc2cad.expression.scalar import evaluate
@@ -25,7 +25,7 @@ class Tables:
     def __init__(self, file: str, data: dict[str, Any]) -> None:
         self.file = file
         self.data = data
-        self.names: dict[str, Value] = {}
+        self.names: dict[str, Named] = {}
         #: functions that [curves] defines
         self.curves: dict[str, Any] = {}
         #: parameters -> their values, or their defaults while none are given
@@ -83,11 +83,11 @@ class Tables:
         except InputError as error:
             return self.fail(key, str(error))  # type: ignore[no-any-return]
 
-    def define(self, key: str, name: str, value: Value | None) -> None:
+    def define(self, key: str, name: str, value: Named | None, function: bool = False) -> None:
         """Add a name, which must be new, well formed and not reserved."""
         if not is_identifier(name):
             self.fail(key, f"'{shown(name)}' is not a name (a letter, then letters, digits, _)")
-        if name in RESERVED_NAMES:
+        if name in RESERVED_NAMES or (function and name in FUNCTION_NAMES):
             self.fail(key, f"the name {name} is reserved")
         if name in self.names or name in self.curves:
             self.fail(key, f"the name {name} is defined twice")

@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from pc2cad.equation.language import nearest, read_expression
+from pc2cad.equation.language import Listed, nearest, read_expression
 from pc2cad.equation.point_equation import (
     Expectations,
     Interval,
@@ -20,7 +20,7 @@ from pc2cad.equation.points import Combination, Value
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr, Number, as_expr
+from pc2cad.expression.tree import Expr, Number, as_expr, symbol
 
 if TYPE_CHECKING:
     from pc2cad.channels.frames import Frame
@@ -101,7 +101,10 @@ class Header:
 class Template(Header):
     """A template as read: every expression is a tree in its parameters and u, v, w."""
 
+    #: functions that [curves] and [tables] define
     curves: Mapping[str, Any]
+    #: lists of [data]
+    data: Mapping[str, Listed]
     guide: Guide | None
     frame: Frame | None
     #: the points that [guide] and [frame] define: N, and R and Q
@@ -177,7 +180,12 @@ class Template(Header):
             else "",
             mover=mover,
         )
-        return equation.layered([layer.name for layer in self.layers])
+        if not self.layers:
+            return equation
+        from pc2cad.channels.layers import depth
+
+        below = depth([layer.value for layer in self.layers if isinstance(layer.value, Expr)])
+        return equation.layered([layer.name for layer in self.layers], below(symbol("w")))
 
 
 def expectations(expected: Mapping[tuple[str, ...], tuple[Expr, ...]]) -> Expectations:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
+import tempfile
+import webbrowser
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +22,7 @@ from pc2cad.picture.colours import viridis
 from pc2cad.picture.scene import Surface
 from pc2cad.picture.sides import Sides
 from pc2cad.report import FaceReport, Report
+from pc2cad.viewer.page import Variant, page
 
 #: angle in radians between neighbouring tangents of a page's grid
 TURN = 0.09
@@ -53,6 +58,19 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
     ]
     header["edges"] = [block.add(path, "<f4") for path in edges]
     return block.packed(header)
+
+
+def page_of(part: Part) -> bytes:
+    """Return the page of one part."""
+    return page(part.title, (), (Variant(payload(part)),), live=False)
+
+
+def open_page(part: Part) -> None:
+    """Open the page of one part in the browser, from a temporary file."""
+    handle, path = tempfile.mkstemp(suffix=".html", prefix="pc2cad-")
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(page_of(part))
+    webbrowser.open(Path(path).as_uri())
 
 
 class _Block:
@@ -106,15 +124,15 @@ def _face(known: FaceReport, shown: Surface, block: _Block) -> dict[str, Any]:
 
 def _others(part: Part, sides: Sides, block: _Block) -> list[dict[str, Any]]:
     """Return the sides that are no faces: collapsed ones with their image, and interfaces."""
-    images = {name: (side, path) for name, side, path in sides.collapsed(120)}
+    images = {side.patch: path for side, path in sides.collapsed(120)}
     result: list[dict[str, Any]] = []
-    for known in part.report.sides:
+    for side, known in zip(part.model.complex.sides, part.report.sides, strict=True):
         if known.fate == "face":
             continue
         other: dict[str, Any] = {"name": known.name, "fate": known.fate, "detail": known.detail}
         other |= {"verdict": known.verdict, "path": None}
-        if known.name in images:
-            side, path = images[known.name]
+        if side.patch in images:
+            path = images[side.patch]
             other |= {"path": block.add(path, "<f4"), "colour": side_colour(side.patch)}
         result.append(other)
     return result

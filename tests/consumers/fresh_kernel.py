@@ -90,11 +90,12 @@ def _load(path: str) -> Any:
 def _counts(shape: Any) -> dict[str, int]:
     from OCP.TopAbs import TopAbs_ShapeEnum as Kind
     from OCP.TopExp import TopExp
-    from OCP.TopTools import TopTools_IndexedMapOfShape
+
+    from pc2cad.brep import kernel
 
     counts = {}
     for name in ("solid", "shell", "face", "edge", "vertex"):
-        found = TopTools_IndexedMapOfShape()
+        found = kernel.IndexedMapOfShape()
         TopExp.MapShapes_s(shape, getattr(Kind, f"TopAbs_{name.upper()}"), found)
         counts["vertices" if name == "vertex" else f"{name}s"] = found.Extent()
     return counts
@@ -105,18 +106,18 @@ def _free_edges(shape: Any) -> int:
     from OCP.BRep import BRep_Tool
     from OCP.TopAbs import TopAbs_ShapeEnum as Kind
     from OCP.TopExp import TopExp
-    from OCP.TopoDS import TopoDS
-    from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
-    parents = TopTools_IndexedDataMapOfShapeListOfShape()
+    from pc2cad.brep import kernel
+
+    parents = kernel.IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndUniqueAncestors_s(shape, Kind.TopAbs_EDGE, Kind.TopAbs_FACE, parents)
     free = 0
     for index in range(1, parents.Extent() + 1):
-        edge = TopoDS.Edge_s(parents.FindKey(index))
+        edge = kernel.as_edge(parents.FindKey(index))
         faces = list(parents.FindFromIndex(index))
         if len(faces) >= 2 or BRep_Tool.Degenerated_s(edge):
             continue
-        if not faces or not BRep_Tool.IsClosed_s(edge, TopoDS.Face_s(faces[0])):
+        if not faces or not BRep_Tool.IsClosed_s(edge, kernel.as_face(faces[0])):
             free += 1
     return free
 

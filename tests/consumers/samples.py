@@ -20,14 +20,13 @@ from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
 from OCP.STEPCAFControl import STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Controller, STEPControl_Writer
-from OCP.TColgp import TColgp_Array2OfPnt
 from OCP.TCollection import TCollection_ExtendedString
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopoDS import TopoDS
 from OCP.XCAFApp import XCAFApp_Application
 from OCP.XCAFDoc import XCAFDoc_Area, XCAFDoc_Centroid, XCAFDoc_DocumentTool, XCAFDoc_Volume
 from scipy.interpolate import BSpline
+
+from pc2cad.brep.kernel import Array1OfInteger, Array1OfReal, Array2OfPnt, as_shell
 
 AP214, AP242 = 4, 5
 
@@ -129,18 +128,18 @@ class SplineSolid:
         for net in (p[:, :, 0], lid):
             sewing.Add(BRepBuilderAPI_MakeFace(self._surface(net), 1e-7).Face())
         sewing.Perform()
-        solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(sewing.SewedShape())).Solid()
+        solid = BRepBuilderAPI_MakeSolid(as_shell(sewing.SewedShape())).Solid()
         BRepLib.OrientClosedSolid_s(solid)
         return cq.Solid(solid)
 
     def _surface(self, net: Any) -> Geom_BSplineSurface:
         rows, columns = net.shape[:2]
-        poles = TColgp_Array2OfPnt(1, rows, 1, columns)
+        poles = Array2OfPnt(1, rows, 1, columns)
         for i, j in np.ndindex(rows, columns):
             poles.SetValue(i + 1, j + 1, gp_Pnt(*net[i, j].tolist()))
         values, counts = np.unique(self.knots, return_counts=True)
-        knots = TColStd_Array1OfReal(1, len(values))
-        multiplicities = TColStd_Array1OfInteger(1, len(values))
+        knots = Array1OfReal(1, len(values))
+        multiplicities = Array1OfInteger(1, len(values))
         for i, (value, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True)):
             knots.SetValue(i + 1, value)
             multiplicities.SetValue(i + 1, count)

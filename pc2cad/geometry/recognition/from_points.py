@@ -1,4 +1,4 @@
-"""A face laid on the surface that its points lie on, whatever its own parameters are.
+"""A face on the surface that carries its points, whatever its own parameters are.
 
 The surface is found from points and normals; angles over the face are made continuous on a grid, so
 that every side of the face, along any curve, gets its own continuous parameters on the surface.
@@ -35,6 +35,7 @@ from pc2cad.geometry.parameter_path import ROUNDING, path
 from pc2cad.geometry.point_inversion import TURN, along_curve, distance_from_axis, periods, places
 from pc2cad.geometry.recognition.conics import Branch, Oval, conic_through
 from pc2cad.geometry.recognition.kinematic import free_motions, sweep_through, tidy
+from pc2cad.geometry.recognition.meridians import meets_axis, rational_meridian
 
 #: points (len(s), len(t), 3) of a face over local parameters
 Sampler = Callable[[Array, Array], Array]
@@ -139,6 +140,10 @@ class Fitted:
             if self._angles[k]:
                 right = np.round(ends[:, k] * 4 / TURN) * (TURN / 4)
                 ends[:, k] = np.where(np.abs(ends[:, k] - right) <= SAME, right, ends[:, k])
+        if isinstance(self.carrier, Revolution) and isinstance(self.carrier.basis, SplineCurve):
+            # a spline's parameter begins at 0 and ends at 1
+            whole = np.round(ends[:, 1])
+            ends[:, 1] = np.where(np.abs(ends[:, 1] - whole) <= SAME, whole, ends[:, 1])
         (a, b), (c, d) = ends.tolist()
         return Segment((a, b), (c, d))
 
@@ -196,7 +201,7 @@ def irrational(count: int) -> Array:
 
 
 def fit(sample: Sampler, normals: Sampler, slack: float) -> Fitted | None:
-    """Return a face laid on the surface that its points lie on within a distance, or None."""
+    """Return a face on the surface that carries its points within a distance, or None."""
     inner = irrational(9)
     points, directions = sample(inner, inner).reshape(-1, 3), normals(inner, inner).reshape(-1, 3)
     lengths = np.linalg.norm(directions, axis=1)
@@ -239,6 +244,12 @@ def _placed(carrier: AnalyticSurface, grid: Array, size: float) -> Fitted | None
     for k, closes in enumerate(periods(carrier)):
         if closes:
             unrolled[..., k] -= TURN * np.floor((unrolled[..., k].min() + SAME) / TURN)
+    if isinstance(carrier, Revolution) and meets_axis(carrier):
+        assert isinstance(carrier.basis, Arc)
+        low, high = unrolled[..., 1].min(), unrolled[..., 1].max()
+        points = carrier.basis.points(unrolled[..., 1].ravel())
+        carrier = rational_meridian(carrier, float(low), float(high), size)
+        unrolled[..., 1] = along_curve(carrier.basis, points).reshape(unrolled.shape[:2])
     return Fitted(_tidied(carrier, size), size, unrolled)
 
 

@@ -37,6 +37,8 @@ from pc2cad.geometry.recognition.placement import (
 )
 from pc2cad.geometry.recognition.separable_form import CONSTANT, Axis, Separation, Term
 
+#: share of its radius by which a circle has to stay off the axis to be a torus
+FREE_OF_AXIS = 1e-9
 #: relations between vectors hold to this many times their rounding
 SAME = 10
 
@@ -50,6 +52,16 @@ def lay(form: Separation) -> SurfacePlacement | None:
             return placement
     for axis in (0, 1):
         placement = _extruded(form, axis)
+        if placement:
+            return placement
+    return None
+
+
+def lay_turned(form: Separation) -> SurfacePlacement | None:
+    """Return a face as a revolution whatever functions its meridian is made of, or None."""
+    for axis in (0, 1):
+        turned = _revolved(form, axis)
+        placement = turned and _place_meridian(form, axis, turned, any_profile=True)
         if placement:
             return placement
     return None
@@ -131,7 +143,9 @@ def _upside_down(turned: _Revolved) -> _Revolved:
     return _Revolved(turned.multiple, turned.origin, axes, turned.radius, height)
 
 
-def _place_meridian(form: Separation, axis: int, turned: _Revolved) -> SurfacePlacement | None:
+def _place_meridian(
+    form: Separation, axis: int, turned: _Revolved, any_profile: bool = False
+) -> SurfacePlacement | None:
     other = form.axes[1 - axis]
     terms = [t for t in {**turned.radius, **turned.height} if t != CONSTANT]
     steps = {t: np.array([turned.radius.get(t, 0.0), turned.height.get(t, 0.0)]) for t in terms}
@@ -156,7 +170,7 @@ def _place_meridian(form: Separation, axis: int, turned: _Revolved) -> SurfacePl
     frame = frame_on(turned.origin, turned.axes[2], x)
     if straight:
         return _straight(meridian, frame, a, conical)
-    return _round(meridian, frame, a) or _profiled(meridian, frame, a)
+    return _round(meridian, frame, a) or _profiled(meridian, frame, a, any_profile)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +215,11 @@ def _straight(meridian: _Meridian, frame: Frame, a: Along, conical: bool) -> Sur
 
 
 def _round(meridian: _Meridian, frame: Frame, a: Along) -> SurfacePlacement | None:
-    """Return a sphere or a torus (or a spindle, as a revolution), where the meridian is an arc."""
+    """Return a sphere or a torus where the meridian is an arc.
+
+    None for a circle that touches or crosses the axis: readers of STEP files take all of such a
+    circle for the face's, and a rational spline, which is an arc of it only, as what it is.
+    """
     waves = set(meridian.steps)
     k = next(iter(waves)).order
     if not waves <= {Term("cos", k), Term("sin", k)}:
@@ -222,13 +240,9 @@ def _round(meridian: _Meridian, frame: Frame, a: Along) -> SurfacePlacement | No
     along = Along(1 - a.axis, lambda t: _snap(raw(t)))
     if on_axis:
         return SurfacePlacement(lambda _: Sphere(frame, radius), a, along)
-    if meridian.radius > radius:
+    if meridian.radius > radius * (1 + FREE_OF_AXIS):
         return SurfacePlacement(lambda _: Torus(frame, meridian.radius, radius), a, along)
-    low, high = sorted(along.ends)
-    plane = np.array([frame.axes[0], frame.axes[2], -frame.axes[1]])
-    centre = frame.origin + meridian.radius * frame.axes[0]
-    basis = Arc(Frame(centre, plane), (radius, radius), low, high)
-    return SurfacePlacement(lambda _: Revolution(basis, frame), a, along)
+    return None
 
 
 def _snap(angle: Array) -> Array:
@@ -237,8 +251,10 @@ def _snap(angle: Array) -> Array:
     return np.where(np.abs(angle - whole) < SAME_ANGLE, whole, angle)
 
 
-def _profiled(meridian: _Meridian, frame: Frame, a: Along) -> SurfacePlacement | None:
-    if meridian.axis.kind == "other":
+def _profiled(
+    meridian: _Meridian, frame: Frame, a: Along, any_profile: bool
+) -> SurfacePlacement | None:
+    if meridian.axis.kind == "other" and not any_profile:
         return None
     ends = a.ends
     other = 1 - a.axis

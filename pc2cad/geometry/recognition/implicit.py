@@ -31,7 +31,7 @@ from pc2cad.geometry.carriers import (
     Torus,
     frame_on,
 )
-from pc2cad.geometry.point_inversion import conic_shares
+from pc2cad.geometry.point_inversion import conic_pieces, conic_shares
 
 Point = Sequence[Expr]
 #: a polynomial that is zero on the carrier, and one of the same size that is not
@@ -140,7 +140,7 @@ def _plane_of(conic: Arc | SplineCurve) -> Frame:
     """Return a frame whose x and y span the plane of a conic."""
     if isinstance(conic, Arc):
         return conic.frame
-    first, apex, last = conic.poles
+    first, apex, last = conic.poles[:3]
     x = (last - first) / np.linalg.norm(last - first)
     z = np.cross(x, apex - first)
     z = z / np.linalg.norm(z)
@@ -162,7 +162,8 @@ def _form(conic: Arc | SplineCurve, plane: Frame) -> Array:
         form = _product(u, u) + _product(v, v)
         form[5] -= 1.0
         return form
-    first, middle, last = (affine(values) for values in conic_shares(conic, corners))
+    piece = conic_pieces(conic)[0]
+    first, middle, last = (affine(values) for values in conic_shares(piece, corners))
     return _product(middle, middle) - 4 * _product(first, last)
 
 

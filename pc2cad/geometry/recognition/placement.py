@@ -38,7 +38,7 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class SurfacePlacement:
-    """A face laid on an analytic surface: what its parameters a and b follow."""
+    """A face carried by an analytic surface: what its parameters a and b follow."""
 
     #: the surface, given what makes the spline along an axis (the other parameter fixed)
     carrier: Callable[[SplineMaker], AnalyticSurface]

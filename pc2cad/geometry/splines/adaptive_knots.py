@@ -35,6 +35,8 @@ FINEST_INTERVAL = 1e-9
 CHECKS = np.array([0.0, 0.27, 0.5, 0.73])
 #: nodes of a Chebyshev piece, and how many of its last coefficients have to vanish
 _NODES, _TAIL = 17, 3
+#: pieces that begin at a place of focus are halved so often from the whole direction
+_CLOSEST = 26
 #: places per Chebyshev piece at which the distance of knots is worked out
 _PLACES = 16
 #: knot distances grow at most by this share from one interval to the next
@@ -79,14 +81,21 @@ class DirectionRules:
         return np.array([0.0, *sorted(inner), 1.0])
 
 
-def adapt(sample: Sampler, rules: DirectionRules, target: float, floor: float) -> SplineSpace:
+def adapt(
+    sample: Sampler,
+    rules: DirectionRules,
+    target: float,
+    floor: float,
+    limits: Array | None = None,
+) -> SplineSpace:
     """Return a space whose fit of all columns stays within `target` at the checks.
 
     Of the degrees that the rules allow it is the one with the fewest poles, the lower of equals.
-    `target` and `floor` are lengths; errors below `floor` are rounding. Raises
-    ToleranceNotReachedError when `MOST_INTERVALS` are not enough.
+    `target` and `floor` are lengths; errors below `floor` are rounding. The function is
+    first looked at between `limits` in ]0, 1[. Raises ToleranceNotReachedError when
+    `MOST_INTERVALS` are not enough.
     """
-    portrait = _look(sample, rules, target, floor)
+    portrait = _look(sample, rules, target, floor, np.empty(0) if limits is None else limits)
     plans = []
     for degree in rules.degrees:
         distances = portrait.distances(degree, target, rules)
@@ -256,13 +265,31 @@ def _transform() -> tuple[Array, Array]:
     return (x + 1) / 2, matrix
 
 
-def _look(sample: Sampler, rules: DirectionRules, target: float, floor: float) -> _Portrait:
+def closer(places: Array) -> Array:
+    """Return limits in ]0, 1[ that come ever closer to some places, as far as knots may."""
+    steps = 0.5 ** np.arange(3, _CLOSEST + 1)
+    limits = (places[:, None] + np.concatenate((-steps, [0.0], steps))).ravel()
+    return np.unique(limits[(limits > 0) & (limits < 1)])
+
+
+def _first_pieces(rules: DirectionRules, limits: Array) -> Array:
+    """Return the limits of the pieces to begin with, some of them given."""
+    pieces = rules.pieces
+    start = np.linspace(0, 1, max(2, -(-4 // (len(pieces) - 1))) + 1)[:-1]
+    first = np.append((pieces[:-1, None] + np.diff(pieces)[:, None] * start).ravel(), 1.0)
+    new = np.unique(limits)
+    new = new[np.append(True, np.diff(new) > FINEST_INTERVAL)[: len(new)]]
+    new = new[np.abs(new[:, None] - first).min(axis=1, initial=np.inf) > FINEST_INTERVAL]
+    return np.sort(np.concatenate((first, new)))
+
+
+def _look(
+    sample: Sampler, rules: DirectionRules, target: float, floor: float, limits: Array
+) -> _Portrait:
     """Bisect the direction until Chebyshev pieces hold the function."""
     nodes, matrix = _transform()
     small = max(target / 100, floor / 4)
-    pieces = rules.pieces
-    start = np.linspace(0, 1, max(2, -(-4 // (len(pieces) - 1))) + 1)[:-1]
-    low = np.append((pieces[:-1, None] + np.diff(pieces)[:, None] * start).ravel(), 1.0)
+    low = _first_pieces(rules, limits)
     pending = np.stack((low[:-1], low[1:]))
     done: list[tuple[Array, Array]] = []
     total = 0

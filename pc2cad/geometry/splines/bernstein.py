@@ -36,7 +36,7 @@ def degree_in(roots: Sequence[Expr], name: str) -> int | None:
 def _node_degree(node: Expr, known: list[int]) -> int | None:
     if node.op == "symbol":
         return 1
-    if node.op in ("add", "neg"):
+    if node.op in ("add", "neg", "within"):
         return max(known)
     if node.op == "mul":
         return sum(known)

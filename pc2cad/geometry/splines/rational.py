@@ -136,7 +136,7 @@ def face_deviation(
         return surface_deviation(homogeneous(sample, s, t), s.space, t.space, poles)
     numerator = poles * weights[..., None]
     seen = surface_deviation(homogeneous(sample, s, t), s.space, t.space, numerator)
-    return Deviation(seen.largest / (s.lowest * t.lowest), seen.samples)
+    return Deviation(seen.largest / (s.lowest * t.lowest), seen.samples, seen.place)
 
 
 def edge_deviation(
@@ -147,7 +147,7 @@ def edge_deviation(
     numerator = poles if weights is None else poles * weights[:, None]
     values = sample(parametrisation.places(x)) * parametrisation.weight(x)[:, None]
     seen = curve_deviation(values, parametrisation.space, numerator)
-    return Deviation(seen.largest / parametrisation.lowest, seen.samples)
+    return Deviation(seen.largest / parametrisation.lowest, seen.samples, seen.place)
 
 
 def fit_edge(values: Array, parametrisation: Parametrisation) -> tuple[Array, Array | None]:

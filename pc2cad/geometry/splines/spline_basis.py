@@ -29,6 +29,13 @@ def local_basis(knots: Array, degree: int, t: Array) -> tuple[Integers, Array]:
     return span - p, values.T
 
 
+def spline_values(knots: Array, poles: Array, degree: int, t: Array) -> Array:
+    """Return the values (len(t), k) of a spline with the poles (functions, k)."""
+    first, values = local_basis(knots, degree, t)
+    local = poles[first[:, None] + np.arange(degree + 1)]
+    return np.asarray(np.einsum("ni,nik->nk", values, local))
+
+
 def basis_matrix(knots: Array, degree: int, t: Array) -> csr_array:
     """Return the values of all functions at t, (len(t), functions)."""
     first, values = local_basis(knots, degree, t)

@@ -21,6 +21,8 @@ class Deviation:
 
     largest: float
     samples: int
+    #: where it was seen, in the spline's parameters
+    place: tuple[float, ...] = ()
 
 
 def fit_surface(sample: GridSampler, s: SplineSpace, t: SplineSpace) -> Array:
@@ -40,10 +42,17 @@ def surface_deviation(
     rows = rows.reshape(len(places_s), t.size, 3).transpose(1, 0, 2).reshape(t.size, -1)
     values = (t.basis(places_t) @ rows).reshape(len(places_t), len(places_s), 3)
     gap = values.transpose(1, 0, 2) - truth
-    return Deviation(float(np.sqrt((gap * gap).sum(axis=-1)).max()), gap.shape[0] * gap.shape[1])
+    return _largest(gap, places_s, places_t)
 
 
 def curve_deviation(truth: Array, space: SplineSpace, poles: Array) -> Deviation:
     """Return the largest distance to the values (at `check_places`) of a curve."""
-    gap = space.basis(check_places(space)) @ poles - truth
-    return Deviation(float(np.sqrt((gap * gap).sum(axis=-1)).max()), len(gap))
+    places = check_places(space)
+    return _largest(space.basis(places) @ poles - truth, places)
+
+
+def _largest(gap: Array, *places: Array) -> Deviation:
+    away = np.sqrt((gap * gap).sum(axis=-1))
+    at = np.unravel_index(int(away.argmax()), away.shape)
+    place = tuple(float(x[i]) for x, i in zip(places, at, strict=True))
+    return Deviation(float(away[at]), away.size, place)

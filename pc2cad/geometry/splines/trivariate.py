@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import cast
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import along
 from pc2cad.geometry.splines.rational import Parametrisation
+from pc2cad.geometry.splines.spline_basis import spline_values
 from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: values on the product of three parameter arrays: shape (len, len, len, 3)
@@ -148,8 +147,9 @@ class SplineVolume:
         x, weight = np.polynomial.legendre.leggauss(count)
         lengths = np.diff(space.points)[:, None]
         nodes = (space.points[:-1, None] + lengths * (x + 1) / 2).ravel()
-        curve = BSpline(space.knots, np.eye(space.size), space.degree)
-        slopes = cast(Array, curve.derivative()(nodes))
+        p, n, knots = space.degree, space.size, space.knots
+        net = np.diff(np.eye(n), axis=0) * (p / (knots[p + 1 : p + n] - knots[1:n]))[:, None]
+        slopes = spline_values(knots[1:-1], net, p - 1, nodes)
         return nodes, (lengths * weight / 2).ravel(), space.basis(nodes).toarray(), slopes
 
 

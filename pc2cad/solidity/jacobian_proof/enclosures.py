@@ -94,7 +94,7 @@ def _cells(mapping: Mapping3) -> Iterator[Mapping3]:
     )
     axes = [
         [0.0, *(b.position for b in row if (moving or b.smoothness < 1) and 0 < b.position < 1), 1]
-        for row in find_breaks(mapping.coordinates)
+        for row in find_breaks(mapping.coordinates, analytic=moving)
     ]
     if all(len(axis) == 2 for axis in axes):
         yield mapping

@@ -33,7 +33,7 @@ MOST_PRODUCTS = 6
 MOST_TERMS = 60
 #: boxes per direction, if need be
 BOXES = (32, 128, 256)
-#: boxes of the third direction, in which walls are thin
+#: boxes of w, in which walls are thin, are so many times fewer
 FEWER = 8
 ORDER = 3
 _POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
@@ -94,8 +94,8 @@ class _Sum:
         """Return the sign of the sum where it is proved to be one, else 0."""
         if not self._terms:
             return 0
-        common = _refined(self._sign_of_common, breaks)
-        return common and common * _refined(self._sign_of_terms, breaks)
+        common = _refined(self._sign_of_common, self._names, breaks)
+        return common and common * _refined(self._sign_of_terms, self._names, breaks)
 
     def _sign_of_common(self, places: list[Place]) -> int:
         middle, off = _enclosed([self._common], self._names[1:], places[1:])
@@ -115,10 +115,12 @@ class _Sum:
             return _one_sign(product(a.T, b), off)
 
 
-def _refined(sign_in: Callable[[list[Place]], int], breaks: list[tuple[float, ...]]) -> int:
+def _refined(
+    sign_in: Callable[[list[Place]], int], names: tuple[str, ...], breaks: list[tuple[float, ...]]
+) -> int:
     """Return the sign that is proved on boxes, more and more of them; 0 where none is."""
     for count in BOXES:
-        counts = count, count, max(1, count // FEWER)
+        counts = [max(1, count // FEWER) if name == PARAMETERS[2] else count for name in names]
         found = sign_in([_boxes(n, b) for n, b in zip(counts, breaks, strict=True)])
         # where it vanishes on a side, no number of boxes is enough
         if found or (count == BOXES[0] and not sign_in([_ends(b) for b in breaks])):

@@ -1,0 +1,168 @@
+"""Faces, edges and vertices of a shape as functions, for who looks for distances between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepTools import BRepTools
+from OCP.gp import gp_Pnt2d
+from OCP.IntTools import IntTools_FClass2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT, TopAbs_ShapeEnum, TopAbs_VERTEX
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+
+from pc2cad.arrays import Array, Booleans
+from pc2cad.brep.booleans import NamedShape
+from pc2cad.brep.from_kernel import curve_function, surface_function
+from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_vertex
+from pc2cad.topology.cells import SideKey
+
+#: places along an edge, and along each parameter of a face, from which distances are looked for
+ALONG, ACROSS = 33, 13
+
+#: points (n, 3), and derivatives (n, 3) along each of k parameters, at places (n, k)
+PieceJet = Callable[[Array], tuple[Array, tuple[Array, ...]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A face, an edge or a vertex: k parameters within bounds, k = 2, 1 or 0."""
+
+    #: what the faces at it are parts of
+    names: tuple[SideKey, ...]
+    jet: PieceJet
+    #: (k,) each
+    low: Array
+    high: Array
+    #: some of its places, (n, k)
+    places: Array
+    #: which places (n, k) belong to it
+    holds: Callable[[Array], Booleans]
+    #: corners of a box round it, (2, 3)
+    box: Array
+    #: numbers of the shape's edges and vertices on it, itself included
+    edges: frozenset[int] = frozenset()
+    vertices: frozenset[int] = frozenset()
+
+    @property
+    def bodies(self) -> set[str]:
+        """The bodies whose faces are at it."""
+        return {name.body for name in self.names}
+
+    def may_meet(self, other: Piece, reach: float) -> bool:
+        """Say whether two pieces may come within a length of one another, by their boxes."""
+        apart = np.maximum(self.box[0] - other.box[1], other.box[0] - self.box[1])
+        return bool(len(self.places)) and bool(len(other.places)) and bool(apart.max() <= reach)
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """All pieces of a shape; edges and vertices by their numbers."""
+
+    faces: tuple[Piece, ...]
+    edges: dict[int, Piece]
+    vertices: dict[int, Piece]
+
+
+def pieces_of(shape: NamedShape) -> Pieces:
+    """Return the pieces of a shape; edges that are a point are left out."""
+    edges, vertices = IndexedMapOfShape(), IndexedMapOfShape()
+    TopExp.MapShapes_s(shape.shape, TopAbs_EDGE, edges)
+    TopExp.MapShapes_s(shape.shape, TopAbs_VERTEX, vertices)
+    faces = []
+    at_edge: dict[int, list[SideKey]] = {}
+    at_vertex: dict[int, list[SideKey]] = {}
+    for face, names in shape.faces:
+        own = frozenset(_numbers(face, TopAbs_EDGE, edges))
+        ends = frozenset(_numbers(face, TopAbs_VERTEX, vertices))
+        faces.append(_face(face, names, own, ends))
+        for index, found in ((own, at_edge), (ends, at_vertex)):
+            for number in index:
+                found.setdefault(number, []).extend(names)
+    lines = {
+        i: _edge(edges.FindKey(i), tuple(dict.fromkeys(names)), i, vertices)
+        for i, names in at_edge.items()
+        if not BRep_Tool.Degenerated_s(as_edge(edges.FindKey(i)))
+    }
+    corners = {
+        i: _vertex(vertices.FindKey(i), tuple(dict.fromkeys(names)), i)
+        for i, names in at_vertex.items()
+    }
+    return Pieces(tuple(faces), lines, corners)
+
+
+def _box(shape: TopoDS_Shape) -> Array:
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    return np.array([box.CornerMin().Coord(), box.CornerMax().Coord()])
+
+
+def _numbers(
+    shape: TopoDS_Shape, kind: TopAbs_ShapeEnum, numbers: IndexedMapOfShape
+) -> Iterator[int]:
+    found = IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, found)
+    for index in range(1, found.Extent() + 1):
+        yield numbers.FindIndex(found.FindKey(index))
+
+
+def _face(
+    face: TopoDS_Face, names: tuple[SideKey, ...], edges: frozenset[int], ends: frozenset[int]
+) -> Piece:
+    surface = surface_function(BRep_Tool.Surface_s(face), np.zeros(3))
+    u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
+    low, high = np.array([u0, v0]), np.array([u1, v1])
+    classifier = IntTools_FClass2d(face, 1e-7)
+
+    def jet(at: Array) -> tuple[Array, tuple[Array, ...]]:
+        point, along_a, along_b = surface.jet(at[:, 0], at[:, 1])
+        return point, (along_a, along_b)
+
+    def holds(at: Array) -> Booleans:
+        found = (classifier.Perform(gp_Pnt2d(a, b)) for a, b in at.tolist())
+        return np.array([state != TopAbs_OUT for state in found], dtype=bool)
+
+    share = (np.arange(ACROSS) + 0.5) / ACROSS
+    grid = np.stack(np.meshgrid(share, share, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = low + grid * (high - low)
+    return Piece(names, jet, low, high, places[holds(places)], holds, _box(face), edges, ends)
+
+
+def _edge(
+    shape: TopoDS_Shape, names: tuple[SideKey, ...], number: int, vertices: IndexedMapOfShape
+) -> Piece:
+    edge = as_edge(shape)
+    first, last = BRep_Tool.Range_s(edge)
+    curve = curve_function(BRep_Tool.Curve_s(edge, first, last), np.zeros(3))
+
+    def jet(at: Array) -> tuple[Array, tuple[Array, ...]]:
+        point, along = curve.jet(at[:, 0])
+        return point, (along,)
+
+    ends = frozenset(vertices.FindIndex(v) for v in
+                     (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)))  # fmt: skip
+    low, high = np.array([first]), np.array([last])
+    places = np.linspace(low, high, ALONG)
+    return Piece(names, jet, low, high, places, _all, _box(edge), frozenset({number}), ends)
+
+
+def _vertex(shape: TopoDS_Shape, names: tuple[SideKey, ...], number: int) -> Piece:
+    point = np.array(BRep_Tool.Pnt_s(as_vertex(shape)).Coord())
+
+    def jet(at: Array) -> tuple[Array, tuple[Array, ...]]:
+        return np.broadcast_to(point, (len(at), 3)), ()
+
+    nowhere = np.zeros((1, 0))
+    box = np.array([point, point])
+    return Piece(
+        names, jet, nowhere[0], nowhere[0], nowhere, _all, box, vertices=frozenset({number})
+    )
+
+
+def _all(at: Array) -> Booleans:
+    return np.ones(len(at), dtype=bool)

@@ -1,0 +1,278 @@
+"""Where faces of different bodies touch in the result of a Boolean: in points, or along curves.
+
+Where two faces of a solid's boundary meet, they end, in a common edge or vertex. Faces that come
+together elsewhere leave a solid of no thickness there, or one whose crossing the kernel has missed.
+So all places are looked for at which the distance between two faces has a smallest value, by
+descents from a grid of pairs of places: between the insides of faces, between edges and faces, and
+between vertices and faces. What the faces share is left out: there the distance is 0 and may be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Protocol
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pc2cad.arrays import Array, Booleans
+from pc2cad.brep.booleans import NamedEdge, NamedShape, label
+from pc2cad.brep.build import KERNEL_TOLERANCE
+from pc2cad.brep.links import branchings
+from pc2cad.brep.pieces import Piece, Pieces, pieces_of
+from pc2cad.errors import KernelError, NotASolidError
+from pc2cad.topology.cells import SideKey
+
+#: steps of a descent; where faces are tangent, a step halves what is left
+STEPS = 60
+#: a descent ends after so many steps that leave more than this of the distance squared
+PATIENCE, HELPFUL = 4, 0.98
+#: pairs of nearest places from which descents begin, from the nearest to the farthest
+STARTS = 60
+#: steps to the nearest place of an edge, and places of it from which they begin
+ON_EDGE, NEAREST = 12, 6
+#: share of the size below which a distance is 0
+ZERO = 1e-13
+#: share of the size within which a place is on what two pieces share
+ON_SHARED = 1e-5
+#: sine of the angle from which on faces cross and do not touch
+CROSSING = 1e-3
+
+
+class Reach(Protocol):
+    """The distance below which two pieces count as touching."""
+
+    def __call__(self, *pieces: Iterable[SideKey]) -> float:
+        """Return it for what the pieces are parts of."""
+
+
+class TouchingBodiesError(NotASolidError):
+    """Bodies touch in points or along curves, where the result has no thickness."""
+
+
+class MissedCrossingError(KernelError):
+    """Faces of two bodies cross, and the kernel has made no edge there."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two pieces that come together where they have nothing in common."""
+
+    #: what the faces at both are parts of
+    names: tuple[tuple[SideKey, ...], ...]
+    point: tuple[float, float, float]
+    #: between them there, and what can be told from none (model units)
+    distance: float
+    reach: float
+    #: whether it is an edge in common, or whether they are faces that cross
+    along: bool = False
+    crossing: bool = False
+
+
+def check_contacts(
+    shape: NamedShape,
+    edges: Sequence[NamedEdge],
+    deviations: Mapping[SideKey, float],
+    part: tuple[str, float, str],
+) -> None:
+    """Raise TouchingBodiesError where faces of different bodies touch, in the result of Booleans.
+
+    `deviations` bound how far the bodies' faces are from their equations'; `part` is the result in
+    words, its size and its unit. Raises MissedCrossingError where they cross unseen.
+    """
+    title, size, units = part
+
+    def reach(*pieces: Iterable[SideKey]) -> float:
+        return 2 * KERNEL_TOLERANCE + sum(max(deviations[n] for n in names) for names in pieces)
+
+    found = [
+        Contact(x.names, x.point, 0.0, reach(x.names[0]), x.is_edge) for x in branchings(shape)
+    ]
+    if not found:
+        pieces = pieces_of(shape)
+        found = [*faint_loops(pieces, edges, reach, size), *contacts(pieces, reach, size)]
+    if not found:
+        return
+    first = min(found, key=lambda contact: contact.distance)
+    what = " and ".join(label(names) for names in first.names)
+    point = ", ".join(f"{x if abs(x) > 1e-12 * size else 0:.6g}" for x in first.point)
+    where = f"at ({point})" + (f" and {len(found) - 1} more places" if len(found) > 1 else "")
+    if first.crossing:
+        raise MissedCrossingError(
+            f"{title}: the faces {what} cross {where}, and the CAD kernel has made no edge there; "
+            "move one of the bodies a little, or turn its seam away"
+        )
+    come = (
+        f"share an edge {where}" if first.along else
+        f"come within {first.distance:.2g} {units} of one another {where}"
+    )  # fmt: skip
+    raise TouchingBodiesError(
+        f"{title}: the bodies touch without crossing: the faces {what} {come}, and the result has "
+        f"no thickness there; a gap or an overlap of more than {first.reach:.2g} {units} is told "
+        "from contact: move one of them, or change its size"
+    )
+
+
+def contacts(pieces: Pieces, reach: Reach, size: float) -> Iterator[Contact]:
+    """Yield the places at which pieces of different bodies come within reach of one another.
+
+    `size` is that of the part, `reach` gives the length for what two pieces are parts of. There may
+    be several of one pair of pieces.
+    """
+    for first, second in _pairs(pieces):
+        far = reach(first.names, second.names)
+        if not first.may_meet(second, far):
+            continue
+        x, y, gaps = _descended(first, second, ZERO * size)
+        close = np.flatnonzero(gaps <= far)
+        close = close[first.holds(x[close]) & second.holds(y[close])] if len(close) else close
+        if not len(close):
+            continue
+        points = first.jet(x[close])[0]
+        for k in _distinct(points, ~_shared(pieces, first, second, points, size), 1e-3 * size):
+            px, py, pz = points[k].tolist()
+            sine = _sine(first, second, x[close[k]][None], y[close[k]][None])
+            yield Contact((first.names, second.names), (px, py, pz), float(gaps[close[k]]), far,
+                          crossing=sine > CROSSING)  # fmt: skip
+
+
+def faint_loops(
+    pieces: Pieces, edges: Sequence[NamedEdge], reach: Reach, size: float
+) -> Iterator[Contact]:
+    """Yield closed edges inside which two faces part by less than what is known of them.
+
+    Such an edge is as likely a contact: seen from its middle, both faces are at one place.
+    """
+    for edge in edges:
+        one, other = (pieces.faces[face] for face in edge.faces)
+        if not one.bodies.isdisjoint(other.bodies) or len(edge.ends) > 1:
+            continue
+        far = reach(one.names, other.names)
+        middle = edge.points[:-1].mean(axis=0)
+        feet = [_foot(middle, face, size) for face in (one, other)]
+        apart = float(np.linalg.norm(feet[0] - feet[1]))
+        radius = np.linalg.norm(edge.points - middle, axis=1).max()
+        inside = np.linalg.norm(edge.points - feet[0], axis=1).min() > radius / 4
+        if apart <= far and inside:
+            x, y, z = middle.tolist()
+            yield Contact((one.names, other.names), (x, y, z), apart, far)
+
+
+def _foot(point: Array, face: Piece, size: float) -> Array:
+    """Return the place of a face's surface that is nearest to a point."""
+    fixed = replace(face, jet=lambda at: (np.broadcast_to(point, (len(at), 3)), ()),
+                    low=np.zeros(0), high=np.zeros(0), places=np.zeros((1, 0)))  # fmt: skip
+    _, found, _ = _descended(fixed, face, ZERO * size)
+    return np.asarray(face.jet(found)[0][0])
+
+
+def _pairs(pieces: Pieces) -> Iterator[tuple[Piece, Piece]]:
+    """Yield the pairs of pieces of different bodies of which neither is on the other."""
+    for one, other in combinations(pieces.faces, 2):
+        if one.bodies.isdisjoint(other.bodies):
+            yield one, other
+    for face in pieces.faces:
+        for number, edge in pieces.edges.items():
+            if number not in face.edges and edge.bodies.isdisjoint(face.bodies):
+                yield edge, face
+        for number, vertex in pieces.vertices.items():
+            if number not in face.vertices and vertex.bodies.isdisjoint(face.bodies):
+                yield vertex, face
+
+
+def _descended(first: Piece, second: Piece, enough: float) -> tuple[Array, Array, Array]:
+    """Return places of both at which their distance is smallest, and the distances.
+
+    Levenberg and Marquardt's steps within the bounds, all descents at once. One ends below the
+    length `enough`, or where steps no longer help.
+    """
+    points, others = (piece.jet(piece.places)[0] for piece in (first, second))
+    far, near = cKDTree(others).query(points)
+    chosen = np.argsort(far)[:: -(-len(far) // STARTS)]
+    k = len(first.low)
+    z = np.hstack((first.places[chosen], second.places[near[chosen]]))
+    low, high = np.append(first.low, second.low), np.append(first.high, second.high)
+
+    def look(z: Array) -> tuple[Array, Array]:
+        here, along = first.jet(z[:, :k])
+        there, across = second.jet(z[:, k:])
+        return here - there, np.stack([*along, *(-d for d in across)], axis=2)
+
+    gap, slopes = look(z)
+    square, damping = (gap**2).sum(axis=1), np.full(len(z), 1e-3)
+    idle = np.zeros(len(z), dtype=int)
+    for _ in range(STEPS):
+        (live,) = np.nonzero((square > enough**2) & (idle < PATIENCE))
+        if not len(live):
+            break
+        step = _step(z[live], gap[live], slopes[live], damping[live], low, high)
+        tried = np.clip(z[live] - step, low, high)
+        gap_there, slopes_there = look(tried)
+        there = (gap_there**2).sum(axis=1)
+        better = there < square[live]
+        idle[live] = np.where(there < HELPFUL * square[live], 0, idle[live] + 1)
+        damping[live] *= np.where(better, 0.2, 4.0)
+        kept = live[better]
+        z[kept], square[kept] = tried[better], there[better]
+        gap[kept], slopes[kept] = gap_there[better], slopes_there[better]
+    return z[:, :k], z[:, k:], np.sqrt(square)
+
+
+def _step(z: Array, gap: Array, slopes: Array, damping: Array, low: Array, high: Array) -> Array:
+    pull = np.einsum("nki,nk->ni", slopes, gap)
+    # a bound that a step would leave holds its parameter
+    stuck = ((z <= low) & (pull > 0)) | ((z >= high) & (pull < 0))
+    free = np.where(stuck[:, None, :], 0.0, slopes)
+    normal = np.einsum("nki,nkj->nij", free, free)
+    scale = np.einsum("nii->ni", normal)
+    scale = np.maximum(scale, 1e-12 * scale.max(axis=1, keepdims=True) + 1e-300)
+    matrix = normal + (np.clip(damping, 1e-14, 1e6)[:, None] * scale)[:, :, None] * np.eye(
+        z.shape[1]
+    )
+    wanted = np.where(stuck, 0.0, pull)
+    return np.asarray(np.linalg.solve(matrix, wanted[:, :, None])[:, :, 0])
+
+
+def _shared(pieces: Pieces, first: Piece, second: Piece, points: Array, size: float) -> Booleans:
+    """Say which points lie on edges and vertices that two pieces have in common."""
+    numbers = first.edges & second.edges & set(pieces.edges)
+    common = [pieces.edges[i] for i in numbers]
+    common += [pieces.vertices[i] for i in first.vertices & second.vertices]
+    found = np.zeros(len(points), dtype=bool)
+    for piece in common:
+        for index in np.flatnonzero(~found):
+            found[index] = _distance(points[index], piece) <= ON_SHARED * size
+    return found
+
+
+def _distance(point: Array, piece: Piece) -> float:
+    """Return the distance of a point from an edge or a vertex."""
+    at = piece.jet(piece.places)[0]
+    # a closed edge begins and ends at one place
+    here = piece.places[np.argsort(np.linalg.norm(at - point, axis=1))[:NEAREST]]
+    for _ in range(ON_EDGE if len(piece.low) else 0):
+        there, (along,) = piece.jet(here)
+        move = ((point - there) * along).sum(axis=1) / (along**2).sum(axis=1)
+        here = np.clip(here + move[:, None], piece.low, piece.high)
+    return float(np.linalg.norm(piece.jet(here)[0] - point, axis=1).min())
+
+
+def _distinct(points: Array, kept: Booleans, apart: float) -> list[int]:
+    """Return the numbers of the kept points, one of several that are near each other."""
+    found: list[int] = []
+    for k in np.flatnonzero(kept).tolist():
+        if all(np.linalg.norm(points[k] - points[other]) > apart for other in found):
+            found.append(k)
+    return found
+
+
+def _sine(first: Piece, second: Piece, x: Array, y: Array) -> float:
+    """Return the sine of the angle between two faces, 0 of other pieces."""
+    along, across = first.jet(x)[1], second.jet(y)[1]
+    if len(along) < 2 or len(across) < 2:
+        return 0.0
+    one, other = (np.cross(a, b)[0] for a, b in (along, across))
+    lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.linalg.norm(np.cross(one, other))) / lengths if lengths else 0.0

@@ -1,0 +1,167 @@
+"""Where sides have to be cut, so that what coincides are whole cells.
+
+A side may coincide with another one, or with itself, after a shift along a direction in which it
+closes (the end of a ring whose section comes round to itself after a part of a turn), or after a
+reflection (a side folded onto a slit between its two halves). The topology room compares whole
+cells; so the direction is cut at the multiples of the shift, or at the lines that stay in place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.domain.map import Mapping3
+from pc2cad.geometry.scale import Scale
+from pc2cad.topology.cells import DIRECTIONS, Cell, directions_of
+
+#: places along a closed direction, the two across it, and others at which a shift is tried
+_COUNT = 240
+_ACROSS = np.array([0.2137, 1 - 0.2137])
+_TRIED = np.array([0.0713, 0.1931, 0.3877, 0.6173, 0.7919, 0.9377])
+#: steps of Newton's method, and what is left of a distance after them, in units of "same point"
+_STEPS, _LEFT = 12, 100
+#: sections of more equal parts than this are not looked for
+MOST_PARTS = 64
+#: means over a period differ less than this share of the extent where sides may coincide
+_ALIKE = 0.02
+
+
+@dataclass(frozen=True)
+class _Side:
+    """A whole side of the box along one direction in which it may close."""
+
+    mapping: Mapping3
+    #: the direction across the box, its limit (0 or 1), and the direction that is followed
+    normal: int
+    limit: float
+    along: int
+
+    def __call__(self, places: Array, across: Array = _ACROSS) -> Array:
+        """Return points (places, across, 3)."""
+        return self._ordered(self.mapping.points(*self._grid(places, across)))
+
+    def tangents(self, places: Array, across: Array = _ACROSS) -> Array:
+        """Return derivatives along the direction that is followed; shape as points."""
+        (found,) = self.mapping.tangents((self.along,), *self._grid(places, across))
+        return self._ordered(found)
+
+    def _grid(self, places: Array, across: Array) -> list[Array]:
+        grid = [np.array([self.limit])] * 3
+        grid[self.along], grid[3 - self.along - self.normal] = places, across
+        shapes = ((-1, 1, 1), (1, -1, 1), (1, 1, -1))
+        return [axis.reshape(shape) for axis, shape in zip(grid, shapes, strict=True)]
+
+    def _ordered(self, values: Array) -> Array:
+        other = 3 - self.along - self.normal
+        return np.moveaxis(values, (self.along, other), (0, 1)).reshape(
+            values.shape[self.along], values.shape[other], 3
+        )
+
+
+def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[Fraction], ...]:
+    """Return, per direction, where it has to be cut for sides that coincide after a shift.
+
+    `sides` are the cells (pieces) of the sides that bound the solid so far.
+    """
+    limits = {(d, float(p > 0)) for cell in sides for d, p in enumerate(cell) if p % 2 == 0}
+    found: tuple[set[Fraction], ...] = (set(), set(), set())
+    for along in DIRECTIONS:
+        rows = [_Side(mapping, d, limit, along) for d, limit in sorted(limits) if d != along]
+        closed = [(side, side(_uniform())) for side in rows if _closes(side, scale)]
+        for (first, points), (second, others) in combinations_with_replacement(closed, 2):
+            for turned in (False, True):
+                there = others[:, ::-1] if turned else others
+                if _alike(points, there):
+                    found[along].update(_cuts(first, second, turned, scale))
+    return found
+
+
+def folds(
+    mapping: Mapping3, sides: Iterable[Cell], span: Callable[[int, int], tuple[float, float]],
+    scale: Scale,
+) -> tuple[set[Fraction], ...]:  # fmt: skip
+    """Return, per direction, where pieces of sides have to be cut that are folded onto themselves.
+
+    `span` tells the limits of a position along a direction.
+    """
+    found: tuple[set[Fraction], ...] = (set(), set(), set())
+    for cell in sides:
+        for along in directions_of(cell):
+            (normal,) = (d for d in DIRECTIONS if cell[d] % 2 == 0)
+            side = _Side(mapping, normal, float(cell[normal] > 0), along)
+            low, high = span(along, cell[along])
+            first, last = span(3 - along - normal, cell[3 - along - normal])
+            across = first + (last - first) * _ACROSS
+            there, back = low + (high - low) * _TRIED, high - (high - low) * _TRIED
+            points = side(there, across)
+            is_one = np.abs(points - side(back, across)).max() <= scale.same_point
+            if is_one and np.abs(points - points[:1]).max() > 1000 * scale.same_point:
+                found[along].add((Fraction(low) + Fraction(high)) / 2)
+    return found
+
+
+def _uniform() -> Array:
+    return (np.arange(_COUNT) + 0.5) / _COUNT
+
+
+def _closes(side: _Side, scale: Scale) -> bool:
+    """Say whether a side is no curve, and ends along its direction where it began."""
+    start, end = side(np.array([0.0, 1.0]))
+    if not np.abs(end - start).max() <= scale.same_point:
+        return False
+    middle = side(np.array([0.0, 0.3, 0.7]))
+    moves = np.abs(middle[1:] - middle[:1]).max(), np.abs(middle[:, 1] - middle[:, 0]).max()
+    return bool(min(moves) > 1000 * scale.same_point)
+
+
+def _alike(first: Array, second: Array) -> bool:
+    extent = float(np.ptp(first.reshape(-1, 3), axis=0).max())
+    apart = float(np.abs(first.mean(axis=0) - second.mean(axis=0)).max())
+    return bool(apart <= _ALIKE * extent)
+
+
+def _cuts(first: _Side, second: _Side, turned: bool, scale: Scale) -> set[Fraction]:
+    """Return where a direction has to be cut for two sides (or one) to coincide cell by cell."""
+    across = _ACROSS[::-1] if turned else _ACROSS
+    points, own = first(_TRIED), first == second
+    found: set[Fraction] = set()
+    for place in _meeting(points[0], second, across, scale):
+        for reverse in (False, True):
+            shift = (place + _TRIED[0] if reverse else place - _TRIED[0]) % 1
+            part = Fraction(shift).limit_denominator(MOST_PARTS) % 1
+            if abs((float(part) - shift + 0.5) % 1 - 0.5) > 1e-9:
+                if not reverse:
+                    continue
+                # lines that a reflection leaves in place may lie anywhere
+                part = Fraction(shift)
+            elif part == 0 and not reverse:
+                continue
+            moved = (float(part) - _TRIED if reverse else float(part) + _TRIED) % 1
+            if np.abs(second(moved, across) - points).max() > _LEFT * scale.same_point:
+                continue
+            if not reverse:
+                found.update(Fraction(k, part.denominator) for k in range(1, part.denominator))
+            else:
+                found.update({part, *((part / 2, (part + 1) / 2) if own else ())})
+    return {place for place in found if 0 < place < 1}
+
+
+def _meeting(point: Array, side: _Side, across: Array, scale: Scale) -> Sequence[float]:
+    """Return the places along a side at which it goes through the two points (2, 3) of another."""
+    places = _uniform()
+    away = np.linalg.norm(side(places, across) - point, axis=-1).max(axis=1)
+    lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1))
+    at = places[lowest]
+    for _ in range(_STEPS):
+        rest, slope = side(at, across) - point, side.tangents(at, across)
+        with np.errstate(all="ignore"):
+            step = (rest * slope).sum(axis=(1, 2)) / (slope * slope).sum(axis=(1, 2))
+        at = np.where(np.isfinite(step), (at - np.clip(step, -0.01, 0.01)) % 1, at)
+    left = np.abs(side(at, across) - point).max(axis=(1, 2))
+    return [float(x) for x in at[left <= _LEFT * scale.same_point]]

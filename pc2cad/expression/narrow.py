@@ -1,0 +1,74 @@
+"""Where functions change within a short length of one parameter: needles, ridges, steep fronts.
+
+Enclosures lead there: over a part of a parameter, whatever the others are, a function's values lie
+in an enclosure. Parts over which one is wide, against all values of the function, are divided, and
+a function that changes in a few short places only leaves few parts. So no needle hides between
+places that are looked at, however narrow it is. What changes everywhere tells nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pc2cad.arrays import Array, Booleans
+from pc2cad.expression.enclosures import IntervalProgram
+from pc2cad.expression.intervals import Interval
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import Expr, walk
+
+#: a part is left alone where the values over it span no more than this share of all
+QUIET = 0.25
+#: halvings of the whole parameter: at first, in one step, before a place is narrow, and at most
+FIRST, STEP, NARROW, DEEPEST = 4, 2, 8, 30
+#: a function with more wide parts than this, where narrow ones begin, changes everywhere
+MOST_PARTS = 12
+#: functions whose changes follow from those of their arguments
+_PLAIN = frozenset(("number", "constant", "symbol", "add", "neg", "mul", "sin", "cos", "pieces"))
+
+
+def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
+    """Return ascending limits in ]0, 1[, dense where functions in trees change at short length.
+
+    The trees' symbols run from 0 to 1 each. Empty where no function does.
+    """
+    nodes = tuple(node for node in walk(trees) if name in node.symbols and _is_steep(node))
+    found: list[Array] = []
+    if not nodes:
+        return np.empty(0)
+    ask = IntervalProgram(nodes)
+    whole = Interval(np.array(0.0), np.array(1.0))
+    boxes = {p: whole for p in PARAMETERS}
+    low, width = np.arange(2**FIRST) / 2**FIRST, 0.5**FIRST
+    least, most = np.full(len(nodes), np.inf), np.full(len(nodes), -np.inf)
+    useful = np.ones(len(nodes), dtype=bool)
+    for depth in range(FIRST, DEEPEST + 1, STEP):
+        boxes[name] = Interval(low, low + width)
+        values = [(v.lower + 0 * low, v.upper + 0 * low) for v in ask(boxes)]
+        lower, upper = (np.array([value[k] for value in values]) for k in (0, 1))
+        least, most = np.minimum(least, lower.min(axis=1)), np.maximum(most, upper.max(axis=1))
+        useful &= np.isfinite(most - least)
+        wide = _wide(lower, upper, (most - least)[:, None]) & useful[:, None]
+        if depth >= NARROW:
+            useful &= wide.sum(axis=1) <= MOST_PARTS
+            wide &= useful[:, None]
+            found += [low[wide.any(axis=0)], low[wide.any(axis=0)] + width]
+        low = low[wide.any(axis=0)]
+        if len(low) == 0:
+            break
+        width /= 2**STEP
+        low = (low[:, None] + width * np.arange(2**STEP)).ravel()
+    limits = np.unique(np.concatenate([np.empty(0), *found]))
+    return np.asarray(limits[(limits > 0) & (limits < 1)])
+
+
+def _wide(lower: Array, upper: Array, span: Array) -> Booleans:
+    with np.errstate(invalid="ignore"):
+        return np.asarray(upper - lower > QUIET * span)
+
+
+def _is_steep(node: Expr) -> bool:
+    """Say whether a function may change faster than what it is taken of."""
+    if node.op == "pow" and node.args[1].op == "number":
+        exponent = node.args[1].payload
+        return not (exponent.denominator == 1 and exponent > 0)
+    return node.op not in _PLAIN

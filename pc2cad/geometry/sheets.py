@@ -1,0 +1,174 @@
+"""Sheets: faces as grids of Bézier patches that join along edges, with what each side is.
+
+A sheet is what is known of a face for a comparison of all faces with one another: points as control
+nets, whose convex hulls hold their patches, and names of edges and vertices that tell where two
+faces are meant to meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from pc2cad.arrays import Array, Integers
+from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
+
+#: arcs of conics are no longer than this (radians)
+LONGEST_ARC = np.pi / 2
+
+
+@dataclass(frozen=True, eq=False)
+class SheetSide:
+    """One side of a sheet: a part of the boundary complex, with a coordinate along it."""
+
+    #: index of the edge class; None where the side is one point
+    edge: int | None
+    #: vertices at its lower and its upper end, along the sheet's own parameter
+    ends: tuple[int, int]
+    #: coordinate along the edge at the ends of the patches, one for all faces at the edge
+    along: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A face, or a patch of one, as n × m rational Bézier patches of one degree.
+
+    `nets` (n, m, p+1, q+1, 4) are control points times their weight, and the weight. `sides` are
+    t = 0, s = 1, t = 1 and s = 0. `separable`: the weights are products of those along s and t, so
+    that tangents along s are sums, with positive factors, of differences of points along s. A sheet
+    in a `plane` may be any surface in that plane with the face's sides. `own`: its parameters run
+    as the face's own do.
+    """
+
+    face: int
+    #: the face of the boundary complex
+    cell: int
+    nets: Array
+    sides: tuple[SheetSide, SheetSide, SheetSide, SheetSide]
+    separable: bool = True
+    plane: Plane | None = None
+    #: name of the face
+    name: str = ""
+    own: bool = True
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Patches along s and t."""
+        return self.nets.shape[0], self.nets.shape[1]
+
+
+def projected(nets: Array) -> Array:
+    """Return control points (…, 3) of nets (…, 4)."""
+    return np.asarray(nets[..., :3] / nets[..., 3:])
+
+
+def elevation(low: int, high: int) -> Array:
+    """Return the matrix (high+1, low+1) from Bernstein coefficients of a degree to a higher one."""
+    result = np.zeros((high + 1, low + 1))
+    for i in range(high + 1):
+        for j in range(max(0, i - high + low), min(low, i) + 1):
+            result[i, j] = comb(low, j) * comb(high - low, i - j) / comb(high, i)
+    return result
+
+
+def elevated(nets: Array, degree: int, axis: int) -> Array:
+    """Return nets raised to a degree along an axis."""
+    if nets.shape[axis] == degree + 1:
+        return nets
+    matrix = elevation(nets.shape[axis] - 1, degree)
+    return np.moveaxis(np.tensordot(matrix, nets, axes=(1, axis)), 0, axis)
+
+
+def restriction(degree: int, low: Array, high: Array) -> Array:
+    """Return matrices (N, d+1, d+1) that take coefficients on [0, 1] to those on [low, high].
+
+    Entry (i, j) is the blossom's share of coefficient j at i times `high`, the rest `low`: sums of
+    products of positive numbers for parts of [0, 1].
+    """
+    result = np.empty((len(low), degree + 1, degree + 1))
+    for i in range(degree + 1):
+        # coefficients of Π (1 - x_k + x_k z), x_k = high i times and low otherwise
+        row = np.ones((len(low), 1))
+        for k in range(degree):
+            x = (high if k < i else low)[:, None]
+            longer = np.zeros((len(low), k + 2))
+            longer[:, :-1] = row * (1 - x)
+            longer[:, 1:] += row * x
+            row = longer
+        result[:, i] = row
+    return result
+
+
+# -- pieces of curves ------------------------------------------------------------------------------
+
+
+def circle_pieces(start: float, end: float) -> Array:
+    """Return (cos, sin, weight) of the arcs of a unit circle, (k, 3, 3): quarter turns at most."""
+    extent = end - start
+    count = max(1, int(np.ceil(abs(extent) / LONGEST_ARC - 1e-9)))
+    middle = start + extent * (np.arange(count) + 0.5) / count
+    half = abs(extent) / count / 2
+    ends = start + extent * np.arange(count + 1) / count
+    corner = np.stack((np.cos(ends), np.sin(ends), np.ones(count + 1)), axis=-1)
+    if abs(abs(extent) - 2 * np.pi) < 1e-12:
+        corner[-1] = corner[0]
+    shoulder = np.stack((np.cos(middle), np.sin(middle), np.full(count, np.cos(half))), axis=-1)
+    return np.stack((corner[:-1], shoulder, corner[1:]), axis=1)
+
+
+def spans(knots: Array) -> Array:
+    """Return the ends of a spline's polynomial pieces."""
+    return np.unique(knots)
+
+
+def _to_pieces(knots: Array, degree: int) -> tuple[Integers, Array]:
+    """Return the poles of all pieces (k, p+1), and matrices from them to Bernstein coefficients."""
+    points = spans(knots)
+    nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
+    places = (points[:-1, None] + np.diff(points)[:, None] * nodes).ravel()
+    # the last place of a piece counts with it, and not with the next
+    span = np.searchsorted(knots, (points[:-1] + points[1:]) / 2, side="right") - 1
+    values = _on_span(knots, degree, places, np.repeat(span, degree + 1))
+    i = np.arange(degree + 1)
+    binomials = np.array([comb(degree, int(k)) for k in i], dtype=float)
+    there = binomials * nodes[:, None] ** i * (1 - nodes[:, None]) ** (degree - i)
+    local = values.reshape(-1, degree + 1, degree + 1)
+    matrices = np.einsum("ij,kjn->kin", np.linalg.inv(there), local)
+    return span[:, None] - degree + i, matrices
+
+
+def _on_span(knots: Array, degree: int, t: Array, span: Integers) -> Array:
+    """Return the values at t of the functions that live on some spans, (len(t), p+1)."""
+    values = np.zeros((degree + 1, len(t)))
+    values[0] = 1.0
+    for r in range(1, degree + 1):
+        carried = np.zeros(len(t))
+        for k in range(r):
+            right, left = knots[span + 1 + k], knots[span + 1 + k - r]
+            share = values[k] / (right - left)
+            values[k] = carried + (right - t) * share
+            carried = (t - left) * share
+        values[r] = carried
+    return values.T
+
+
+def curve_pieces(curve: SplineCurve) -> tuple[Array, Array]:
+    """Return a spline's Bézier pieces (k, p+1, 4) and their ends (k+1,)."""
+    weights = np.ones(len(curve.poles)) if curve.weights is None else curve.weights
+    poles = np.concatenate((curve.poles * weights[:, None], weights[:, None]), axis=1)
+    index, matrices = _to_pieces(curve.knots, curve.degree)
+    pieces = np.einsum("kij,kjc->kic", matrices, poles[index])
+    return pieces, spans(curve.knots)
+
+
+def surface_patches(surface: SplineSurface) -> Array:
+    """Return a spline's Bézier patches, (n, m, p+1, q+1, 4)."""
+    weights = np.ones(surface.poles.shape[:2]) if surface.weights is None else surface.weights
+    poles = np.concatenate((surface.poles * weights[..., None], weights[..., None]), axis=2)
+    index, matrices = _to_pieces(surface.knots[0], surface.degrees[0])
+    rows = np.einsum("kij,kjmc->kimc", matrices, poles[index])
+    index, matrices = _to_pieces(surface.knots[1], surface.degrees[1])
+    both = np.einsum("mab,kimbc->kmiac", matrices, rows[:, :, index])
+    return np.ascontiguousarray(both)

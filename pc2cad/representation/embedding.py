@@ -1,0 +1,77 @@
+"""Whether what is to be built meets itself: the boundary model's faces, compared as sheets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pc2cad.bounds.deviation import bound_surface
+from pc2cad.checked import CheckedMap
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.restrictions import RestrictedMap
+from pc2cad.expression.breaks import BreaksNotAlignedError
+from pc2cad.expression.identity import Verdict
+from pc2cad.expression.scalar import evaluate
+from pc2cad.geometry.carriers import SplineSurface
+from pc2cad.geometry.splines.bernstein import bezier_knots
+from pc2cad.representation.boundary_model import BoundaryModel
+from pc2cad.representation.face_sheets import edge_lines, sheets_of
+from pc2cad.solidity.embedding.proof import TOUCHING
+from pc2cad.solidity.embedding.verdict import Embedding, check_embedded
+from pc2cad.topology.cells import IDENTITY
+from pc2cad.topology.complex import SideFate
+
+#: degree in which the distance of two sides, which is zero, is looked at
+_DEGREE = 7
+
+
+def embed(checked: CheckedMap, model: BoundaryModel) -> Embedding:
+    """Return what is known of whether the model's faces meet but where they are joined.
+
+    Raises OverlappingMapError where the equation's do, BuiltFacesMeetError where only the model's.
+    """
+    sheets, left = sheets_of(model)
+    found = check_embedded(
+        checked.analysis, sheets, edge_lines(model.edges, model.complex, model.vertices),
+        [face.deviation for face in model.faces], [model.faces[i].name for i in left],
+    )  # fmt: skip
+    gap, names = _glued(checked.analysis)
+    return replace(found, depth=max(found.depth, gap), sides=names)
+
+
+def _glued(analysis: Analysis) -> tuple[float, tuple[str, ...]]:
+    """Return how far sides that algebra does not show to coincide are apart, proved.
+
+    With it come the names of those of which it is only sampled that they coincide, or collapse.
+    """
+    largest, names = 0.0, []
+    seen = set()
+    for side in analysis.boundary.sides:
+        if side.verdict is Verdict.PROVED or side.partner in seen:
+            continue
+        seen.add(side.patch)
+        gap = _gap(analysis, side)
+        if gap <= TOUCHING * analysis.size:
+            largest = max(largest, gap)
+        else:
+            names += [analysis.boundary.name(p) for p in (side.patch, side.partner) if p]
+    return largest, tuple(names)
+
+
+def _gap(analysis: Analysis, side: SideFate) -> float:
+    """Return a bound of the distance of a side from its partner, infinite where there is none."""
+    if side.partner is None or side.symmetry != IDENTITY:
+        return np.inf
+    (first, names), (second, _) = (
+        RestrictedMap(analysis, patch).trees for patch in (side.patch, side.partner)
+    )
+    knots = bezier_knots(_DEGREE)
+    zero = SplineSurface((_DEGREE, _DEGREE), (knots, knots), np.zeros((_DEGREE + 1,) * 2 + (3,)))
+    apart = tuple(a - b for a, b in zip(first, second, strict=True))
+    if not any(each.symbols for each in apart):
+        return float(np.linalg.norm([evaluate(each, {}) for each in apart]))
+    try:
+        return bound_surface(apart, names, zero, analysis.scale.evaluation_noise).largest
+    except BreaksNotAlignedError:
+        return np.inf

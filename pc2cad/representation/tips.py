@@ -1,0 +1,38 @@
+"""Tips: where a face is drawn together to a point and M comes to it with no speed.
+
+Near such a tip M - P goes with a power s^k of the parameter. A fit would come to the point with a
+small speed in any direction, and might turn inside out there; with its first k rows of poles at the
+point it goes with s^k as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.domain.restrictions import SECTIONS, RestrictedMap
+
+#: distances from the tip at which M is compared, and how near to whole their power has to be
+_FAR, _NEAR, _WHOLE = 1e-3, 1e-4, 0.1
+
+
+def rest_at(function: RestrictedMap, axis: int, end: int) -> int:
+    """Return the power k with which M leaves one of its limits along an axis, at least 1.
+
+    `end` is 0 or 1. Of a face the limit is one point; the least power along the side counts.
+    """
+    along = np.abs(end - np.array([0.0, _FAR, _NEAR]))
+    places = [SECTIONS] * len(function.pieces)
+    places[axis] = along
+    values = np.moveaxis(function(*places), axis, 0).reshape(3, -1, 3)
+    far, near = np.sqrt(((values[1:] - values[:1]) ** 2).sum(axis=-1))
+    known = near > 8 * function.analysis.scale.evaluation_noise
+    if not known.any():
+        return 1
+    power = float(np.log(far[known] / near[known]).min() / np.log(_FAR / _NEAR))
+    return max(1, round(power)) if abs(power - round(power)) < _WHOLE else 1
+
+
+def hold(poles: Array, rows: int) -> None:
+    """Put the first rows of poles (n, …, 3) where the first one is."""
+    poles[1 : min(rows, len(poles) - 1)] = poles[0]

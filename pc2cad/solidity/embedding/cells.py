@@ -1,0 +1,376 @@
+"""Parts of sheets: their control points, and where two of them are joined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.geometry.sheets import Sheet, elevated, projected, restriction
+
+#: coordinates of a sheet or along an edge that differ by less are one
+SAME = 1e-11
+#: and weights
+SAME_WEIGHT = 1e-12
+#: names of the ends of a line: none for a side that is a point, and of vertices
+_POINT, _VERTEX = -1, -2
+#: corners 0 (s=0,t=0), 1 (1,0), 2 (1,1), 3 (0,1): the ends of the sides t=0, s=1, t=1, s=0
+ENDS = np.array([[0, 1], [1, 2], [3, 2], [0, 3]])
+_SIDES_AT = ((0, 3), (0, 1), (2, 1), (2, 3))
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors (…, 3) at length 1; those of no length stay."""
+    length = lengths(vectors)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0)[..., None])
+
+
+def lengths(vectors: Array) -> Array:
+    """Return the lengths of vectors (…, 3)."""
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """All sheets of a boundary as arrays over their patches, raised to one degree."""
+
+    sheets: Sequence[Sheet]
+    #: start and step of straight edges (E, 2, 3), NaN for others
+    lines: Array
+
+    @cached_property
+    def degree(self) -> int:
+        """The degree of all patches in both directions."""
+        return max(int(n) for sheet in self.sheets for n in sheet.nets.shape[2:4]) - 1
+
+    @cached_property
+    def nets(self) -> Array:
+        """Nets of all patches (N, d+1, d+1, 4)."""
+        rows = []
+        for sheet in self.sheets:
+            raised = elevated(elevated(sheet.nets, self.degree, 2), self.degree, 3)
+            rows.append(raised.reshape(-1, *raised.shape[2:]))
+        return np.concatenate(rows)
+
+    @cached_property
+    def shapes(self) -> Integers:
+        """Patches along s and t of each sheet."""
+        return np.array([sheet.shape for sheet in self.sheets])
+
+    @cached_property
+    def start(self) -> Integers:
+        """First patch of each sheet."""
+        sizes = self.shapes.prod(axis=1)
+        return np.asarray(np.cumsum(sizes) - sizes)
+
+    @cached_property
+    def sheet_of(self) -> Integers:
+        """The sheet of each patch."""
+        return np.repeat(np.arange(len(self.sheets)), self.shapes.prod(axis=1))
+
+    @cached_property
+    def place(self) -> Integers:
+        """Row and column of each patch in its sheet."""
+        return np.concatenate([np.indices(sheet.shape).reshape(2, -1).T for sheet in self.sheets])
+
+    @cached_property
+    def plane(self) -> Integers:
+        """The face of each sheet that lies in a plane, -1 for others."""
+        return np.array([-1 if s.plane is None else s.face for s in self.sheets])
+
+    @cached_property
+    def planes(self) -> tuple[Array, Array]:
+        """Origin and normal of each sheet's plane (zero where it lies in none)."""
+        zero = np.zeros(3)
+        rows = [(zero, zero) if s.plane is None else (s.plane.origin, s.plane.normal)
+                for s in self.sheets]  # fmt: skip
+        return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+
+    @cached_property
+    def walls(self) -> Booleans:
+        """Which pairs of sheets are on one grid, with equal weights: they may be a wall's sides."""
+        count = len(self.sheets)
+        result = np.zeros((count, count), dtype=bool)
+        for i in range(count):
+            for j in range(i):
+                same = (self.shapes[i] == self.shapes[j]).all()
+                if same and self.separable[i] and self.separable[j] and self.plane[i] < 0:
+                    size = int(self.shapes[i].prod())
+                    one, other = (self.nets[self.start[k] :][:size, ..., 3] for k in (i, j))
+                    result[i, j] = result[j, i] = np.abs(one - other).max() <= SAME_WEIGHT
+        return result
+
+    @cached_property
+    def separable(self) -> Booleans:
+        """Whether tangents are sums of differences of control points, per sheet."""
+        return np.array([sheet.separable for sheet in self.sheets])
+
+    @cached_property
+    def edges(self) -> Integers:
+        """The edge of each side of each sheet, -1 where it is a point."""
+        return np.array(
+            [[_POINT if s.edge is None else s.edge for s in sheet.sides] for sheet in self.sheets]
+        )
+
+    @cached_property
+    def vertices(self) -> Integers:
+        """The vertices at both ends of each side, (sheets, 4, 2)."""
+        return np.array([[side.ends for side in sheet.sides] for sheet in self.sheets])
+
+    @cached_property
+    def along(self) -> Array:
+        """Coordinates along the edges at the ends of patches, (sheets, 4, most + 1)."""
+        most = int(self.shapes.max()) + 1
+        table = np.zeros((len(self.sheets), 4, most))
+        for i, sheet in enumerate(self.sheets):
+            for k, side in enumerate(sheet.sides):
+                table[i, k, : len(side.along)] = side.along
+                table[i, k, len(side.along) :] = side.along[-1]
+        return table
+
+    @cached_property
+    def borders(self) -> tuple[Booleans, Booleans]:
+        """Which edges and which vertices each face in a plane has: (faces, E), (faces, V)."""
+        faces = 1 + max(sheet.face for sheet in self.sheets)
+        edges = np.zeros((faces, len(self.lines) + 1), dtype=bool)
+        vertices = np.zeros((faces, int(self.vertices.max()) + 1), dtype=bool)
+        for i, sheet in enumerate(self.sheets):
+            edges[sheet.face, self.edges[i]] = True
+            vertices[sheet.face, self.vertices[i].ravel()] = True
+        edges[:, -1] = False
+        return edges, vertices
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Parts of patches: rows of arrays."""
+
+    surfaces: Surfaces
+    patch: Integers
+    #: limits within the patch, (N, 2) each
+    low: Array
+    high: Array
+    #: control points (N, d+1, d+1, 3)
+    points: Array
+
+    def __len__(self) -> int:
+        return len(self.patch)
+
+    def take(self, rows: Integers) -> Cells:
+        """Return some of the cells."""
+        return Cells(self.surfaces, self.patch[rows], self.low[rows], self.high[rows],
+                     self.points[rows])  # fmt: skip
+
+    @cached_property
+    def sheet(self) -> Integers:
+        """The sheet of each cell."""
+        return self.surfaces.sheet_of[self.patch]
+
+    @cached_property
+    def extent(self) -> Array:
+        """Largest distance of a control point from the first one along an axis of space."""
+        flat = self.points.reshape(len(self), -1, 3)
+        return np.asarray((flat.max(axis=1) - flat.min(axis=1)).max(axis=1))
+
+    @cached_property
+    def lengths(self) -> Array:
+        """How long the cells are along s and t (N, 2)."""
+        p = self.points
+        along = np.sqrt((np.diff(p, axis=1) ** 2).sum(axis=-1)).sum(axis=1).max(axis=1)
+        across = np.sqrt((np.diff(p, axis=2) ** 2).sum(axis=-1)).sum(axis=2).max(axis=1)
+        return np.stack((along, across), axis=1)
+
+    @cached_property
+    def bows(self) -> Array:
+        """How far control points are from the middle between the ends along s and t (N, 2)."""
+        p, d = self.points, self.surfaces.degree
+        share = np.arange(d + 1)[:, None] / d
+        across = p - (p[:, :, :1] + share * (p[:, :, -1:] - p[:, :, :1]))
+        along = p - (p[:, :1] + share[:, None] * (p[:, -1:] - p[:, :1]))
+        return np.stack(
+            [np.sqrt((gap**2).sum(axis=-1).max(axis=(1, 2))) for gap in (along, across)], axis=1
+        )
+
+    @cached_property
+    def frames(self) -> tuple[Array, Array, Array, Array]:
+        """Mean directions along s and t, across both, and mean points, (N, 3) each."""
+        p = self.points
+        s = p[:, -1].mean(axis=1) - p[:, 0].mean(axis=1)
+        t = p[:, :, -1].mean(axis=1) - p[:, :, 0].mean(axis=1)
+        return unit(s), unit(t), unit(np.cross(s, t)), p.mean(axis=(1, 2))
+
+    @cached_property
+    def limits(self) -> tuple[Array, Array]:
+        """Limits in the sheet's own coordinates, patches of length 1: (N, 2) each."""
+        place = self.surfaces.place[self.patch]
+        return place + self.low, place + self.high
+
+    @cached_property
+    def _on_border(self) -> Booleans:
+        low, high = self.limits
+        shape = self.surfaces.shapes[self.sheet]
+        sides = (
+            low[:, 1] <= 0,
+            high[:, 0] >= shape[:, 0],
+            high[:, 1] >= shape[:, 1],
+            low[:, 0] <= 0,
+        )
+        return np.stack(sides, axis=1)
+
+    @cached_property
+    def edge(self) -> Integers:
+        """The edge on which each side lies, -1 where it is a point or inside the sheet, (N, 4)."""
+        return np.where(self._on_border, self.surfaces.edges[self.sheet], -1)
+
+    @cached_property
+    def collapsed(self) -> Booleans:
+        """Which sides are one point (N, 4)."""
+        return self._on_border & (self.surfaces.edges[self.sheet] < 0)
+
+    @cached_property
+    def _coordinates(self) -> Array:
+        """Coordinates along the edges at both ends of each side, (N, 4, 2); of a sheet inside."""
+        low, high = self.limits
+        s, t = (np.stack((low[:, k], high[:, k]), axis=1) for k in (0, 1))
+        own = np.stack((s, t, s, t), axis=1)
+        index = np.minimum(own.astype(np.int64), self.surfaces.along.shape[2] - 2)
+        rows, sides = self.sheet[:, None, None], np.arange(4)[None, :, None]
+        start, end = (
+            self.surfaces.along[rows, sides, index],
+            self.surfaces.along[rows, sides, index + 1],
+        )
+        along = start + (own - index) * (end - start)
+        lines = self.surfaces.lines[np.maximum(self.edge, 0)]
+        step = lines[:, :, 1]
+        straight = np.isfinite(step[..., 0]) & (self.edge >= 0)
+        if straight.any():
+            gap = self.corners[:, ENDS] - lines[:, :, None, 0]
+            share = (
+                np.einsum("nkei,nki->nke", gap, step)
+                / np.einsum("nki,nki->nk", step, step)[..., None]
+            )
+            along = np.where(straight[..., None], share, along)
+        return np.where((self.edge >= 0)[..., None], along, own)
+
+    @cached_property
+    def corners(self) -> Array:
+        """The corners' points (N, 4, 3)."""
+        p = self.points
+        return np.stack((p[:, 0, 0], p[:, -1, 0], p[:, -1, -1], p[:, 0, -1]), axis=1)
+
+    @cached_property
+    def sides(self) -> tuple[Integers, Array, Array, Array]:
+        """The line of each side: name and level (N, 4), and ascending limits along it."""
+        low, high = self.limits
+        count = len(self.surfaces.lines)
+        name = np.where(
+            self.edge >= 0, self.edge, count + 2 * self.sheet[:, None] + np.array([0, 1, 0, 1])
+        )
+        name = np.where(self.collapsed, _POINT, name)
+        level = np.stack((low[:, 1], high[:, 0], high[:, 1], low[:, 0]), axis=1)
+        level = np.where(self.edge >= 0, 0.0, level)
+        along = np.sort(self._coordinates, axis=2)
+        return name, level, along[..., 0], along[..., 1]
+
+    @cached_property
+    def nodes(self) -> tuple[Integers, Array]:
+        """The place of each corner: name (N, 4) and coordinates (N, 4, 2)."""
+        low, high = self.limits
+        surfaces, sheet = self.surfaces, self.sheet
+        inside = len(surfaces.lines) + 2 * len(surfaces.sheets) + sheet
+        name = np.empty((len(self), 4), dtype=np.int64)
+        where = np.zeros((len(self), 4, 2))
+        s, t = (low[:, 0], high[:, 0]), (low[:, 1], high[:, 1])
+        for c, (along_s, along_t) in enumerate(_SIDES_AT):
+            upper = c in (1, 2), c in (2, 3)
+            name[:, c] = inside
+            where[:, c, 0], where[:, c, 1] = s[upper[0]], t[upper[1]]
+            for k, end in ((along_s, upper[0]), (along_t, upper[1])):
+                on, point = self._on_border[:, k], self.collapsed[:, k]
+                edge = on & ~point
+                name[edge, c] = self.edge[edge, k]
+                where[edge, c, 0], where[edge, c, 1] = self._coordinates[edge, k, int(end)], 0.0
+            for k in (along_s, along_t):
+                point = self.collapsed[:, k]
+                name[point, c] = _VERTEX
+                where[point, c, 0] = surfaces.vertices[sheet[point], k, 0]
+                where[point, c, 1] = 0.0
+            both = self._on_border[:, along_s] & self._on_border[:, along_t]
+            name[both, c] = _VERTEX
+            where[both, c, 0] = surfaces.vertices[sheet[both], along_s, int(upper[0])]
+            where[both, c, 1] = 0.0
+        return name, where
+
+
+def cells_of(surfaces: Surfaces, patch: Integers, low: Array, high: Array) -> Cells:
+    """Return parts of patches."""
+    d = surfaces.degree
+    nets = surfaces.nets[patch]
+    whole = (low <= 0).all(axis=1) & (high >= 1).all(axis=1)
+    cut = np.flatnonzero(~whole)
+    if len(cut):
+        along_s = restriction(d, low[cut, 0], high[cut, 0])
+        along_t = restriction(d, low[cut, 1], high[cut, 1])
+        flat = (along_s @ nets[cut].reshape(len(cut), d + 1, -1)).reshape(nets[cut].shape)
+        nets[cut] = along_t[:, None] @ flat
+    return Cells(surfaces, patch, low, high, projected(nets))
+
+
+@dataclass(frozen=True, eq=False)
+class Joints:
+    """Where pairs of different cells are joined."""
+
+    #: which sides of the first lie on which of the second (n, 4, 4)
+    sides: Booleans
+    #: which corners of the first are which of the second (n, 4, 4)
+    corners: Booleans
+
+    @cached_property
+    def along(self) -> Booleans:
+        """Joined along a part of one edge, and nowhere else but in its ends."""
+        return np.asarray((self.sides.sum(axis=(1, 2)) == 1) & (self._distinct_off == 0))
+
+    @cached_property
+    def at(self) -> Booleans:
+        """Joined in one point only."""
+        return np.asarray(~self.sides.any(axis=(1, 2)) & (self._distinct_off == 1))
+
+    @cached_property
+    def any(self) -> Booleans:
+        """Joined somewhere."""
+        return np.asarray(self.sides.any(axis=(1, 2)) | self.corners.any(axis=(1, 2)))
+
+    @cached_property
+    def _distinct_off(self) -> Integers:
+        """Number of different common points off the common side."""
+        on_side = np.zeros((len(self.sides), 4), dtype=bool)
+        for k in range(4):
+            has = np.asarray(self.sides[:, k].any(axis=1))
+            on_side |= has[:, None] & np.isin(np.arange(4), ENDS[k])
+        # corners of the second that meet an end of the common side are that end
+        taken = np.asarray((self.corners & on_side[:, :, None]).any(axis=1))
+        left = self.corners & ~on_side[:, :, None] & ~taken[:, None]
+        # one point may be two corners of either
+        shared = np.asarray(left.any(axis=2))
+        count = shared.sum(axis=1)
+        for c in range(4):
+            for e in range(c):
+                count = count - np.asarray((left[:, c] & left[:, e]).any(axis=1))
+        return np.asarray(np.maximum(count, shared.any(axis=1)))
+
+
+def joints(cells: Cells, pairs: Integers) -> Joints:
+    """Return where pairs of different cells are joined."""
+    a, b = pairs[:, 0], pairs[:, 1]
+    name, level, low, high = cells.sides
+    same = (name[a][:, :, None] == name[b][:, None]) & (name[a] >= 0)[:, :, None]
+    same &= np.abs(level[a][:, :, None] - level[b][:, None]) <= SAME
+    over = np.minimum(high[a][:, :, None], high[b][:, None])
+    over = over - np.maximum(low[a][:, :, None], low[b][:, None])
+    node, where = cells.nodes
+    corner = node[a][:, :, None] == node[b][:, None]
+    corner &= (np.abs(where[a][:, :, None] - where[b][:, None]) <= SAME).all(axis=-1)
+    return Joints(same & (over > SAME), corner)

@@ -1,0 +1,328 @@
+"""Text of a STEP exchange structure, ISO 10303-21, to records: strict and bounded.
+
+Every instance is read, whether anything refers to it or not; nothing is repaired. What exceeds the
+limits below is refused before it costs memory.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from pc2cad.verify.defects import StepUnreadableError
+
+#: bytes of a file, instances in it, lists within lists, characters of a number, and its size
+LARGEST_FILE: Final = 1 << 29
+MOST_INSTANCES: Final = 4_000_000
+DEEPEST: Final = 16
+LONGEST_NUMBER: Final = 64
+LARGEST_NUMBER: Final = 1e100
+LARGEST_ID: Final = 10**15
+
+# a comment ends at its first '*/' and nowhere else, so that there is one way to match it
+_SPACE = r"(?:\s|/\*(?:[^*]|\*(?!/))*\*/)*"
+_REAL = r"[+-]?\d+\.\d*(?:E[+-]?\d+)?"
+_TOKEN = re.compile(
+    rf"{_SPACE}(?:(?P<number>[+-]?\d+(?:\.\d*(?:E[+-]?\d+)?)?)|#(?P<ref>\d+)|"
+    r"(?P<mark>[(),;=$*])|'(?P<text>(?:[^'\x00-\x08\x0b\x0c\x0e-\x1f]|'')*)'|"
+    r"\.(?P<enum>[A-Z_][A-Z0-9_]*)\.|(?P<word>!?[A-Z_][A-Z0-9_\-]*)|\"(?P<binary>[0-9A-F]*)\")",
+    re.DOTALL,
+)
+#: most instances of a file: a point or a direction without a name
+_POINT = re.compile(
+    rf"\s*#(\d+)\s*=\s*(CARTESIAN_POINT|DIRECTION)\s*\(\s*''\s*,\s*"
+    rf"\(\s*({_REAL})\s*,\s*({_REAL})\s*(?:,\s*({_REAL})\s*)?\)\s*\)\s*;"
+)
+_DIRECTIVE = re.compile(
+    r"\\X2\\((?:[0-9A-Fa-f]{4})*)\\X0\\|\\X4\\((?:[0-9A-Fa-f]{8})*)\\X0\\|"
+    r"\\X\\([0-9A-Fa-f]{2})|\\S\\(.)|\\P[A-I]\\|(\\\\)"
+)
+
+
+class Ref(int):
+    """A reference to an instance; printed as in the file."""
+
+    def __str__(self) -> str:
+        """Return it as the file writes it."""
+        return f"#{int(self)}"
+
+    __repr__ = __str__
+
+
+class Enumeration(str):
+    """The name of an enumeration, without its points."""
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A parameter with the name of its type."""
+
+    name: str
+    values: tuple[Any, ...]
+
+
+#: the parameter '*', which is derived in a subtype
+DERIVED: Final = Enumeration("*")
+#: keyword of each partial entity -> its parameters; simple instances have one
+Parts = dict[str, tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """The header's records and all instances of a file."""
+
+    header: Parts
+    instances: dict[int, Parts]
+
+
+def read_exchange(path: str | os.PathLike[str]) -> Exchange:
+    """Read a file; raise StepUnreadableError where it is no exchange structure or too large."""
+    return parse_exchange(read_bytes(path))
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Return the bytes of a regular file of a bounded size."""
+    file = Path(path)
+    try:
+        if not stat.S_ISREG(file.stat().st_mode):
+            raise StepUnreadableError(f"{file}: not a regular file")
+        with file.open("rb") as stream:
+            data = stream.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise StepUnreadableError(f"{file}: cannot be read: {reason}") from error
+    if len(data) > LARGEST_FILE:
+        raise StepUnreadableError(f"{file}: larger than {LARGEST_FILE >> 20} MB")
+    return data
+
+
+def parse_exchange(data: bytes) -> Exchange:
+    """Return the records of an exchange structure; raise StepUnreadableError."""
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise StepUnreadableError(f"not the text of a STEP file (byte {error.start})") from error
+    reader = _Reader(text)
+    try:
+        return reader.file()
+    except RecursionError as error:  # pragma: no cover - lists are counted
+        raise StepUnreadableError("lists are nested too deeply") from error
+
+
+class _Reader:
+    """Reads tokens from left to right."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._at = 0
+
+    def fail(self, what: str) -> StepUnreadableError:
+        line = self._text.count("\n", 0, self._at) + 1
+        near = " ".join(self._text[self._at : self._at + 40].split())
+        return StepUnreadableError(f"line {line}: {what}" + (f", near '{near}'" if near else ""))
+
+    def file(self) -> Exchange:
+        self._literal("ISO-10303-21")
+        self._literal("HEADER")
+        header: Parts = {}
+        while not self._ends("ENDSEC"):
+            word = self._word()
+            header[word] = self._list()
+            self._mark(";")
+        if "FILE_SCHEMA" not in header:
+            raise self.fail("the header has no FILE_SCHEMA")
+        instances: dict[int, Parts] = {}
+        wanted: set[int] = set()
+        self._literal("DATA")
+        self._data(instances, wanted)
+        while not self._ends("END-ISO-10303-21"):
+            self._literal("DATA")
+            self._data(instances, wanted)
+        if self._text[self._at :].strip():
+            raise self.fail("text after the end of the file")
+        missing = wanted - instances.keys()
+        if missing:
+            raise StepUnreadableError(
+                f"the file refers to #{min(missing)}, which it does not contain"
+                + (f" (and to {len(missing) - 1} more)" if len(missing) > 1 else "")
+            )
+        return Exchange(header, instances)
+
+    def _data(self, instances: dict[int, Parts], wanted: set[int]) -> None:
+        while True:
+            found = _POINT.match(self._text, self._at)
+            if found:
+                key, word, *places = found.groups()
+                values = tuple(_real(place) for place in places if place is not None)
+                if any(value is None for value in values):
+                    raise self.fail("a number that is too large")
+                self._add(instances, self._id(key), {word: ("", values)})
+                self._at = found.end()
+                continue
+            if self._ends("ENDSEC"):
+                return
+            token = self._next()
+            if token.lastgroup != "ref":
+                raise self.fail(f"'#' and a number are needed, not '{token.group().strip()[:20]}'")
+            self._mark("=")
+            parts = self._parts()
+            self._add(instances, self._id(token["ref"]), parts)
+            wanted.update(_references(parts))
+
+    def _add(self, instances: dict[int, Parts], key: int, parts: Parts) -> None:
+        if key in instances:
+            raise self.fail(f"#{key} is there twice")
+        if len(instances) >= MOST_INSTANCES:
+            raise StepUnreadableError(f"more than {MOST_INSTANCES} instances")
+        instances[key] = parts
+
+    def _parts(self) -> Parts:
+        token = self._next()
+        if token.lastgroup == "word":
+            parts = {token["word"]: self._list()}
+        elif token["mark"] == "(":
+            parts = {}
+            while (token := self._next()).lastgroup == "word":
+                if token["word"] in parts:
+                    raise self.fail(f"{token['word']} is there twice")
+                parts[token["word"]] = self._list()
+            if token["mark"] != ")" or not parts:
+                raise self.fail("a complex instance that is not closed")
+        else:
+            raise self.fail("the name of an entity is needed")
+        self._mark(";")
+        return parts
+
+    def _list(self, depth: int = 0, *, opened: bool = False) -> tuple[Any, ...]:
+        """Read a list in brackets."""
+        if depth > DEEPEST:
+            raise self.fail(f"lists nested more than {DEEPEST} deep")
+        if not opened:
+            self._mark("(")
+        values: list[Any] = []
+        token = self._next()
+        if token["mark"] == ")":
+            return ()
+        while True:
+            values.append(self._value(token, depth))
+            token = self._next()
+            if token["mark"] == ")":
+                return tuple(values)
+            if token["mark"] != ",":
+                raise self.fail("',' or ')' is needed")
+            token = self._next()
+
+    def _value(self, token: re.Match[str], depth: int) -> Any:
+        match token.lastgroup:
+            case "ref":
+                return Ref(self._id(token["ref"]))
+            case "number":
+                return self._number(token["number"])
+            case "text":
+                return _decoded(token["text"])
+            case "enum":
+                return Enumeration(token["enum"])
+            case "word":
+                return Typed(token["word"], self._list(depth + 1))
+            case "binary":
+                return token["binary"]
+        match token["mark"]:
+            case "$":
+                return None
+            case "*":
+                return DERIVED
+            case "(":
+                return self._list(depth + 1, opened=True)
+        raise self.fail(f"a value is needed, not '{token['mark']}'")
+
+    def _number(self, text: str) -> int | float:
+        if "." in text:
+            value = _real(text)
+            if value is None:
+                raise self.fail("a number that is too large")
+            return value
+        if len(text) > 18:
+            raise self.fail("a whole number of more than 18 digits")
+        return int(text)
+
+    def _id(self, text: str) -> int:
+        if len(text) > 15 or not 0 < int(text) < LARGEST_ID:
+            raise self.fail("an instance's number that is out of range")
+        return int(text)
+
+    def _next(self) -> re.Match[str]:
+        found = _TOKEN.match(self._text, self._at)
+        if found is None:
+            ended = not self._text[self._at :].strip()
+            raise self.fail("the file ends too early" if ended else "no token of a STEP file")
+        self._at = found.end()
+        return found
+
+    def _word(self) -> str:
+        token = self._next()
+        if token.lastgroup != "word":
+            raise self.fail("a keyword is needed")
+        return token["word"]
+
+    def _mark(self, mark: str) -> None:
+        if self._next()["mark"] != mark:
+            raise self.fail(f"'{mark}' is needed")
+
+    def _ends(self, word: str) -> bool:
+        """Say whether a section ends here, and go past the word and its ';' if so."""
+        found = _TOKEN.match(self._text, self._at)
+        if found is None or found["word"] != word:
+            return False
+        self._at = found.end()
+        self._mark(";")
+        return True
+
+    def _literal(self, word: str) -> None:
+        found = _TOKEN.match(self._text, self._at)
+        if found is None or found["word"] != word:
+            raise self.fail(f"'{word};' is needed")
+        self._at = found.end()
+        self._mark(";")
+
+
+def _real(text: str) -> float | None:
+    """Return a number, None where it is longer or larger than what is read."""
+    value = float(text) if len(text) <= LONGEST_NUMBER else math.inf
+    return value if abs(value) <= LARGEST_NUMBER else None
+
+
+def _references(parts: Parts) -> Iterator[int]:
+    stack: list[Any] = list(parts.values())
+    while stack:
+        value = stack.pop()
+        if isinstance(value, Ref):
+            yield int(value)
+        elif isinstance(value, tuple):
+            stack.extend(value)
+        elif isinstance(value, Typed):
+            stack.extend(value.values)
+
+
+def _decoded(text: str) -> str:
+    """Return a string without the control directives of ISO 10303-21."""
+    text = re.sub(r"\s*\n\s*", "", text).replace("''", "'")
+    return _DIRECTIVE.sub(_letters, text) if "\\" in text else text
+
+
+def _letters(found: re.Match[str]) -> str:
+    words, longs, byte, shifted, slash = found.groups()
+    if words is not None:
+        return bytes.fromhex(words).decode("utf-16-be", "replace")
+    if longs is not None:
+        return bytes.fromhex(longs).decode("utf-32-be", "replace")
+    if byte is not None:
+        return chr(int(byte, 16))
+    if shifted is not None:
+        return chr((ord(shifted) + 128) % 0x110000)
+    return "\\" if slash else ""

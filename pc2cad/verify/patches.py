@@ -1,0 +1,294 @@
+"""Curved faces: the parameter rectangle inside their edges, and integrals over it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TypeAlias
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.verify.curves import gauss_rule
+from pc2cad.verify.defects import StepDefectError, StepUnknownError
+from pc2cad.verify.edges import Edge
+from pc2cad.verify.splines import Span, SplineSurface
+from pc2cad.verify.surfaces import Surface
+
+#: of the length of a parameter: levels that differ by less are one
+_LOOSE = 1e-7
+_CHUNK = 200_000
+_MOST_POINTS, _MOST_EXACT = 3_000_000, 100_000
+#: relative difference of two rules; of polynomials it is that of the area alone
+_SETTLED, _ENOUGH = 1e-13, 1e-11
+
+Rectangle: TypeAlias = tuple[Span, Span]
+
+
+class AskewError(StepUnknownError):
+    """An edge runs along neither parameter of its face's surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Integrals over a face with its normal n: `first` is n_i x_j about the face's own corner."""
+
+    area: float
+    vector: Array
+    first: Array
+    volume: float
+    moment: Array
+    #: relative difference of the last two rules (area), and whether the volume needs none
+    error: float
+
+    def times(self, sign: float) -> Moments:
+        """Return them for the other sense of the normal, if the sign is negative."""
+        return Moments(
+            self.area, sign * self.vector, sign * self.first, sign * self.volume,
+            sign * self.moment, self.error,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Trace:
+    """An edge in the parameter plane: it runs along one axis at a level of the other."""
+
+    axis: int
+    level: float
+    start: float
+    length: float
+    rising: bool
+
+
+def trace_edge(surface: Surface, edge: Edge, limit: float, face: object) -> tuple[Trace, float]:
+    """Return the edge in the parameter plane, and its largest distance from the surface."""
+    parameters = [np.asarray(part) for part in surface.locate(edge.samples)]
+    distance = float(np.linalg.norm(surface.at(*parameters)[0] - edge.samples, axis=1).max())
+    if not distance <= limit:
+        raise StepDefectError(
+            f"the edge {edge.ref} leaves the surface of the face {face} by {distance:.2g}"
+        )
+    inner = slice(1, -1)
+    widths = []
+    for axis in (0, 1):
+        period = surface.periods[axis]
+        if period is not None:
+            t = parameters[axis]
+            t[inner] = np.unwrap(t[inner], period=period)
+            for end, next_to in ((0, 1), (-1, -2)):
+                t[end] += period * np.round((t[next_to] - t[end]) / period)
+        widths.append(float(np.ptp(parameters[axis][inner])))
+    for axis in np.argsort(widths)[::-1].tolist():
+        other, t = 1 - axis, parameters[axis]
+        steps = np.diff(t)
+        scale = surface.periods[other] or max(1.0, float(np.abs(parameters[other][inner]).max()))
+        if widths[other] <= _LOOSE * scale and (np.all(steps > 0.0) or np.all(steps < 0.0)):
+            level = float(np.median(parameters[other][inner]))
+            rising = bool(steps[0] > 0.0)
+            return Trace(axis, level, float(t.min()), float(np.ptp(t)), rising), distance
+    raise AskewError(f"the edge {edge.ref} trims the face {face} askew")
+
+
+def winding(steps: list[tuple[Trace, bool]]) -> float:
+    """Return the area a loop runs around in the parameters; 0 if a collapsed side opens it."""
+    moves = np.zeros((len(steps), 2))
+    for move, (trace, forward) in zip(moves, steps, strict=True):
+        move[trace.axis] = trace.length if trace.rising == forward else -trace.length
+    corners = np.cumsum(moves, axis=0)
+    size = np.abs(moves).max(axis=0, initial=0.0)
+    if np.any(np.abs(corners[-1:]) > _LOOSE * size):
+        return 0.0
+    following = np.roll(corners, -1, axis=0)
+    cross = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
+    return 0.5 * float(cross.sum())
+
+
+def rectangles(surface: Surface, traces: list[Trace]) -> Iterator[Rectangle]:
+    """Yield the parameter rectangles (from, to per axis) whose sides these edges can be."""
+    choices = [list(_spans(surface, traces, axis)) for axis in (0, 1)]
+    for u, v in product(*choices):
+        if _bounds(surface, traces, (u, v)):
+            yield u, v
+
+
+def _modulo(value: float, period: float | None) -> float:
+    if period is None:
+        return value
+    return value - period * float(np.round(value / period))
+
+
+def _levels(surface: Surface, traces: list[Trace], axis: int) -> list[float]:
+    """Return the distinct levels, along an axis, of the edges that run across it."""
+    found: list[float] = []
+    for trace in traces:
+        scale = surface.periods[axis] or max(1.0, abs(trace.level))
+        if trace.axis != axis and not any(
+            abs(_modulo(trace.level - level, surface.periods[axis])) <= _LOOSE * scale
+            for level in found
+        ):
+            found.append(trace.level)
+    return sorted(found)
+
+
+def _chain(pieces: list[Trace], period: float | None) -> Span:
+    """Return where a row of edges on one level starts, and how long it is altogether."""
+    length = sum(piece.length for piece in pieces)
+    if period is not None and length >= period * (1.0 - _LOOSE):
+        return pieces[0].start, period
+    tight = _LOOSE * max(length, 1e-300)
+    for piece in pieces:
+        ends = (other.start + other.length for other in pieces if other is not piece)
+        if all(abs(_modulo(piece.start - end, period)) > tight for end in ends):
+            return piece.start, length
+    return pieces[0].start, length
+
+
+def _spans(surface: Surface, traces: list[Trace], axis: int) -> Iterator[Span]:
+    """Yield candidates for the range of one parameter."""
+    period, limits = surface.periods[axis], surface.limits[axis]
+    along = [trace for trace in traces if trace.axis == axis]
+    if along:
+        row = [t for t in along if _same(surface, t, along[0])]
+        start, length = _chain(row, period)
+        yield start, start + length
+        return
+    levels = _levels(surface, traces, axis)
+    if period is not None:
+        yield from zip(levels, [*levels[1:], levels[0] + period] if levels else [], strict=True)
+        if not levels:
+            start = limits[0] if np.isfinite(limits[0]) else 0.0
+            yield start, start + period
+        return
+    known = [limit for limit in limits if np.isfinite(limit)]
+    ends = sorted([*levels, *known])
+    if len(ends) <= 12:
+        yield from ((a, b) for a, b in product(ends, ends) if b > a + _LOOSE * max(1.0, abs(a)))
+
+
+def _same(surface: Surface, one: Trace, other: Trace) -> bool:
+    across = 1 - other.axis
+    scale = surface.periods[across] or max(1.0, abs(other.level))
+    return abs(_modulo(one.level - other.level, surface.periods[across])) <= _LOOSE * scale
+
+
+def _bounds(surface: Surface, traces: list[Trace], rectangle: Rectangle) -> bool:
+    """Say whether each edge is on a side, and each side is covered, collapsed or a free seam."""
+    for axis in (0, 1):
+        low, high = rectangle[axis]
+        period = surface.periods[axis]
+        length = rectangle[1 - axis][1] - rectangle[1 - axis][0]
+        across = [trace for trace in traces if trace.axis != axis]
+        scale = _LOOSE * (period or max(1.0, abs(low), abs(high)))
+        sides = [
+            [t for t in across if abs(_modulo(t.level - level, period)) <= scale]
+            for level in (low, high)
+        ]
+        if any(all(trace not in side for side in sides) for trace in across):
+            return False
+        full = period is not None and high - low >= period * (1.0 - _LOOSE)
+        for level, side in zip((low, high), sides, strict=True):
+            covered = abs(sum(t.length for t in side) - length) <= _LOOSE * length
+            free = not side and (full or _collapsed(surface, rectangle, axis, level))
+            if not covered and not free:
+                return False
+    return True
+
+
+def _collapsed(surface: Surface, rectangle: Rectangle, axis: int, level: float) -> bool:
+    t = np.linspace(*rectangle[1 - axis], 7)
+    middle = 0.5 * (rectangle[axis][0] + rectangle[axis][1])
+    sizes = []
+    for place in (level, middle):
+        fixed = np.full_like(t, place)
+        points = surface.at(*((fixed, t) if axis == 0 else (t, fixed)))[0]
+        sizes.append(np.ptp(points, axis=0).max())
+    return bool(sizes[0] <= 1e-9 * sizes[1])
+
+
+def patch_moments(surface: Surface, rectangle: Rectangle, origin: Array, corner: Array) -> Moments:
+    """Return integrals over the rectangle by Gauss quadrature, refined until they settle.
+
+    Of polynomials the volume is exact at once; the area, which has a root, is estimated by a rule
+    of fewer points.
+    """
+    breaks = [surface.breaks(axis, *rectangle[axis]) for axis in (0, 1)]
+    polynomial = isinstance(surface, SplineSurface) and not surface.rational
+    fewer = 2 if polynomial and min(surface.points) > 4 else 0
+    previous = _integrate(surface, breaks, [n - fewer for n in surface.points], origin, corner)
+    for extra in range(0 if fewer else 6, 60, 6):
+        counts = [points + extra for points in surface.points]
+        size = int(np.prod([(len(b) - 1) * n for b, n in zip(breaks, counts, strict=True)]))
+        if extra and size > (_MOST_EXACT if polynomial else _MOST_POINTS):
+            break
+        moments = _integrate(surface, breaks, counts, origin, corner)
+        moments = replace(moments, error=_difference(previous, moments))
+        if moments.error <= (_ENOUGH if polynomial else _SETTLED):
+            return moments
+        previous = moments
+    return previous
+
+
+def _difference(one: Moments, other: Moments) -> float:
+    size = other.area**0.5
+    return float(max(
+        abs(one.area - other.area) / other.area,
+        np.abs(one.vector - other.vector).max() / other.area,
+        np.abs(one.first - other.first).max() / (other.area * size),
+    ))  # fmt: skip
+
+
+def trimmed_moments(
+    surface: Surface, flow: tuple[Array, Array], level: float, origin: Array, corner: Array
+) -> Moments:
+    """Return integrals over what edges run around, by Green's theorem: -∮ (∫ f dv) du.
+
+    The inner integral begins at the level. The edges' orientation counts. What closes the loops in
+    the parameter plane but is no edge of the file, a pole, has to be at the level.
+    """
+    places, steps = flow
+    u, v = (np.asarray(part) for part in surface.locate(places))
+    if surface.periods[1] is not None:
+        v = np.unwrap(v, period=surface.periods[1])
+    _, along_u, along_v = surface.at(u, v)
+    uu, uv, vv = ((a * b).sum(axis=1) for a, b in
+                  ((along_u, along_u), (along_u, along_v), (along_v, along_v)))  # fmt: skip
+    on_u, on_v = (along_u * steps).sum(axis=1), (along_v * steps).sum(axis=1)
+    run = (vv * on_u - uv * on_v) / np.maximum(uu * vv - uv * uv, 1e-300)
+    nodes, weights = gauss_rule(np.linspace(0.0, 1.0, 5), 20)
+    inner = level + (v - level)[:, None] * nodes
+    weight = -(run * (v - level))[:, None] * weights
+    place, along_u, along_v = surface.at(np.repeat(u, len(nodes)), inner.ravel())
+    normal = np.cross(along_u, along_v)
+    return _moments(_sums(place, normal, weight.reshape(-1, 1), origin, corner), 1e-9)
+
+
+def _integrate(
+    surface: Surface, breaks: list[Array], counts: list[int], origin: Array, corner: Array
+) -> Moments:
+    (u, u_weights), (v, v_weights) = (gauss_rule(b, n) for b, n in zip(breaks, counts, strict=True))
+    total = np.zeros(17)
+    rows = max(1, _CHUNK // len(v))
+    for begin in range(0, len(u), rows):
+        part = slice(begin, begin + rows)
+        place, along_u, along_v = surface.grid(u[part], v)
+        weight = (u_weights[part, None] * v_weights[None, :]).reshape(-1, 1)
+        normal = np.cross(along_u, along_v).reshape(-1, 3)
+        total += _sums(place.reshape(-1, 3), normal, weight, origin, corner)
+    return _moments(total, np.inf)
+
+
+def _sums(place: Array, normal: Array, weight: Array, origin: Array, corner: Array) -> Array:
+    """Return all integrals of `Moments` in one row."""
+    area = np.linalg.norm(normal, axis=1) @ weight[:, 0]
+    normal, local, place = normal * weight, place - corner, place - origin
+    return np.concatenate((
+        [area], normal.sum(axis=0), (normal.T @ local).ravel(), [(normal * place).sum() / 3.0],
+        (normal * place**2).sum(axis=0) / 2.0,
+    ))  # fmt: skip
+
+
+def _moments(total: Array, error: float) -> Moments:
+    return Moments(
+        float(total[0]), total[1:4], total[4:13].reshape(3, 3), float(total[13]), total[14:], error
+    )

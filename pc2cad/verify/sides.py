@@ -1,0 +1,271 @@
+"""A face of a file held against a side of the equation: nearness both ways, border and area."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.map import open_grid
+from pc2cad.topology.cells import Cell, directions_of
+from pc2cad.verify.faces import JudgedFace
+from pc2cad.verify.splines import SplineSurface, closest, distinct, nearest
+
+#: samples of a side in each direction, and of a spline per span; at most so many
+_SAMPLES, _PER_SPAN, _MOST = 25, 3, 241
+#: samples of a border from which a search starts
+_BORDER = 129
+#: uneven places: at even ones a rational circle agrees with any other
+_ROUGH = np.array([0.0, 0.0937, 0.2641, 0.4178, 0.5923, 0.7319, 0.9212, 1.0])
+#: relative difference of areas that quadrature leaves open
+_AREA = 1e-6
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far a face is from a side, where that is largest, and what is compared."""
+
+    distance: float
+    what: str
+    place: str
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """A face of the file and the side that it is held against."""
+
+    name: str
+    face: JudgedFace
+    #: largest distance of the side from the face, and of the face's border from the side's
+    surface: Difference
+    border: Difference
+    #: of the areas, absolute and beyond what is allowed
+    area: float
+    excess: float
+    #: whether the face runs over the side at equal parameters, so that both cover each other
+    equal_parameters: bool
+
+    @property
+    def distance(self) -> float:
+        """The largest distance seen."""
+        return max(self.surface.distance, self.border.distance)
+
+
+class Sides:
+    """The sides of an equation on arrays."""
+
+    def __init__(self, analysis: Analysis, areas: Sequence[float]) -> None:
+        self.analysis = analysis
+        self.areas = dict(zip((f.patch for f in analysis.complex.faces), areas, strict=True))
+
+    def groups(self) -> dict[str, list[Cell]]:
+        """Return the patches of each name: of a whole side too, where it is in pieces."""
+        complex_ = self.analysis.complex
+        found: dict[str, list[Cell]] = {}
+        for face in complex_.faces:
+            key = complex_.key(face.patch)
+            found.setdefault(key.label, []).append(face.patch)
+            if key.is_piece:
+                found.setdefault(key.whole.label, []).append(face.patch)
+        return found
+
+    def points(self, cell: Cell, *local: Array) -> Array:
+        """Return M at broadcastable local parameters of a cell."""
+        return self.analysis.map.points(*self._places(cell, local))
+
+    def _places(self, cell: Cell, local: Sequence[Array]) -> list[Array]:
+        free = iter(local)
+        spans = (self.analysis.span(d, position) for d, position in enumerate(cell))
+        return [
+            np.asarray(low + (high - low) * next(free) if position % 2 else low)
+            for (low, high), position in zip(spans, cell, strict=True)
+        ]
+
+    def shown(self, cell: Cell, *local: float) -> str:
+        """Return a place as the equation's parameters and as coordinates."""
+        places = [float(x) for x in self._places(cell, [np.asarray(x) for x in local])]
+        x, y, z = self.analysis.map.points(*places)
+        return f"{self.analysis.map.shown(places)}, at ({x:.6g}, {y:.6g}, {z:.6g})"
+
+    def curve(self, cell: Cell, t: Array) -> tuple[Array, Array]:
+        """Return points and derivatives along an edge."""
+        (d,) = directions_of(cell)
+        places = self._places(cell, [t])
+        low, high = self.analysis.span(d, cell[d])
+        (slope,) = self.analysis.map.tangents((d,), *places)
+        return self.analysis.map.points(*places), slope * (high - low)
+
+    def border(self, patches: Sequence[Cell]) -> list[Cell]:
+        """Return the edges round patches, collapsed ones left out."""
+        faces = {face.patch: face for face in self.analysis.complex.faces}
+        uses = [use for patch in patches for use in faces[patch].uses]
+        return list(dict.fromkeys(use.cell for use in uses if use.edge is not None))
+
+
+def compare(
+    sides: Sides, name: str, patches: Sequence[Cell], face: JudgedFace, tolerance: float
+) -> Match:
+    """Hold a face against the patches of a side."""
+    surface, equal = _surface(sides, patches, face, tolerance)
+    own = sum(sides.areas[patch] for patch in patches)
+    off = abs(face.moments.area - own)
+    border = sum(edge.length for loop in face.face.loops for edge, _ in loop.edges)
+    allowed = _AREA * own + min(face.moments.error, 1e-4) * own + tolerance * border
+    # at equal parameters the border is that of the surface, which the edges are held against
+    edge = Difference(0.0, "the border", "") if equal else _border(sides, patches, face, tolerance)
+    return Match(name, face, surface, edge, off, max(0.0, off - allowed), equal)
+
+
+def _surface(
+    sides: Sides, patches: Sequence[Cell], face: JudgedFace, tolerance: float
+) -> tuple[Difference, bool]:
+    """Return the largest distance of a side from the surface of a face."""
+    surface = face.surface
+    best = None
+    if isinstance(surface, SplineSurface) and len(patches) == 1 and _is_whole(face):
+        best = min(
+            _symmetries(), key=lambda turn: _apart(sides, patches[0], surface, turn, True)[0]
+        )
+        rough = _apart(sides, patches[0], surface, best, True)[0]
+        if rough <= 1e3 * tolerance:
+            distance, s, t = _apart(sides, patches[0], surface, best, False)
+            if distance <= 10.0 * tolerance:
+                return Difference(distance, "the surface", sides.shown(patches[0], s, t)), True
+    worst = Difference(0.0, "the surface", "")
+    for patch in patches:
+        line = np.linspace(0.0, 1.0, _SAMPLES)
+        points = sides.points(patch, line[:, None], line[None, :]).reshape(-1, 3)
+        off = _off(face, points)
+        if best is not None and isinstance(surface, SplineSurface):
+            off = np.fmin(off, _from_equal(surface, points, line, best))
+        k = int(np.argmax(off))
+        if not off[k] <= worst.distance:
+            place = sides.shown(patch, float(line[k // _SAMPLES]), float(line[k % _SAMPLES]))
+            worst = Difference(float(off[k]), "the surface", place)
+    return worst, False
+
+
+def _off(face: JudgedFace, points: Array) -> Array:
+    """Return the distances of points from the surface of a face."""
+    if face.frame is not None:
+        place, axes = face.frame
+        return np.asarray(np.abs((points - place) @ axes[2]))
+    surface = face.surface
+    assert surface is not None
+    u, v = surface.search(points) if isinstance(surface, SplineSurface) else surface.locate(points)
+    off = np.linalg.norm(surface.at(u, v)[0] - points, axis=1)
+    return np.where(np.isfinite(off), off, np.inf)
+
+
+def _from_equal(
+    surface: SplineSurface, points: Array, line: Array, turn: tuple[bool, bool, bool]
+) -> Array:
+    """Return the distances of a grid of points, searched for from equal parameters on."""
+    swap, back_u, back_v = turn
+    s, t = (grid.ravel() for grid in np.meshgrid(line, line, indexing="ij"))
+    shares = (t, s) if swap else (s, t)
+    start = [
+        low + (high - low) * (1.0 - share if back else share)
+        for share, back, (low, high) in zip(shares, (back_u, back_v), surface.limits, strict=True)
+    ]
+    u, v = surface.search(points, (start[0], start[1]))
+    return np.asarray(np.linalg.norm(surface.at(u, v)[0] - points, axis=1))
+
+
+def _is_whole(face: JudgedFace) -> bool:
+    """Say whether a face covers all of its spline surface."""
+    if face.rectangle is None or face.surface is None:
+        return False
+    spans = zip(face.rectangle, face.surface.limits, strict=True)
+    return all(abs((b - a) - (d - c)) <= 1e-6 * (d - c) for (a, b), (c, d) in spans)
+
+
+def _symmetries() -> Iterator[tuple[bool, bool, bool]]:
+    yield from product((False, True), repeat=3)
+
+
+def _apart(
+    sides: Sides, patch: Cell, surface: SplineSurface, turn: tuple[bool, bool, bool], rough: bool
+) -> tuple[float, float, float]:
+    """Return the largest distance at equal parameters, and where; by spans if not rough."""
+    swap, back_u, back_v = turn
+    own = []
+    for axis, back in enumerate((back_u, back_v)):
+        low, high = surface.limits[axis]
+        t = low + (high - low) * _ROUGH if rough else _dense(surface, axis)
+        own.append((t, (high - t if back else t - low) / (high - low)))
+    (u, s), (v, t) = own
+    values = surface.grid(u, v)[0]
+    first, second = (t[None, :], s[:, None]) if swap else (s[:, None], t[None, :])
+    wanted = sides.points(patch, first, second)
+    off = np.linalg.norm(values - wanted, axis=2)
+    off = np.where(np.isfinite(off), off, np.inf)
+    i, j = np.unravel_index(int(np.argmax(off)), off.shape)
+    place = (float(t[j]), float(s[i])) if swap else (float(s[i]), float(t[j]))
+    return float(off[i, j]), *place
+
+
+def _dense(surface: SplineSurface, axis: int) -> Array:
+    spans = distinct(surface.knots[axis], surface.limits[axis])
+    per = max(1, min(max(_PER_SPAN, surface.degrees[axis] + 1), _MOST // (len(spans) - 1)))
+    return np.unique(np.linspace(spans[:-1], spans[1:], per + 1))
+
+
+def _border(
+    sides: Sides, patches: Sequence[Cell], face: JudgedFace, tolerance: float
+) -> Difference:
+    """Return the largest distance of a face's edges from those of the side, seams left out."""
+    uses = Counter(edge.ref for loop in face.face.loops for edge, _ in loop.edges)
+    edges = {edge.ref: edge for loop in face.face.loops for edge, _ in loop.edges}
+    own = [edge for ref, edge in edges.items() if uses[ref] == 1]
+    cells = sides.border(patches)
+    if not own:
+        return Difference(0.0, "the border", "")
+    if not cells:
+        return Difference(np.inf, "the border", "the side has none")
+    points = np.concatenate([part for e in own for part in (e.samples, _some(e.places))])
+    best = np.full(len(points), np.inf)
+    start = np.linspace(0.0, 1.0, _BORDER)
+    near = 1e-12 * float(np.ptp(points, axis=0).max())
+    # at the ends too: where a curve closes, the nearest sample may be on the other side of its seam
+    for cell in cells:
+        along = partial(sides.curve, cell)
+        known = along(start)[0]
+        step = float(np.linalg.norm(np.diff(known, axis=0), axis=1).max())
+        off = np.linalg.norm(known[nearest(known, points)] - points, axis=1)
+        best = np.fmin(best, off)
+        for first in (start, start[:1], start[-1:]):
+            open_ = np.flatnonzero((best > max(near, tolerance * 0.1)) & (off <= 2.0 * step))
+            if not len(open_):
+                break
+            t = closest(along, (first, 0.0, 1.0), points[open_])
+            best[open_] = np.fmin(best[open_], np.linalg.norm(along(t)[0] - points[open_], axis=1))
+    k = int(np.argmax(best))
+    x, y, z = points[k]
+    return Difference(float(best[k]), "the border", f"at ({x:.6g}, {y:.6g}, {z:.6g})")
+
+
+def _some(places: Array) -> Array:
+    return places[:: max(1, len(places) // 32)]
+
+
+def coarse(sides: Sides, patches: Sequence[Cell], face: JudgedFace) -> float:
+    """Return roughly how far a face is from a side, to find the side that a face is on."""
+    own = sum(sides.areas[patch] for patch in patches)
+    s = np.linspace(0.0, 1.0, 5)
+    grids = [sides.points(patch, *(x for x in open_grid(s, s, 0.0)[:2])) for patch in patches]
+    off = max(float(_off(face, grid.reshape(-1, 3)).max()) for grid in grids)
+    return max(off, float(abs(face.moments.area - own) / max(own, 1e-300) ** 0.5))
+
+
+def goes_on(sides: Sides, patch: Cell, face: JudgedFace, tolerance: float) -> bool:
+    """Say whether a patch lies on the surface of a face."""
+    s = np.linspace(0.0, 1.0, 5)
+    points = sides.points(patch, s[:, None], s[None, :]).reshape(-1, 3)
+    return bool(_off(face, points).max() <= tolerance)

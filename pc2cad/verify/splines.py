@@ -1,0 +1,391 @@
+"""B-spline curves and surfaces of a file: values, derivatives and places, by NumPy alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+
+from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.verify.defects import StepDefectError
+
+Span: TypeAlias = tuple[float, float]
+Jet: TypeAlias = tuple[Array, Array, Array]
+#: points and derivatives of a curve at parameters
+Along: TypeAlias = Callable[[Array], tuple[Array, Array]]
+#: parameters dense enough to start an inversion, and the bounds it must keep
+Sampling: TypeAlias = tuple[Array, float, float]
+#: relative distance at which two ends are one
+CLOSED = 1e-9
+#: of the solid's coordinates: a point so near to a side of a surface is on it
+NEAR = 1e-9
+HIGHEST_DEGREE = 40
+MOST_STEPS = 24
+
+
+def distinct(knots: Array, domain: Span) -> Array:
+    """Return the distinct knots inside a domain, its ends included."""
+    inner = np.unique(knots)
+    inner = inner[(inner > domain[0]) & (inner < domain[1])]
+    return np.concatenate([[domain[0]], inner, [domain[1]]])
+
+
+def local_basis(knots: Array, degree: int, count: int, t: Array) -> tuple[Integers, Array, Array]:
+    """Return the numbers of the B-splines that live at each t, (len(t), degree + 1).
+
+    With them their values and first derivatives (Cox-de Boor).
+    """
+    last = int(np.flatnonzero(knots[:count] < knots[count])[-1])
+    span = np.clip(np.searchsorted(knots, t, side="right") - 1, degree, last)
+    local, slope, column = np.ones((len(t), 1)), np.zeros((len(t), 1)), t[:, None]
+    for d in range(1, degree + 1):
+        first = span[:, None] - d + 1 + np.arange(d)
+        left, right = knots[first], knots[first + d]
+        ratio = local / (right - left)
+        local, slope = np.zeros((2, len(t), d + 1))
+        local[:, :-1] += (right - column) * ratio
+        local[:, 1:] += (column - left) * ratio
+        slope[:, :-1] -= d * ratio
+        slope[:, 1:] += d * ratio
+    return span[:, None] - degree + np.arange(degree + 1), local, slope
+
+
+def basis(knots: Array, degree: int, count: int, t: Array) -> tuple[Array, Array]:
+    """Return values and first derivatives of all B-splines, (len(t), count) each."""
+    columns, local, slope = local_basis(knots, degree, count, t)
+    rows = np.arange(len(t))[:, None]
+    values, slopes = np.zeros((2, len(t), count))
+    values[rows, columns], slopes[rows, columns] = local, slope
+    return values, slopes
+
+
+def project(value: Array, slope: Array) -> tuple[Array, Array]:
+    """Return point and derivative of homogeneous coordinates and their derivative."""
+    weight = value[..., -1:]
+    point = value[..., :-1] / weight
+    return point, (slope[..., :-1] - point * slope[..., -1:]) / weight
+
+
+def cartesian(poles: Array, rational: bool) -> Array:
+    """Return poles without weights."""
+    return poles[..., :-1] / poles[..., -1:] if rational else poles
+
+
+@dataclass(frozen=True, eq=False)
+class SplineCurve:
+    """A B-spline; poles in homogeneous coordinates (weight last) if it is rational."""
+
+    knots: Array
+    degree: int
+    poles: Array
+    rational: bool
+    period: float | None
+    points: int
+
+    @property
+    def domain(self) -> Span:
+        """The ends of the parameter."""
+        return float(self.knots[self.degree]), float(self.knots[len(self.poles)])
+
+    def at(self, t: Array) -> tuple[Array, Array]:
+        """Return points and first derivatives, one per row."""
+        low, high = self.domain
+        if self.period is not None:
+            outside = (t < low) | (t > high)
+            t = np.where(outside, low + np.mod(t - low, self.period), t)
+        value, slope = (b @ self.poles for b in basis(self.knots, self.degree, len(self.poles), t))
+        return project(value, slope) if self.rational else (value, slope)
+
+    def breaks(self, a: float, b: float) -> Array:
+        """Return parameters from a to b between which the curve is smooth."""
+        edges = inner_breaks(self.knots, self.domain, self.period, a, b)
+        return np.unique(np.linspace(edges[:-1], edges[1:], 3)) if self.rational else edges
+
+    def sampling(self, points: Array) -> Sampling:
+        """Return where an inversion starts."""
+        return self._samples, *self.domain
+
+    @cached_property
+    def _samples(self) -> Array:
+        spans = distinct(self.knots, self.domain)
+        return np.unique(np.linspace(spans[:-1], spans[1:], 2 * self.degree + 3))
+
+    def locate(self, points: Array) -> Array:
+        """Return the parameters of the nearest points."""
+        return closest(self.at, self.sampling(points), points)
+
+    def may_hold(self, points: Array, near: float) -> bool:
+        """Say whether points may lie on the curve: none is far from all its samples."""
+        known = self.at(self._samples)[0]
+        # a span's arc is seldom longer than twice its chords; the full search is for others
+        step = 2.0 * float(np.linalg.norm(np.diff(known, axis=0), axis=1).max())
+        off = np.linalg.norm(known[nearest(known, points)] - points, axis=1)
+        return bool(off.max() <= step + near)
+
+
+def inner_breaks(knots: Array, domain: Span, period: float | None, a: float, b: float) -> Array:
+    """Return a, b and the knots between them, of a closed spline those of its next turns too."""
+    inner = distinct(knots, domain)
+    if period is not None:
+        inner = np.concatenate([inner - period, inner, inner + period])
+    margin = 1e-12 * (b - a)
+    inner = np.unique(inner[(inner > a + margin) & (inner < b - margin)])
+    return np.concatenate([[a], inner, [b]])
+
+
+def closest(at: Along, sampling: Sampling, points: Array) -> Array:
+    """Return parameters of points near a curve: nearest sample, then Gauss-Newton."""
+    samples, low, high = sampling
+    known = at(samples)[0]
+    t = samples[nearest(known, points)]
+    best, least = t, np.full(len(points), np.inf)
+    for _ in range(MOST_STEPS):
+        value, slope = at(t)
+        distance = np.linalg.norm(points - value, axis=1)
+        better = distance < least
+        best, least = np.where(better, t, best), np.minimum(distance, least)
+        speed = np.maximum((slope**2).sum(axis=1), 1e-300)
+        step = ((points - value) * slope).sum(axis=1) / speed
+        following = np.clip(t + step, low, high)
+        moved = np.abs(following - t).max(initial=0.0)
+        t = following
+        if moved <= 1e-12 * (high - low):
+            break
+    for end in (samples[0], samples[-1]):
+        distance = np.linalg.norm(points - at(np.array([end]))[0], axis=1)
+        snap = distance <= least + 1e-11 * (1e-3 + np.abs(points).max(initial=0.0))
+        best = np.where(snap & (np.abs(best - end) < 1e-6 * (high - low)), end, best)
+    return np.asarray(best)
+
+
+def nearest(known: Array, points: Array) -> Integers:
+    """Return for each point the number of the nearest of the known ones."""
+    middle = known.mean(axis=0)
+    shifted, size = known - middle, ((known - middle) ** 2).sum(axis=1)
+    found = np.empty(len(points), dtype=np.intp)
+    rows = max(1, 2_000_000 // max(1, len(known)))
+    for begin in range(0, len(points), rows):
+        part = points[begin : begin + rows] - middle
+        found[begin : begin + rows] = (size - 2.0 * part @ shifted.T).argmin(axis=1)
+    return found
+
+
+def make_curve(knots: Array, degree: int, poles: Array, rational: bool) -> SplineCurve:
+    """Return a B-spline curve, periodic if its ends meet."""
+    points = 24 if rational else 2 * degree + 1
+    curve = SplineCurve(knots, degree, poles, rational, None, points)
+    ends = curve.at(np.array(curve.domain))[0]
+    size = float(np.ptp(cartesian(poles, rational), axis=0).max())
+    if size > 0.0 and np.linalg.norm(ends[1] - ends[0]) <= CLOSED * size:
+        return replace(curve, period=curve.domain[1] - curve.domain[0])
+    return curve
+
+
+@dataclass(frozen=True, eq=False)
+class SplineSurface:
+    """A tensor product B-spline, homogeneous poles (weight last) if it is rational."""
+
+    knots: tuple[Array, Array]
+    degrees: tuple[int, int]
+    poles: Array
+    rational: bool
+    periods: tuple[float | None, float | None]
+    limits: tuple[Span, Span]
+
+    @property
+    def points(self) -> tuple[int, int]:
+        """Gauss points per span with which volumes are exact, or nearly so if it is rational."""
+        p, q = self.degrees
+        return (p + 8, q + 8) if self.rational else (3 * p // 2 + 1, 3 * q // 2 + 1)
+
+    def _turned(self, axis: int, t: Array) -> Array:
+        low, high = self.limits[axis]
+        period = self.periods[axis]
+        if period is not None:
+            outside = (t < low) | (t > high)
+            return np.where(outside, low + np.mod(t - low, period), t)
+        return t
+
+    def _bases(self, axis: int, t: Array) -> tuple[Array, Array]:
+        count = self.poles.shape[axis]
+        return basis(self.knots[axis], self.degrees[axis], count, self._turned(axis, t))
+
+    def _local(self, axis: int, t: Array) -> tuple[Integers, Array, Array]:
+        count = self.poles.shape[axis]
+        return local_basis(self.knots[axis], self.degrees[axis], count, self._turned(axis, t))
+
+    def _jet(self, value: Array, slope_u: Array, slope_v: Array) -> Jet:
+        if not self.rational:
+            return value, slope_u, slope_v
+        point, along_u = project(value, slope_u)
+        return point, along_u, project(value, slope_v)[1]
+
+    def grid(self, u: Array, v: Array) -> Jet:
+        """Return point, u and v derivative on the tensor grid, (len(u), len(v), 3) each."""
+        (bu, du), (bv, dv) = self._bases(0, u), self._bases(1, v)
+        n, m, k = self.poles.shape
+        rows = (np.concatenate((bu, du)) @ self.poles.reshape(n, m * k)).reshape(2, -1, m, k)
+        value, along_u = (bv @ part for part in rows)
+        return self._jet(value, along_u, dv @ rows[0])
+
+    def at(self, u: Array, v: Array) -> Jet:
+        """Return point, u and v derivative at pairs of parameters, (len(u), 3) each."""
+        found = [np.empty((len(u), self.poles.shape[2])) for _ in range(3)]
+        slab = max(1, 2_000_000 // (self.poles.shape[2] * (self.degrees[0] + 1) ** 2))
+        for begin in range(0, len(u), slab):
+            part = slice(begin, begin + slab)
+            rows, bu, du = self._local(0, u[part])
+            columns, bv, dv = self._local(1, v[part])
+            some = self.poles[rows[:, :, None], columns[:, None, :]]
+            across, along = (np.einsum("nj,nijk->nik", b, some) for b in (bv, dv))
+            for out, b, r in zip(found, (bu, du, bu), (across, across, along), strict=True):
+                out[part] = np.einsum("ni,nik->nk", b, r)
+        return self._jet(*found)
+
+    def locate(self, points: Array) -> tuple[Array, Array]:
+        """Return places on a side of the parameter rectangle if the points lie there, else any."""
+        scale = float(np.abs(cartesian(self.poles, self.rational)).max())
+        for axis in (0, 1):
+            for level in self.limits[axis]:
+                side = self.side(axis, level)
+                if not side.may_hold(points, NEAR * scale):
+                    continue
+                t = side.locate(points)
+                if np.abs(side.at(t)[0] - points).max() <= NEAR * scale:
+                    fixed = np.full(len(t), level)
+                    return (fixed, t) if axis == 0 else (t, fixed)
+        return self.search(points)
+
+    def side(self, axis: int, level: float) -> SplineCurve:
+        """Return the iso-parametric curve at a level of one parameter."""
+        row = basis(self.knots[axis], self.degrees[axis], self.poles.shape[axis], np.array([level]))
+        poles = np.tensordot(row[0][0], self.poles, axes=(0, axis))
+        other = 1 - axis
+        return make_curve(self.knots[other], self.degrees[other], poles, self.rational)
+
+    def flat_frame(self) -> tuple[Array, Array] | None:
+        """Return origin and axes (normal last) if all poles lie in one plane."""
+        poles = cartesian(self.poles.reshape(-1, self.poles.shape[-1]), self.rational)
+        centre = poles.mean(axis=0)
+        _, sizes, axes = np.linalg.svd(poles - centre, full_matrices=False)
+        if len(sizes) < 3 or sizes[2] > 1e-11 * sizes[0]:
+            return None
+        middle = [np.array([0.5 * (low + high)]) for low, high in self.limits]
+        _, along_u, along_v = self.at(*middle)
+        normal = axes[2] * np.sign(axes[2] @ np.cross(along_u[0], along_v[0]))
+        return centre, np.array([axes[0], np.cross(normal, axes[0]), normal])
+
+    def search(
+        self, points: Array, start: tuple[Array, Array] | None = None
+    ) -> tuple[Array, Array]:
+        """Return the nearest places: the nearest grid point, then Gauss-Newton in both."""
+        if start is None:
+            us, vs = (self._samples(axis) for axis in (0, 1))
+            first = nearest(self.grid(us, vs)[0].reshape(-1, 3), points)
+            start = us[first // len(vs)], vs[first % len(vs)]
+        u, v = start
+        place, along_u, along_v = self.at(u, v)
+        off = np.linalg.norm(points - place, axis=1)
+        share = np.ones(len(points))
+        for _ in range(2 * MOST_STEPS):
+            du, dv = self._step(points - place, along_u, along_v, u, v)
+            new_u, new_v = self._inside(0, u + share * du), self._inside(1, v + share * dv)
+            jet = self.at(new_u, new_v)
+            new_off = np.linalg.norm(points - jet[0], axis=1)
+            # a step that does not come nearer is halved: over knots the speed may jump
+            better = new_off < off
+            moved = np.where(better, np.abs(new_u - u) + np.abs(new_v - v), 0.0).max(initial=0.0)
+            u, v = np.where(better, new_u, u), np.where(better, new_v, v)
+            off = np.where(better, new_off, off)
+            place, along_u, along_v = (
+                np.where(better[:, None], new, old)
+                for new, old in zip(jet, (place, along_u, along_v), strict=True)
+            )
+            share = np.where(better, np.minimum(1.0, 2.0 * share), 0.5 * share)
+            if moved <= 1e-14 and share.max(initial=0.0) < 1e-4:
+                break
+        return u, v
+
+    def _step(
+        self, gap: Array, along_u: Array, along_v: Array, u: Array, v: Array
+    ) -> tuple[Array, Array]:
+        """Return a step in both parameters; where one is at its limit, the other goes alone."""
+        du, dv = tangent_step(gap, along_u, along_v)
+        on_u, on_v = (
+            (gap * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300)
+            for along in (along_u, along_v)
+        )
+        stuck_u, stuck_v = self._stuck(0, u, du), self._stuck(1, v, dv)
+        return np.where(stuck_v, on_u, du), np.where(stuck_u, on_v, dv)
+
+    def _stuck(self, axis: int, t: Array, step: Array) -> Booleans:
+        """Say which parameters are at a limit and would go beyond it."""
+        low, high = self.limits[axis]
+        beyond = ((t <= low) & (step < 0.0)) | ((t >= high) & (step > 0.0))
+        return np.asarray(beyond & (self.periods[axis] is None))
+
+    def _inside(self, axis: int, t: Array) -> Array:
+        """Return parameters within the limits: round again where the surface closes."""
+        low, high = self.limits[axis]
+        if self.periods[axis] is None:
+            return np.clip(t, low, high)
+        return np.where((t < low) | (t > high), low + np.mod(t - low, high - low), t)
+
+    def _samples(self, axis: int) -> Array:
+        spans = distinct(self.knots[axis], self.limits[axis])
+        return np.unique(np.linspace(spans[:-1], spans[1:], self.degrees[axis] + 3))
+
+    def breaks(self, axis: int, a: float, b: float) -> Array:
+        """Return parameters from a to b between which the surface is smooth."""
+        return inner_breaks(self.knots[axis], self.limits[axis], self.periods[axis], a, b)
+
+
+def tangent_step(gap: Array, along_u: Array, along_v: Array) -> tuple[Array, Array]:
+    """Return the steps in u and v that go along a gap in the tangent plane (least squares)."""
+    uu, uv, vv = ((a * b).sum(axis=1) for a, b in
+                  ((along_u, along_u), (along_u, along_v), (along_v, along_v)))  # fmt: skip
+    on_u, on_v = (gap * along_u).sum(axis=1), (gap * along_v).sum(axis=1)
+    uu, vv = uu + 1e-14 * vv + 1e-300, vv + 1e-14 * uu + 1e-300
+    area = uu * vv - uv * uv
+    return (vv * on_u - uv * on_v) / area, (uu * on_v - uv * on_u) / area
+
+
+def make_surface(
+    knots: tuple[Array, Array], degrees: tuple[int, int], poles: Array, rational: bool
+) -> SplineSurface:
+    """Return a B-spline surface, periodic in a direction if its two sides coincide."""
+    limits = [
+        (float(knot[degree]), float(knot[count]))
+        for knot, degree, count in zip(knots, degrees, poles.shape[:2], strict=True)
+    ]
+    surface = SplineSurface(knots, degrees, poles, rational, (None, None), (limits[0], limits[1]))
+    size = float(np.ptp(cartesian(poles, rational).reshape(-1, 3), axis=0).max())
+    periods: list[float | None] = [None, None]
+    for axis in (0, 1):
+        low, high = (surface.side(axis, level).poles for level in limits[axis])
+        if np.abs(low - high).max() <= CLOSED * size:
+            periods[axis] = limits[axis][1] - limits[axis][0]
+    return replace(surface, periods=(periods[0], periods[1]))
+
+
+def check_knots(values: Array, multiplicities: Sequence[int], count: int, degree: int) -> Array:
+    """Return the knot vector written out; raise StepDefectError where it is no such vector."""
+    if len(values) != len(multiplicities) or sum(multiplicities) != count + degree + 1:
+        raise StepDefectError(
+            f"a B-spline of degree {degree} has {sum(multiplicities)} knots for {count} poles"
+        )
+    if not 1 <= degree <= HIGHEST_DEGREE:
+        raise StepDefectError(f"a B-spline has the degree {degree}")
+    knots = np.repeat(values, multiplicities)
+    inner = multiplicities[1:-1]
+    if (
+        np.any(np.diff(values) <= 0.0)
+        or knots[degree] >= knots[count]
+        or max(inner, default=1) > degree
+        or max(multiplicities) > degree + 1
+    ):
+        raise StepDefectError("the knots of a B-spline do not ascend, or come too often")
+    return knots

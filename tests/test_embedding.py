@@ -1,0 +1,361 @@
+"""What was built is proved to meet itself nowhere, or refused: equation and faces alike."""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import pc2cad as pc
+from pc2cad.checked import CheckedMap, check_map
+from pc2cad.domain.analysis import analyse
+from pc2cad.equation.point_equation import PointEquation, point_equation
+from pc2cad.geometry.carriers import SplineCurve, SplineSurface
+from pc2cad.geometry.sheets import (
+    Sheet,
+    SheetSide,
+    circle_pieces,
+    curve_pieces,
+    projected,
+    restriction,
+    surface_patches,
+)
+from pc2cad.options import CompileOptions
+from pc2cad.representation.boundary import represent
+from pc2cad.representation.embedding import embed
+from pc2cad.representation.face_sheets import sheets_of
+from pc2cad.solidity.embedding.proof import prove
+from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
+from pc2cad.solidity.injectivity import OverlappingMapError
+from pc2cad.solidity.orientation import find_orientation
+from pc2cad.solidity.solidity import Solidity
+from pc2cad.templates.shipped import template_paths
+
+U, V, W = pc.parameters()
+
+
+def unexamined(equation: PointEquation) -> CheckedMap:
+    """A map of which the samples' word on overlaps is not asked."""
+    from pc2cad.channels.limits import find_limits
+    from pc2cad.integrals.mass_properties import integrate
+
+    analysis = analyse(equation)
+    return CheckedMap(
+        analysis, find_orientation(analysis.map), find_limits(equation), integrate(analysis),
+        Solidity(1, 0.0, 0),
+    )  # fmt: skip
+
+
+def embedding(map_, tolerance: float | None = None, domain=None):
+    checked = unexamined(point_equation(map_, domain))
+    return embed(checked, represent(checked, CompileOptions(tolerance)))
+
+
+def spiral(gap: Fraction):
+    """Two turns of a strip of thickness 1 that rises and falls, and comes back `gap` away."""
+    radius = 2 + (2 + 2 * gap) * U + W
+    t = 4 * pc.pi * U
+    return radius * pc.cos(t), radius * pc.sin(t), V + Fraction("0.3") * pc.sin(2 * pc.pi * U)
+
+
+def ramp(width: str, height: str):
+    """Two turns of a ramp, 1.5 apart, with a bump on the lower one."""
+    t = 4 * pc.pi * U
+    gap = (U - Fraction("0.2113")) ** 2 + (V - Fraction("0.5317")) ** 2
+    bump = Fraction(height) * pc.exp(-gap / Fraction(width) ** 2)
+    return (2 + V) * pc.cos(t), (2 + V) * pc.sin(t), t / pc.pi + W * (Fraction(1, 2) + bump)
+
+
+def ring(gap: str):
+    """A ring whose ends nearly meet: nearest at v = 1/8, 3/8, 5/8 and 7/8."""
+    t = (2 * pc.pi - Fraction(gap) - Fraction("0.0166667") * (1 + pc.cos(8 * pc.pi * V))) * U
+    return (3 + W) * pc.cos(t), (3 + W) * pc.sin(t), V
+
+
+# -- the proof, and what it refuses ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["ball", "bilinear_top", "cone", "elbow_pipe", "ellipsoid", "half_ball", "helical_channel",
+     "hollow_cylinder", "hypar_slab", "paraboloid_cap", "pyramid", "simplex_hyperboloid", "torus",
+     "turned_ring"],
+)  # fmt: skip
+def test_templates_are_proved(name):
+    checked = check_map(pc.read_template(template_paths()[name]).bind())
+    found = embed(checked, represent(checked))
+    assert found.proved, found.open
+    assert found.cells >= 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(template_paths()))
+def test_every_template_is_proved_to_cover_nothing_twice(name):
+    report = pc.compile_equation(pc.read_template(template_paths()[name]).bind()).report
+    reports = [report] if report.own else list(report.bodies.values())
+    assert len(reports) >= 1
+    for one in reports:
+        assert one.injectivity == "proved", one.one.overlap_open
+        assert one.overlap_depth <= one.deviation
+
+
+@pytest.mark.parametrize(
+    ("width", "height"),
+    [pytest.param("0.01", "3", marks=pytest.mark.slow), ("0.03", "1.6")],
+)
+def test_a_needle_that_pierces_the_next_turn_is_refused(width, height):
+    """Its place is between the samples of the equation, but not between the knots of the fit."""
+    with pytest.raises(OverlappingMapError, match="covers itself") as caught:
+        pc.compile_part(ramp(width, height))
+    x, y, z = map(float, re.search(r"both lie at \((.*?)\)", str(caught.value))[1].split(","))
+    turn = 4 * math.pi * 0.2113
+    middle = 2.5317 * np.array([math.cos(turn), math.sin(turn)])
+    assert np.hypot(*(np.array([x, y]) - middle)) < 0.35
+    assert z == pytest.approx(2 + turn / math.pi, abs=0.1)
+
+
+def test_a_needle_that_ends_below_the_next_turn_is_proved():
+    assert embedding(ramp("0.03", "1.45")).proved
+
+
+@pytest.mark.parametrize("gap", ["0.0002", "0.001"])
+def test_a_tolerance_that_closes_a_gap_is_refused_with_one_that_does_not(gap):
+    with pytest.raises(BuiltFacesMeetError) as caught:
+        pc.compile_part(ring(gap), tolerance=0.05)
+    text = str(caught.value)
+    assert "u = 1, " in text
+    assert "u = 0, " in text
+    asked = float(re.search(r"a tolerance of ([\d.e-]+) mm would", text)[1])
+    assert 0 < asked < 0.05
+    assert embedding(ring(gap), asked).proved
+
+
+@pytest.mark.parametrize("place", [1e-5, 1.0, 1e5])
+def test_the_proof_does_not_depend_on_the_unit(place):
+    size = Fraction(place)
+
+    def scaled(map_):
+        return tuple(size * x for x in map_)
+
+    good, bad = (spiral(Fraction(sign, 50)) for sign in (1, -1))
+    assert embedding(scaled(good)).proved
+    with pytest.raises(OverlappingMapError):
+        embedding(scaled(bad))
+
+
+SIZE = 9
+DEPTHS = [Fraction(1, 10) ** k * share for k in range(2, 8) for share in (3, 1)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("depth", DEPTHS, ids=[f"{float(d):.0e}" for d in DEPTHS])
+def test_overlaps_of_every_depth_and_gaps_of_the_same_width(depth):
+    """As shares of the size: each is refused, and proved with a gap in its place."""
+    assert len(DEPTHS) == 12
+    with pytest.raises(OverlappingMapError):
+        pc.compile_part(spiral(-depth * SIZE))
+    assert embedding(spiral(depth * SIZE)).proved
+
+
+def test_a_spiral_whose_turns_nearly_touch_is_proved():
+    """The kernel's checker takes the walls for one, and samples cannot tell them apart."""
+    radius, t = 2 + (2 + Fraction("2e-5")) * U + W, 4 * pc.pi * U
+    found = embedding((radius * pc.cos(t), radius * pc.sin(t), V))
+    assert found.proved, found.open
+
+
+def test_faces_that_lie_on_one_another_are_refused():
+    """Exact faces, too: a ring that runs on over its beginning."""
+    t = 2 * pc.pi * U
+    with pytest.raises(OverlappingMapError, match="covers itself"):
+        embedding(((1 + W) * pc.cos(t), (1 + W) * pc.sin(t), V), domain={"u": (0, Fraction(5, 4))})
+
+
+def test_sides_that_algebra_does_not_show_to_coincide_are_bounded():
+    """The ends of a figure of eight: a bound of their distance takes the place of the identity."""
+    checked = check_map(pc.read_template(template_paths()["figure_of_eight"]).bind())
+    verdicts = {side.verdict.value for side in checked.analysis.boundary.sides}
+    assert verdicts == {"proved", "sampled"}
+    found = embed(checked, represent(checked))
+    assert found.proved
+    assert found.sides == ()
+    assert 0 < found.depth < 1e-9 * checked.scale.size
+
+
+# -- sheets ----------------------------------------------------------------------------------------
+
+
+def values(nets, s, t):
+    """Points of one patch, by the sum of Bernstein polynomials."""
+    p, q = nets.shape[0] - 1, nets.shape[1] - 1
+    a, b = (
+        np.array([math.comb(d, k) * x**k * (1 - x) ** (d - k) for k in range(d + 1)])
+        for d, x in ((p, s), (q, t))
+    )
+    return projected(np.einsum("i,j,ijc->c", a, b, nets))
+
+
+def test_patches_of_a_spline_are_the_spline():
+    rng = np.random.default_rng(1)
+    knots = np.array([0, 0, 0, 0, 0.3, 0.5, 0.5, 1, 1, 1, 1]), np.array([0, 0, 0, 0.7, 1, 1, 1.0])
+    poles, weights = (
+        rng.normal(size=(7, 4, 3)),
+        np.outer(rng.uniform(0.5, 1, 7), rng.uniform(0.5, 1, 4)),
+    )
+    surface = SplineSurface((3, 2), knots, poles, weights)
+    nets = surface_patches(surface)
+    assert nets.shape == (3, 2, 4, 3, 4)
+    from scipy.interpolate import BSpline
+
+    homogeneous = np.concatenate((poles * weights[..., None], weights[..., None]), axis=2)
+    for (i, s), (j, t) in (((0, 0.2), (0, 0.5)), ((1, 0.4), (1, 0.9)), ((2, 1.0), (0, 0.0))):
+        x = np.array([0, 0.3, 0.5, 1])[i] + s * np.diff([0, 0.3, 0.5, 1])[i]
+        y = np.array([0, 0.7, 1])[j] + t * np.diff([0, 0.7, 1])[j]
+        row = BSpline(knots[0], homogeneous, 3)(x)
+        assert values(nets[i, j], s, t) == pytest.approx(projected(BSpline(knots[1], row, 2)(y)))
+
+
+def test_pieces_of_curves_and_circles():
+    arcs = circle_pieces(0.3, 0.3 + 1.5 * math.pi)
+    assert arcs.shape == (3, 3, 3)
+    shoulder = arcs[1].T @ np.array([0.25, 0.5, 0.25])
+    angle = 0.3 + 0.75 * math.pi
+    assert shoulder[:2] / shoulder[2] == pytest.approx([math.cos(angle), math.sin(angle)])
+    curve = SplineCurve(2, np.array([0, 0, 0, 0.5, 1, 1, 1.0]), np.eye(4)[:, :3] + 1)
+    pieces, ends = curve_pieces(curve)
+    assert ends.tolist() == [0, 0.5, 1]
+    assert pieces[0, -1] == pytest.approx(pieces[1, 0])
+
+
+def test_restriction_is_the_polynomial_on_a_part():
+    coefficients = np.array([3.0, -1, 2, 5, 0])
+    part = (restriction(4, np.array([0.25]), np.array([0.75])) @ coefficients)[0]
+
+    def at(c, x):
+        return sum(math.comb(4, k) * x**k * (1 - x) ** (4 - k) * c[k] for k in range(5))
+
+    for x in (0.0, 0.3, 1.0):
+        assert at(part, x) == pytest.approx(at(coefficients, 0.25 + x / 2))
+
+
+@pytest.mark.parametrize("name", ["ball", "cone", "elbow_pipe", "half_ball", "paraboloid_cap",
+                                  "hollow_cylinder", "turned_ring", "torus_wedge"])  # fmt: skip
+def test_sheets_end_in_their_vertices_and_lie_on_the_equation(name):
+    checked = check_map(pc.read_template(template_paths()[name]).bind())
+    model = represent(checked)
+    sheets, left = sheets_of(model)
+    assert left == []
+    assert len(sheets) >= len(model.faces) >= 1
+    for sheet in sheets:
+        low = projected(sheet.nets[0, 0, 0, 0])
+        assert low == pytest.approx(model.vertices[sheet.sides[0].ends[0]], abs=1e-9 * model.size)
+        high = projected(sheet.nets[-1, -1, -1, -1])
+        assert high == pytest.approx(model.vertices[sheet.sides[2].ends[1]], abs=1e-9 * model.size)
+
+
+# -- pairs of patches by hand ----------------------------------------------------------------------
+
+
+def patch(index, points, edges, vertices):
+    """A bilinear patch with points (2, 2, 3)."""
+    nets = np.concatenate((np.array(points, dtype=float), np.ones((2, 2, 1))), axis=2)[None, None]
+    ends = [(0, 1), (1, 2), (3, 2), (0, 3)]
+    sides = [SheetSide(e, (vertices[a], vertices[b]), np.array([0.0, 1.0]))
+             for e, (a, b) in zip(edges, ends, strict=True)]  # fmt: skip
+    return Sheet(index, index, nets, tuple(sides), name=str(index))
+
+
+def lines(count: int):
+    return np.full((count, 2, 3), np.nan)
+
+
+def joined(angle: float):
+    c, s = math.cos(angle), math.sin(angle)
+    # side 3 (s = 0) of both is the edge 0, from the vertex 0 to the vertex 1
+    first = patch(0, [[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]], (1, 2, 3, 0), (0, 2, 3, 1))
+    other = patch(1, [[[0, 0, 0], [0, 1, 0]], [[c, 0, s], [c, 1, s]]], (4, 5, 6, 0), (0, 4, 5, 1))
+    return prove([first, other], lines(7), 2.0, 1e-13)
+
+
+@pytest.mark.parametrize("degrees", [1, 30, 90, 150, 180, 210, 300, 355])
+def test_two_faces_joined_at_an_angle(degrees):
+    found = joined(math.radians(degrees))
+    assert found.meeting is None
+    assert found.depth == 0
+
+
+def test_two_faces_that_lie_on_one_another_are_not_proved():
+    found = joined(0.0)
+    assert found.meeting is not None
+
+
+def test_a_face_that_crosses_another_is_found():
+    flat = patch(0, [[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]], (0, 1, 2, 3), (0, 1, 2, 3))
+    for depth in (0.3, 1e-3, 1e-6, 1e-8):
+        low = patch(1, [[[0.3, 0.4, 1], [0.6, 0.4, 1]], [[0.3, 0.4, -depth], [0.6, 0.4, -depth]]],
+                    (4, 5, 6, 7), (4, 5, 6, 7))  # fmt: skip
+        found = prove([flat, low], lines(8), 2.0, 1e-14)
+        assert found.meets, depth
+        assert found.meeting.point == pytest.approx((found.meeting.point[0], 0.4, 0), abs=1e-7)
+        high = patch(1, [[[0.3, 0.4, 1], [0.6, 0.4, 1]], [[0.3, 0.4, depth], [0.6, 0.4, depth]]],
+                     (4, 5, 6, 7), (4, 5, 6, 7))  # fmt: skip
+        assert prove([flat, high], lines(8), 2.0, 1e-14).meeting is None, depth
+
+
+# -- what comes near without meeting ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wall", ["0.001", "0.00001"])
+def test_a_wall_however_thin_is_proved(wall):
+    """By ways across it: cells as small as it is thick would be thousands of millions."""
+    t, p = 2 * pc.pi * U, pc.pi * V
+    r = 10 + Fraction(wall) * W
+    found = embedding((r * pc.sin(p) * pc.cos(t), r * pc.sin(p) * pc.sin(t), r * pc.cos(p)))
+    assert found.proved, found.open
+    assert found.cells < 60_000
+
+
+def test_both_sides_of_a_sharp_apex_are_no_meeting():
+    """They are nearer to one another than what counts as touching, and joined in the apex."""
+    t = 2 * pc.pi * U
+    found = embedding((V * W**2 * pc.cos(t), V * W**2 * pc.sin(t), W**2))
+    assert found.proved, found.open
+
+
+def test_a_slender_cone_is_cut_round_its_axis():
+    """Where it turns, and not where it is long."""
+    t = 2 * pc.pi * U
+    r = 3 * V * (1 - W)
+    found = embedding((r * pc.cos(t), r * pc.sin(t), 4000 * W))
+    assert found.proved, found.open
+    assert found.cells < 500
+
+
+def test_a_cusp_is_left_open_after_a_bounded_effort(monkeypatch):
+    monkeypatch.setattr("pc2cad.solidity.embedding.proof.MOST_WORK", 100_000)
+    t = 2 * pc.pi * U
+    found = embedding((V * W**3 * pc.cos(t), V * W**3 * pc.sin(t), W))
+    assert not found.proved
+    assert 0 < found.depth < 0.1
+    assert "v=1 at (" in found.open
+
+
+def test_a_face_by_its_lines_is_whole():
+    """The ends of its range are 0 and 1 but for rounding: no patch of that length is made."""
+    r = (1 + W) * pc.sqrt(1 + (2 * V - 1) ** 2)
+    wall = (r * (1 - U * U) / (1 + U * U), r * 2 * U / (1 + U * U), 2 * V - 1)
+    found = embedding(wall)
+    assert found.proved, found.open
+    assert found.cells < 200
+
+
+@pytest.mark.parametrize("shear", [0, 3, 6])
+def test_sheared_blocks_are_proved_at_once(shear):
+    """However flat the angles are: the half spaces are amid what leads away from an edge."""
+    bent = Fraction(1, 50) * U * (1 - U) * V
+    found = embedding((U + shear * V + bent, V + shear * W, W + bent))
+    assert found.proved, found.open
+    assert found.cells < 100

@@ -1,0 +1,105 @@
+"""Patterns of bodies: copies by one compilation, fused at once, named by their numbers."""
+
+from __future__ import annotations
+
+from math import acos, pi, sqrt
+
+import pytest
+
+from pc2cad.compiler import compile_equation
+from pc2cad.csg import bodies as csg
+from pc2cad.errors import InputError
+from pc2cad.templates.file import parse_template
+
+PIN = """
+[[bodies]]
+name = "pin"
+[bodies.solid]
+x = "{x} + r*w*cos(2*pi*v)"
+y = "r*w*sin(2*pi*v)"
+z = "4*u"
+"""
+HEAD = "[parameters]\nr = 1\nn = 6\n[points]\nO = [1, 0, 0]\n"
+SLAB = """
+[[bodies]]
+name = "slab"
+[bodies.solid]
+x = "18*u - 9"
+y = "18*v - 9"
+z = "w - 0.5"
+"""
+
+
+def part(result: str, x: float = 5, more: str = SLAB, **values: float):
+    text = (
+        f'title = "t"\nresult = "{result}"\n[parameters]\nr = 1\nn = 6\n[points]\nO = [1, 0, 0]\n'
+    )
+    return compile_equation(parse_template(text + PIN.format(x=x) + more, "t").bind(values))
+
+
+def names(found) -> set[str]:
+    return {face.name for face in found.report.faces}
+
+
+def test_a_ring_of_pins_is_fused_once(monkeypatch) -> None:
+    calls = []
+    fuse = csg.fuse
+    monkeypatch.setattr(csg, "fuse", lambda shapes: calls.append(len(shapes)) or fuse(shapes))
+    found = part("union(slab, polar(pin, n))")
+    assert calls == [6]
+    assert found.report.solid.volume == pytest.approx(18 * 18 + 6 * pi * 3.5, rel=1e-9)
+    assert {f"pin[{k}]:u=1" for k in range(6)} <= names(found)
+    assert all(face.evidence == "exact" for face in found.report.faces)
+    assert all(edge.evidence == "exact" for edge in found.report.curves)
+    assert "6 copies with nothing in common: 6 x 12.5663" in found.report.steps[0].sentence
+
+
+def test_the_number_of_copies_is_a_parameter() -> None:
+    assert part("union(slab, polar(pin, n))", n=4).report.solid.volume == pytest.approx(
+        18 * 18 + 4 * pi * 3.5, rel=1e-9)  # fmt: skip
+
+
+def test_holes_are_cut_by_patterns() -> None:
+    found = part("cut(slab, polar(pin, 5))")
+    assert found.report.solid.volume == pytest.approx(18 * 18 - 5 * pi * 0.5, rel=1e-9)
+
+
+def test_copies_that_overlap_are_held_against_halves() -> None:
+    found = part("union(slab, linear(pin, 4, vector(0, 1.5, 0)))")
+    lens = 2 * acos(0.75) - 1.5 * sqrt(1 - 0.75**2)
+    area = 4 * pi - 3 * lens
+    assert found.report.solid.volume == pytest.approx(18 * 18 + 3.5 * area, rel=1e-8)
+    assert "overlap" in found.report.steps[0].sentence
+
+
+def test_mirrors_keep_the_body_and_its_image() -> None:
+    found = part("union(slab, mirror(pin, [0, 0, 0], vector(1, 0, 0)))")
+    assert {"pin[0]:u=1", "pin[1]:u=1"} <= names(found)
+    assert found.report.solid.centroid[:2] == pytest.approx((0, 0), abs=1e-9)
+    assert all(edge.evidence == "exact" for edge in found.report.curves)
+
+
+def test_patterns_of_patterns_and_of_booleans() -> None:
+    found = part("union(slab, polar(linear(pin, 2, vector(0, 0, 3)), 3))")
+    assert "pin[1][2]:u=1" in names(found)
+    assert found.report.solid.volume == pytest.approx(18 * 18 + 3 * pi * 6.5, rel=1e-9)
+
+
+REFUSED = {
+    "polar(pin)": r"write polar\(body, n\) or polar\(body, n, O, a\)",
+    "linear(pin, 3)": r"write linear\(body, n, step\)",
+    "polar(pin, 2.5)": "n of polar is a whole number from 2 to 1000, not 2.5",
+    "polar(pin, 2000)": "from 2 to 1000, not 2000",
+    "polar(pin, u)": "n of polar must be constant, and depends on u",
+    "polar(pin, 3, O, O)": "a of polar is a free vector, and a point was given",
+    "mirror(pin, O, vector(0, 0, 0))": "a of mirror is a direction, and the zero vector was given",
+    "polar(pins, 3)": "no body is called 'pins'; did you mean pin",
+    "polr(pin, 3)": "'polr' is none of union, cut, intersect, polar, linear, mirror; did you mean",
+}
+
+
+@pytest.mark.parametrize("pattern", REFUSED)
+def test_mistakes_say_how_a_pattern_is_written(pattern: str) -> None:
+    with pytest.raises(InputError, match=REFUSED[pattern]) as error:
+        part(f"union(slab, {pattern})")
+    assert "\n" not in str(error.value)

@@ -1,0 +1,197 @@
+"""STEP files held against their equations: true ones, and ones with one thing wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from consumers.step_edits import edit, instance, move, pole, read_instances
+
+from pc2cad.cli.main import main
+from pc2cad.compiler import compile_solid
+from pc2cad.export.model import ExportOptions
+from pc2cad.options import DEFAULTS, CompileOptions
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
+from pc2cad.verify.against import verification, verify
+from pc2cad.verify.defects import StepUnreadableError
+from pc2cad.verify.receipt import parse_step
+
+PATHS = template_paths()
+QUICK = (
+    "cone", "hollow_ball", "pyramid_cut", "bilinear_top", "simplex_cone", "elbow_pipe", "torus",
+)  # fmt: skip
+SINGLE = [name for name, path in PATHS.items() if "bodies" not in path.read_text()]
+
+
+def write(name: str, path: Path, options: CompileOptions = DEFAULTS, schema: str = "AP242") -> str:
+    equation = read_template(PATHS[name]).bind()
+    part = compile_solid(equation, options)
+    part.write(path, options=ExportOptions(step_schema=schema))
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], str]:
+    folder = tmp_path_factory.mktemp("true")
+    made: dict[str, str] = {}
+
+    def text(name: str) -> str:
+        if name not in made:
+            made[name] = read_instances(Path(write(name, folder / f"{name}.step")))
+        return made[name]
+
+    return text
+
+
+def differences(text: str, name: str) -> tuple[str, ...]:
+    equation = read_template(PATHS[name]).bind()
+    try:
+        return verification(parse_step(text.encode()), equation).differences
+    except StepUnreadableError as error:
+        return (f"unreadable: {error}",)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_true_files_are_verified(files: Callable[[str], str], name: str) -> None:
+    assert differences(files(name), name) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SINGLE)
+@pytest.mark.parametrize("kind", ["AP214", "cubic", "fine", "rough"])
+def test_all_templates_are_verified(name: str, kind: str, tmp_path: Path) -> None:
+    size = 10.0
+    options = {
+        "AP214": CompileOptions(),
+        "cubic": CompileOptions(profile="cubic"),
+        "fine": CompileOptions(tolerance=1e-8 * size),
+        "rough": CompileOptions(tolerance=1e-4 * size),
+    }[kind]
+    file = write(name, tmp_path / "part.step", options, "AP214" if kind == "AP214" else "AP242")
+    tolerance = None if options.tolerance is None else options.tolerance
+    found = verify(file, str(PATHS[name]), tolerance=tolerance)
+    assert found["verified"], found["differences"]
+
+
+def _swap_names(text: str) -> str:
+    faces = list(re.finditer(r"ADVANCED_FACE\('([^']*)'", text))
+    one, other = faces[0].group(1), faces[1].group(1)
+    return (
+        text.replace(f"ADVANCED_FACE('{one}'", "ADVANCED_FACE('?'")
+        .replace(f"ADVANCED_FACE('{other}'", f"ADVANCED_FACE('{one}'")
+        .replace("ADVANCED_FACE('?'", f"ADVANCED_FACE('{other}'")
+    )
+
+
+def _moved_pole(by: float) -> Callable[[str], str]:
+    def change(text: str) -> str:
+        found = instance(text, "B_SPLINE_SURFACE_WITH_KNOTS")
+        net = re.findall(r"\((#[#\d,]*)\)", found.group(3))
+        middle = net[len(net) // 2].split(",")
+        return move(text, middle[len(middle) // 2], by, 2)
+
+    return change
+
+
+def _moved_knot(text: str) -> str:
+    """Move the first knot within the first spline surface by a thousandth."""
+    found = instance(text, "B_SPLINE_SURFACE_WITH_KNOTS")
+    knot = re.findall(r"\(0\.,([\d.E-]+),", found.group(3))[0]
+    return edit(text, found, knot, repr(float(knot) * 1.001))
+
+
+def _first(pattern: str, new: str) -> Callable[[str], str]:
+    return lambda text: re.sub(pattern, new, text, count=1)
+
+
+#: what is done, to the file of which template
+TAMPERINGS: dict[str, tuple[str, Callable[[str], str]]] = {
+    "names swapped": ("cone", _swap_names),
+    "names swapped on planes": ("pyramid_cut", _swap_names),
+    "name of no side": ("cone", _first(r"ADVANCED_FACE\('[^']*'", "ADVANCED_FACE('lid'")),
+    "corner pole": ("bilinear_top", lambda t: move(t, pole(t, 0, 0), 1e-3)),
+    "unit": ("cone", _first(r"\.MILLI\.", "$")),
+    "unit of all": ("cone", lambda t: t.replace(".MILLI.", ".CENTI.")),
+    "face turned": ("cone", _first(r"(ADVANCED_FACE\([^;]*)\.T\.\)", r"\1.F.)")),
+    "uncertainty": ("cone", _first(r"LENGTH_MEASURE\([\d.E+-]+\)", "LENGTH_MEASURE(1.)")),
+    "volume": ("cone", _first(r"VOLUME_MEASURE\([\d.E+-]+\)", "VOLUME_MEASURE(37.7)")),
+    "area": ("cone", _first(r"AREA_MEASURE\([\d.E+-]+\)", "AREA_MEASURE(75.)")),
+    "angle of the cone": ("cone", lambda t: re.sub(
+        r"(CONICAL_SURFACE\('',#\d+,[\d.E+-]+,)[\d.E+-]+", r"\g<1>0.6", t)),
+    "radius of the ball": ("hollow_ball", lambda t: re.sub(
+        r"(SPHERICAL_SURFACE\('',#\d+,)2\.", r"\g<1>2.00001", t)),
+    "radius of the void": ("hollow_ball", lambda t: re.sub(
+        r"(SPHERICAL_SURFACE\('',#\d+,)1\.", r"\g<1>1.00001", t)),
+    "void turned": ("hollow_ball", _first(r"(ORIENTED_CLOSED_SHELL\([^;]*)\.F\.", r"\1.T.")),
+    "void left out": ("hollow_ball", lambda t: re.sub(
+        r"BREP_WITH_VOIDS\('([^']*)',(#\d+),\([^)]*\)\)", r"MANIFOLD_SOLID_BREP('\1',\2)", t)),
+    "torus": ("torus", lambda t: re.sub(
+        r"(TOROIDAL_SURFACE\('',#\d+,5\.,)2\.", r"\g<1>2.00001", t)),
+    "torus's own radius": ("torus", lambda t: re.sub(
+        r"(TOROIDAL_SURFACE\('',#\d+,)5\.", r"\g<1>5.00001", t)),
+    "weight": ("simplex_cone", _first(
+        r"(RATIONAL_B_SPLINE_SURFACE\(.*?)0\.7071\d*", r"\g<1>0.7072")),
+    "knot": ("channel_ellipse", _moved_knot),
+    "cut short": ("cone", lambda t: t[: len(t) * 2 // 3]),
+    "another solid": ("cone", lambda t: t.replace(",4.)", ",4.001)")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=[pytest.mark.slow] * (k == "knot")) for k in TAMPERINGS]
+)
+def test_tampered_files_are_not_verified(files: Callable[[str], str], kind: str) -> None:
+    name, change = TAMPERINGS[kind]
+    text = files(name)
+    changed = change(text)
+    assert changed != text
+    assert differences(changed, name) != ()
+
+
+@pytest.mark.parametrize("by", [1e-2, 1e-4, 1e-5])
+def test_a_moved_pole_is_found_with_its_face_and_distance(
+    files: Callable[[str], str], by: float
+) -> None:
+    name = "channel_ellipse"
+    found = differences(_moved_pole(by)(files(name)), name)
+    assert any(re.search(r"the face 'w=[01]'.* mm from that of the side w=[01] \(u = ", sentence)
+               for sentence in found), found  # fmt: skip
+
+
+def test_other_values_of_the_parameters_are_another_solid(tmp_path: Path) -> None:
+    file = write("cone", tmp_path / "cone.step")
+    assert main(["verify", file, "cone"]) == 0
+    assert main(["verify", file, "cone", "-s", "h=4.00001"]) == 6
+    assert main(["verify", file, "cone_frustum"]) == 6
+    assert main(["verify", file, "pipe_cross"]) == 2
+
+
+def test_the_verb_says_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = Path(write("cone", tmp_path / "cone.step"))
+    assert main(["verify", str(file), "cone"]) == 0
+    assert "verified, no face further than" in capsys.readouterr().out
+    file.write_text(TAMPERINGS["names swapped"][1](read_instances(file)))
+    assert main(["verify", str(file), "cone", "--json"]) == 6
+    assert json.loads(capsys.readouterr().out)["differences"]
+    assert main(["verify", str(file), "cone"]) == 6
+    assert "it lies on" in capsys.readouterr().out
+
+
+def test_no_kernel_is_loaded_to_verify(tmp_path: Path) -> None:
+    file = write("cone", tmp_path / "cone.step")
+    code = (
+        "import sys; from pc2cad.verify.against import verify;"
+        "assert verify(sys.argv[1], 'cone')['verified'];"
+        "bad = {'OCP', 'cadquery', 'sympy', 'pc2cad.brep', 'pc2cad.representation',"
+        "'pc2cad.validation', 'pc2cad.part', 'pc2cad.compiler'}; print(bad & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, file], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "set()"
