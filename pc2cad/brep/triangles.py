@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
@@ -22,7 +21,7 @@ from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopLoc import TopLoc_Location
 
-from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays import AnyArray, Array, Booleans, Integers
 from pc2cad.brep.face_patches import shapes_of
 from pc2cad.brep.kernel import as_face
 from pc2cad.brep.triangle_agreement import Reference, Slack, face_slack
@@ -208,9 +207,7 @@ def edge_defects(triangles: Integers, vertex_count: int) -> EdgeDefects:
     return EdgeDefects(open=int(lonely.size), repeated=int((counts - 1).sum()))
 
 
-def weld(
-    points: NDArray[np.floating[Any]], triangles: Integers
-) -> tuple[NDArray[np.floating[Any]], Integers, Booleans]:
+def weld(points: AnyArray, triangles: Integers) -> tuple[AnyArray, Integers, Booleans]:
     """Merge equal points and drop the triangles that lose a corner by that.
 
     Args:
@@ -229,7 +226,7 @@ def weld(
     return distinct, renumbered[remaining].astype(np.int64), remaining
 
 
-def enclosed_volume(vertices: NDArray[np.floating[Any]], triangles: Integers) -> float:
+def enclosed_volume(vertices: AnyArray, triangles: Integers) -> float:
     """Return the volume enclosed by closed `triangles`; negative if they face inwards."""
     if triangles.size == 0:
         return 0.0

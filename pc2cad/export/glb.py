@@ -12,9 +12,8 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pc2cad.arrays import Array, Integers
+from pc2cad.arrays import AnyArray, Array, Integers
 from pc2cad.export.model import UNITS_IN_MM, Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, single_precision, smooth_normals, surface
 from pc2cad.export.version import __version__
@@ -108,7 +107,7 @@ class _Scene:
         return bytes(_words(_MAGIC, _VERSION, 12 + len(body)) + body)
 
     def _accessor(
-        self, values: NDArray[Any], kind: str, component: int, target: int, **limits: Any
+        self, values: AnyArray, kind: str, component: int, target: int, **limits: Any
     ) -> int:
         view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": values.nbytes}
         self._views.append({**view, "target": target})

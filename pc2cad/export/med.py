@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pc2cad.arrays import Integers
+from pc2cad.arrays import AnyArray, Integers
 from pc2cad.export.mesh_files import cell_blocks
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -124,7 +123,7 @@ def _families(parent: Any, families: Mapping[int, Sequence[str]]) -> None:
         data[...] = rows
 
 
-def _column(parent: Any, name: str, values: NDArray[np.generic], count: int) -> None:
+def _column(parent: Any, name: str, values: AnyArray, count: int) -> None:
     _attributes(parent.create_dataset(name, data=values), CGT=1, NBR=count)
 
 

@@ -14,8 +14,8 @@ import uuid
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import AnyArray
 from pc2cad.brep.triangles import Triangles
 from pc2cad.errors import KernelError, require
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
@@ -110,7 +110,7 @@ def _colour(
     thing.SetAllTriangleProperties(_records(library.TriangleProperties, rows))
 
 
-def _records(kind: Any, rows: NDArray[Any]) -> Any:
+def _records(kind: Any, rows: AnyArray) -> Any:
     """Return rows as an array of one of the library's structures."""
     assert ctypes.sizeof(kind) == rows.itemsize * rows.shape[1]
     return (kind * len(rows)).from_buffer_copy(np.ascontiguousarray(rows).tobytes())

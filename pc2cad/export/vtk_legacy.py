@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import AnyArray
 from pc2cad.export.mesh_files import cell_blocks
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -48,6 +48,6 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         stream.write(b"\n")
 
 
-def _put(stream: BinaryIO, values: NDArray[np.generic], kind: str) -> None:
+def _put(stream: BinaryIO, values: AnyArray, kind: str) -> None:
     for start in range(0, len(values), _CHUNK):
         stream.write(np.ascontiguousarray(values[start : start + _CHUNK], dtype=kind).tobytes())

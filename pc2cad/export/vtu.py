@@ -10,12 +10,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pc2cad.arrays import AnyArray
 from pc2cad.export.mesh_files import CellBlock, cell_blocks
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -24,7 +23,7 @@ from pc2cad.trust.names import clean
 _NAMES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 _CHUNK = 1 << 20
 #: type, components, entries, and the data in parts
-_Column = tuple[str, int, int, Callable[[], Iterable[NDArray[Any]]]]
+_Column = tuple[str, int, int, Callable[[], Iterable[AnyArray]]]
 
 
 def write(mesh: VolumeMesh, path: Path) -> None:
@@ -47,10 +46,10 @@ def _columns(mesh: VolumeMesh, blocks: list[CellBlock]) -> dict[str, _Column]:
     corners = sum(block.nodes.size for block in blocks)
     whole = "i8" if corners >= 2**31 else "i4"
 
-    def constant(value: Callable[[CellBlock], int]) -> Callable[[], Iterable[NDArray[Any]]]:
+    def constant(value: Callable[[CellBlock], int]) -> Callable[[], Iterable[AnyArray]]:
         return lambda: _constant([(len(block.nodes), value(block)) for block in blocks])
 
-    def connectivity() -> Iterable[NDArray[Any]]:
+    def connectivity() -> Iterable[AnyArray]:
         return (nodes_for_vtk(block, mesh.order) for block in blocks)
 
     columns: dict[str, _Column] = {
@@ -107,7 +106,7 @@ def _head(mesh: VolumeMesh, columns: dict[str, _Column]) -> str:
 _"""
 
 
-def _offsets(blocks: list[CellBlock]) -> Iterator[NDArray[Any]]:
+def _offsets(blocks: list[CellBlock]) -> Iterator[AnyArray]:
     total = 0
     for block in blocks:
         count, size = block.nodes.shape
@@ -117,7 +116,7 @@ def _offsets(blocks: list[CellBlock]) -> Iterator[NDArray[Any]]:
         total += block.nodes.size
 
 
-def _constant(rows: list[tuple[int, int]]) -> Iterator[NDArray[Any]]:
+def _constant(rows: list[tuple[int, int]]) -> Iterator[AnyArray]:
     for count, value in rows:
         for start in range(0, count, _CHUNK):
             yield np.full(min(_CHUNK, count - start), value)

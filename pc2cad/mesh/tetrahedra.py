@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
@@ -196,7 +195,7 @@ def _mesh(
     return replace(mesh, node_sets=sets)
 
 
-def _facets(block: Integers, triangles: Integers) -> tuple[Integers, NDArray[np.int8]]:
+def _facets(block: Integers, triangles: Integers) -> tuple[Integers, Integers]:
     """Return the tetrahedra and the faces of theirs that some triangles are."""
     rings = [np.sort(block[:, list(ring)], axis=1) for ring in TETRAHEDRON.faces]
     rows = np.concatenate([np.sort(triangles, axis=1), *rings])

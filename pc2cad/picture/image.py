@@ -10,9 +10,8 @@ from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Pixels
 from pc2cad.errors import InputError, PointCadError
 from pc2cad.export.files import by_ending, write_atomically
 from pc2cad.part import Part
@@ -136,7 +135,7 @@ def _thinned(pixels: Array) -> Array:
     return pixels[[*keep, len(pixels) - 1]]
 
 
-def svg(pixels: NDArray[np.uint8], lines: list[tuple[Array, Lines]], shapes: list[Shape]) -> bytes:
+def svg(pixels: Pixels, lines: list[tuple[Array, Lines]], shapes: list[Shape]) -> bytes:
     """Return an SVG file: pixels, (height, width, 3), under lines and shapes."""
     height, width = pixels.shape[:2]
     picture = base64.b64encode(raster.png(pixels)).decode()
@@ -179,7 +178,7 @@ def _hex(colour: Colour) -> str:
     return "#" + "".join(f"{round(255 * part):02x}" for part in colour)
 
 
-def _stamped(pixels: NDArray[np.uint8], shapes: list[Shape]) -> NDArray[np.uint8]:
+def _stamped(pixels: Pixels, shapes: list[Shape]) -> Pixels:
     """Return the picture with the shapes drawn into it."""
     result = pixels.copy()
     for shape in shapes:
@@ -193,12 +192,12 @@ def _stamped(pixels: NDArray[np.uint8], shapes: list[Shape]) -> NDArray[np.uint8
     return result
 
 
-def _fill(pixels: NDArray[np.uint8], shape: Box) -> None:
+def _fill(pixels: Pixels, shape: Box) -> None:
     x, y, w, h = shape.box
     pixels[round(y) : round(y + h), round(x) : round(x + w)] = _bytes(shape.colour)
 
 
-def _draw(pixels: NDArray[np.uint8], stroke: Stroke) -> None:
+def _draw(pixels: Pixels, stroke: Stroke) -> None:
     start, end = np.array(stroke.start), np.array(stroke.end)
     count = int(2 * np.linalg.norm(end - start)) + 2
     places = start + (end - start) * np.linspace(0.0, 1.0, count)[:, None]
@@ -211,7 +210,7 @@ def _draw(pixels: NDArray[np.uint8], stroke: Stroke) -> None:
     pixels[row, column] = _bytes(stroke.colour)
 
 
-def _write(pixels: NDArray[np.uint8], text: Text) -> None:
+def _write(pixels: Pixels, text: Text) -> None:
     """Blend a text in: VTK's letters give the ink, their surroundings the halo."""
     ink = _letters(text.text)
     height, width = ink.shape

@@ -7,9 +7,8 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pc2cad.arrays import Array, Integers
+from pc2cad.arrays import AnyArray, Array, Integers, Pixels
 from pc2cad.errors import KernelError
 from pc2cad.picture.camera import Camera
 from pc2cad.picture.scene import Cloud, Lines, Scene, Surface
@@ -24,7 +23,7 @@ class NoRendererError(KernelError):
     """VTK finds no way to draw off-screen."""
 
 
-def colours(scene: Scene, camera: Camera, with_lines: bool = True) -> NDArray[np.uint8]:
+def colours(scene: Scene, camera: Camera, with_lines: bool = True) -> Pixels:
     """Return the picture, (height, width, 3); raise NoRendererError where VTK cannot draw."""
     larger = replace(
         camera,
@@ -35,7 +34,7 @@ def colours(scene: Scene, camera: Camera, with_lines: bool = True) -> NDArray[np
     pixels = _grab(window, depth=False).astype(np.float32)
     height, width = larger.size[1] // SMOOTHING, larger.size[0] // SMOOTHING
     blocks = pixels.reshape(height, SMOOTHING, width, SMOOTHING, 3)
-    result: NDArray[np.uint8] = (blocks.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
+    result: Pixels = (blocks.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
     return result
 
 
@@ -66,14 +65,14 @@ def polydata(points: Array, triangles: Integers | None = None) -> Any:
     return data
 
 
-def array(values: NDArray[Any]) -> Any:
+def array(values: AnyArray) -> Any:
     """Return a VTK array with a copy of the values."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
     return numpy_to_vtk(np.ascontiguousarray(values), deep=True)
 
 
-def png(pixels: NDArray[np.uint8]) -> bytes:
+def png(pixels: Pixels) -> bytes:
     """Return the PNG file of a picture, (height, width, 3)."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkImageData
@@ -224,7 +223,7 @@ def _aim(renderer: Any, camera: Camera) -> None:
     view.SetClippingRange(distance - near, distance - far)
 
 
-def _grab(window: Any, depth: bool) -> NDArray[Any]:
+def _grab(window: Any, depth: bool) -> AnyArray:
     """Return what the window shows, (height, width, channels), upper row first."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
@@ -238,6 +237,6 @@ def _grab(window: Any, depth: bool) -> NDArray[Any]:
     image = grab.GetOutput()
     width, height, _ = image.GetDimensions()
     values = vtk_to_numpy(image.GetPointData().GetScalars())
-    result: NDArray[Any] = values.reshape(height, width, -1)[::-1].copy()
+    result: AnyArray = values.reshape(height, width, -1)[::-1].copy()
     window.Finalize()
     return result

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import AnyArray, Array
 from pc2cad.errors import InputError
 from pc2cad.part import Part, side_colour
 from pc2cad.picture.bodies import shown_faces
@@ -79,7 +78,7 @@ class _Block:
     def __init__(self) -> None:
         self._data = bytearray()
 
-    def add(self, values: NDArray[Any], kind: str) -> dict[str, Any]:
+    def add(self, values: AnyArray, kind: str) -> dict[str, Any]:
         encoded = np.ascontiguousarray(values, dtype=kind).tobytes()
         place = {"at": len(self._data), "count": int(np.size(values)), "type": kind.lstrip("<|")}
         self._data += encoded + bytes(-len(encoded) % 4)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from pc2cad.arrays import BigIntegers
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import interval
@@ -25,7 +26,7 @@ from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import PI, Expr, walk
 from pc2cad.solidity.jacobian_proof.determinant import determinant
-from pc2cad.solidity.jacobian_proof.integer_bernstein import Wholes, sign_inside
+from pc2cad.solidity.jacobian_proof.integer_bernstein import sign_inside
 
 Range = tuple[Fraction, Fraction]
 
@@ -139,7 +140,7 @@ def _enclosure(atom: Expr) -> Range | None:
 
 def _bernstein(
     form: NormalForm, atoms: list[Expr], degrees: list[int], ranges: list[Range]
-) -> Wholes:
+) -> BigIntegers:
     """Return coefficients over the ranges (`integer_bernstein`), times a positive number."""
     rows = [_powers(degree, limits) for degree, limits in zip(degrees, ranges, strict=True)]
     common = math.lcm(*(c.denominator for c in form.values()))
@@ -158,7 +159,7 @@ def _exponents(monomial: Monomial, atoms: list[Expr]) -> list[int]:
     return [powers.get(atom, 0) for atom in atoms]
 
 
-def _powers(degree: int, limits: Range) -> list[Wholes]:
+def _powers(degree: int, limits: Range) -> list[BigIntegers]:
     """Return the coefficients of 1, x … x^degree over limits, all times one whole number.
 
     On them x is high·t + low·(1-t); its powers are raised by those of t + (1-t).

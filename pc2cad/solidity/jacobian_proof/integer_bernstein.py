@@ -9,14 +9,18 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pc2cad.arrays import BigIntegers
 
 #: whole numbers of any size, one axis per variable
-Wholes = NDArray[np.object_]
 
 
 def sign_inside(
-    coefficients: Wholes, clear: tuple[int, ...], deepest: int, most_boxes: int, most_numbers: int
+    coefficients: BigIntegers,
+    clear: tuple[int, ...],
+    deepest: int,
+    most_boxes: int,
+    most_numbers: int,
 ) -> int:
     """Return the sign of a polynomial inside the box where it is proved to be one, else 0.
 
@@ -39,17 +43,17 @@ def sign_inside(
     return 0
 
 
-def _positive(box: Wholes, clear: tuple[int, ...]) -> bool:
+def _positive(box: BigIntegers, clear: tuple[int, ...]) -> bool:
     sums = np.asarray(box.sum(axis=clear) if clear else box, dtype=object)
     return bool(box.min() >= 0 and sums.min() > 0)
 
 
-def along(matrix: Wholes, coefficients: Wholes, axis: int) -> Wholes:
+def along(matrix: BigIntegers, coefficients: BigIntegers, axis: int) -> BigIntegers:
     """Return coefficients multiplied by a matrix along one axis."""
     return np.moveaxis(np.tensordot(matrix, coefficients, axes=(1, axis)), 0, axis)
 
 
-def _halves(box: Wholes) -> list[Wholes]:
+def _halves(box: BigIntegers) -> list[BigIntegers]:
     """Return the coefficients on the halves along every axis, times powers of 2."""
     parts = [box]
     for axis, count in enumerate(box.shape):

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from pc2cad.arrays import Integers
+from pc2cad.arrays import BigIntegers, Integers
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import ONE, Expr, walk
-from pc2cad.solidity.jacobian_proof.integer_bernstein import Wholes, along, sign_inside
+from pc2cad.solidity.jacobian_proof.integer_bernstein import along, sign_inside
 
 _RATIONAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
 #: halvings of the box, boxes looked at, degree of M, terms of a coordinate and products of
@@ -79,7 +79,7 @@ def _fraction(node: Expr, args: list[tuple[Expr, Expr]]) -> tuple[Expr, Expr]:
     return node, ONE
 
 
-def _control(tree: Expr) -> Wholes | None:
+def _control(tree: Expr) -> BigIntegers | None:
     """Return the coefficients of a polynomial times a positive number; None where it is none."""
     form = normal_form(tree, MOST_TERMS)
     if form is None or any(atom.op != "symbol" for m in form for atom, _ in m):
@@ -102,13 +102,13 @@ def _control(tree: Expr) -> Wholes | None:
     return control
 
 
-def _numerator_of_derivative(above: Wholes, below: Wholes, d: int) -> Wholes:
+def _numerator_of_derivative(above: BigIntegers, below: BigIntegers, d: int) -> BigIntegers:
     """Return the coefficients of N_d D - N D_d."""
     up, down = _slope(above, d), _slope(below, d)
     return _difference(_product(up, below), _product(above, down))
 
 
-def _slope(coefficients: Wholes, d: int) -> Wholes:
+def _slope(coefficients: BigIntegers, d: int) -> BigIntegers:
     """Return the coefficients of a derivative, of the degree below (0 where it is 0 already)."""
     work = np.moveaxis(coefficients, d, 0)
     n = len(work) - 1
@@ -120,7 +120,7 @@ def _slope(coefficients: Wholes, d: int) -> Wholes:
     return np.moveaxis(up * work[1:] - down * work[:-1], 0, d)
 
 
-def _determinant(tangents: list[list[Wholes]]) -> Wholes:
+def _determinant(tangents: list[list[BigIntegers]]) -> BigIntegers:
     """Return the coefficients of det J from those of the coordinates of M_u, M_v and M_w."""
     a, b, c = tangents
     total: Any = 0
@@ -131,13 +131,13 @@ def _determinant(tangents: list[list[Wholes]]) -> Wholes:
     return np.asarray(total)
 
 
-def _difference(p: Wholes, q: Wholes) -> Wholes:
+def _difference(p: BigIntegers, q: BigIntegers) -> BigIntegers:
     """Return p - q, both raised to the higher degrees."""
     shape = np.maximum(p.shape, q.shape)
     return np.asarray(_raised(p, shape) - _raised(q, shape))
 
 
-def _raised(coefficients: Wholes, shape: Integers) -> Wholes:
+def _raised(coefficients: BigIntegers, shape: Integers) -> BigIntegers:
     """Return the coefficients in higher degrees: those of the product with (t + 1-t)^m."""
     for axis, (have, want) in enumerate(zip(coefficients.shape, shape.tolist(), strict=True)):
         row = [comb(want - have, k) for k in range(want - have + 1)]
@@ -148,7 +148,7 @@ def _raised(coefficients: Wholes, shape: Integers) -> Wholes:
     return coefficients
 
 
-def _product(p: Wholes, q: Wholes) -> Wholes:
+def _product(p: BigIntegers, q: BigIntegers) -> BigIntegers:
     """Return the coefficients of a product, of the sum of the degrees."""
     result = np.zeros([a + b - 1 for a, b in zip(p.shape, q.shape, strict=True)], dtype=object)
     for index in np.ndindex(*p.shape):
