@@ -387,8 +387,13 @@ def test_every_shipped_template_binds(template):
     [
         pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
         for name in template_paths()
-        if name not in SUITE_TEMPLATES and not name.startswith(("pyramid", "channel_"))
     ],
 )
-def test_every_other_shipped_template_compiles(template):
-    assert part_of(template).report.deviation <= part_of(template).report.tolerance
+def test_every_shipped_template_compiles_and_is_proved_to_cover_nothing_twice(template):
+    report = part_of(template).report
+    assert report.deviation <= report.tolerance
+    reports = [report] if report.own else list(report.bodies.values())
+    assert len(reports) >= 1
+    for one in reports:
+        assert one.injectivity == "proved", one.one.overlap_open
+        assert one.overlap_depth <= one.deviation
