@@ -14,11 +14,10 @@ Each stage takes the results before it and returns one frozen value.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-from pc2cad.arrays import Array
 from pc2cad.channels.depths import check_depth, find_depth
 from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
@@ -27,7 +26,8 @@ from pc2cad.equation.degrees import degrees_remark
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.geometry.scale import Scale
-from pc2cad.integrals.mass_properties import MassProperties, inertia, integrate
+from pc2cad.integrals.inertia import Mass, densities, mass_of
+from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.solidity.orientation import Orientation, find_orientation
 from pc2cad.solidity.solidity import Solidity, check_solidity
@@ -68,9 +68,13 @@ class CheckedMap:
         """Size and place of the solid."""
         return self.analysis.scale
 
-    def inertia(self) -> Array:
-        """Return the tensor of inertia about the centroid for the density 1, (3, 3), units^5."""
-        return inertia(self.analysis, self.mass.centroid)
+    def mass_properties(self, density: float | Mapping[str, float] = 1.0) -> Mass:
+        """Return mass, centre of mass and inertia for a density, or one for each layer by name.
+
+        The mass is in the density's own unit times units^3. Raises InputError for a density that is
+        not positive, and for names of no layer.
+        """
+        return mass_of(self.analysis, self.mass, densities(density, self.equation))
 
 
 class Stages:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pc2cad.errors import InputError
+
+if TYPE_CHECKING:
+    from pc2cad.integrals.inertia import Mass
 
 
 class SeveralBodiesError(InputError):
@@ -247,6 +250,8 @@ class Report(Evidence):
     solid: Integrals
     #: those of the solid's triangles, where they were asked for (`Part.triangle_integrals`)
     triangles: Integrals | None = field(default=None, kw_only=True)
+    #: mass, centre of mass and inertia, where a density was given (`Part.mass_properties`)
+    mass: Mass | None = field(default=None, kw_only=True)
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
     #: what is known of the one equation; None where there are several bodies
@@ -366,11 +371,11 @@ _OF_EQUATION = (
     "name", "title", "units", "parameters", "size", "tolerance", "sides", "faces", "curves",
     "edges", "vertices", "genus", "euler", "frame", "limits", "determinant", "images",
     "contact_clearance", "injectivity", "overlap_depth", "overlap_open", "overlap_cells",
-    "equation", "solid", "triangles", "kernel_tolerance", "layers", "warnings",
+    "equation", "solid", "triangles", "mass", "kernel_tolerance", "layers", "warnings",
     "times", "shells", "deviation", "evidence",
 )  # fmt: skip
 _OF_BODIES = (
     "name", "title", "units", "parameters", "size", "tolerance", "result", "bodies", "steps",
     "faces", "curves", "edges", "vertices", "shells", "euler", "solid", "triangles",
-    "kernel_tolerance", "warnings", "times", "deviation", "evidence",
+    "mass", "kernel_tolerance", "warnings", "times", "deviation", "evidence",
 )  # fmt: skip

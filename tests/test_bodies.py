@@ -14,7 +14,8 @@ from pc2cad.brep import booleans
 from pc2cad.cli.main import main
 from pc2cad.csg.bodies import EmptyResultError, SeveralPiecesError, VolumesDisagreeError
 from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
-from pc2cad.part import Part, body_colour
+from pc2cad.export.colours import body_colour
+from pc2cad.part import Part
 from pc2cad.report import SeveralBodiesError
 from pc2cad.studies.variant import BUILT, Job, Task, run_variant
 from pc2cad.templates.file import parse_template

@@ -19,7 +19,8 @@ from vtkmodules.vtkIOImage import vtkPNGReader
 import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.errors import InputError
-from pc2cad.part import SIDE_COLOURS, Part
+from pc2cad.export.colours import SIDE_COLOURS
+from pc2cad.part import Part
 from pc2cad.picture import raster
 from pc2cad.picture.camera import VIEWS, aim
 from pc2cad.picture.colours import viridis

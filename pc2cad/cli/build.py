@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from pc2cad.cli.inputs import (
+    add_density,
     add_options,
     add_template,
     bind,
     check_different,
     load,
+    read_densities,
     read_length,
     read_options,
 )
@@ -35,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"file to write, its format by its ending: {endings} (repeatable)",
     )  # fmt: skip
     add_options(parser)
+    add_density(parser)
     parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
     parser.add_argument(
         "--schema", choices=("AP242", "AP214"), default="AP242",
@@ -75,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     template, path = load(arguments)
     equation = bind(template, arguments)
-    wanted = read_options(arguments)
+    wanted, density = read_options(arguments), read_densities(arguments.densities)
     options = ExportOptions(
         step_schema=arguments.schema, deflection=read_length("--deflection", arguments.deflection)
     )
@@ -86,12 +90,17 @@ def run(arguments: argparse.Namespace) -> int:
 
         with named(arguments.template):
             part = compile_solid(equation, wanted, progress)
+            if density is not None:
+                progress("weigh")
+                weighed = replace(part.report, mass=part.mass_properties(density))
+                part = replace(part, report=weighed)
         files = _encode(part, options, arguments, progress)
         progress("write")
         _write(files)
     if not arguments.quiet:
         for output in arguments.outputs:
-            say(f"{shown(output)}: {part.report.summary}{_loss(output, part, options)}")
+            mass = "" if part.report.mass is None else f", mass {part.report.mass.mass:.10g}"
+            say(f"{shown(output)}: {part.report.summary}{mass}{_loss(output, part, options)}")
     return 0
 
 

@@ -10,10 +10,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pc2cad.cli.inputs import (
+    add_density,
     add_options,
     add_template,
     bind,
     load,
+    read_densities,
     read_options,
 )
 from pc2cad.cli.output import Progress, one_line, say, table
@@ -22,6 +24,7 @@ from pc2cad.errors import named
 if TYPE_CHECKING:
     from pc2cad.arrays import Array
     from pc2cad.equation.point_equation import Expectations
+    from pc2cad.integrals.inertia import Mass
     from pc2cad.report import EdgeReport, EquationReport, FaceReport, Report
 
 
@@ -33,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--triangles", action="store_true",
         help="hold the triangles that an STL file would hold against the equation, too",
     )  # fmt: skip
+    add_density(parser)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
@@ -40,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Compile the template in memory and print the report."""
     template, _ = load(arguments)
     equation = bind(template, arguments)
-    options = read_options(arguments)
+    options, density = read_options(arguments), read_densities(arguments.densities)
     with Progress() as progress:
         progress("load the kernel")
         from pc2cad.compiler import compile_solid
@@ -51,6 +55,9 @@ def run(arguments: argparse.Namespace) -> int:
             if arguments.triangles:
                 progress("mesh")
                 report = replace(report, triangles=part.triangle_integrals())
+            if density is not None:
+                progress("weigh")
+                report = replace(report, mass=part.mass_properties(density))
     if arguments.json:
         say(json.dumps(report.to_dict(), indent=2, allow_nan=False))
     else:
@@ -78,6 +85,8 @@ def _paragraphs(report: Report, expected: Expectations, box: Array) -> Iterator[
         + [(axis, f"{low:.7g}", f"{high:.7g}", f"{high - low:.7g}")
            for axis, low, high in zip("xyz", *box, strict=True)]
     )  # fmt: skip
+    if report.mass is not None:
+        yield from _mass(report.mass, report.units)
     if report.own is not None:
         yield from _layers_and_limits(report.own, report.units)
     yield "\nEvidence"
@@ -197,6 +206,34 @@ def _integrals(report: Report) -> str:
         for row, (_, size), a, b in zip(rows[1:], figures, best, values, strict=True):
             row += [f"{b:.12g}", f"{abs(a - b) / size:.1e}"]
     return table([tuple(row) for row in rows])
+
+
+def _mass(mass: Mass, units: str) -> Iterator[str]:
+    parts = {"": mass, **mass.layers}
+    yield f"\nMass (density times {units}^3; {mass.source})"
+    yield table(
+        [("", "mass", "density", "centroid")]
+        + [
+            (name, f"{x.mass:.12g}", f"{x.density:.10g}", ", ".join(f"{c:.9g}" for c in x.centroid))
+            for name, x in parts.items()
+        ]
+    )
+    yield f"\nInertia about the centroid (mass times {units}^2)"
+    rows = [
+        (axis, *(f"{x:.10g}" for x in row)) for axis, row in zip("xyz", mass.inertia, strict=True)
+    ]
+    yield table([("", "x", "y", "z"), *rows])
+    yield table(
+        [("principal", "radius of gyration", "axis")]
+        + [
+            (f"{moment:.10g}", f"{radius:.10g}", ", ".join(f"{c:.6f}" for c in axis))
+            for moment, radius, axis in zip(
+                mass.principal, mass.radii_of_gyration, mass.axes, strict=True
+            )
+        ]
+    )
+    if mass.relative_error:
+        yield f"  error estimate {mass.relative_error:.1e} (estimate, relative)"
 
 
 def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:

@@ -167,8 +167,34 @@ def read_numbers(
     return numbers
 
 
-def read_length(option: str, text: str | None) -> float | None:
-    """Return the positive length that an option gives, None where it is not given."""
+def add_density(parser: argparse.ArgumentParser) -> None:
+    """Add ``--density``."""
+    parser.add_argument(
+        "--density", metavar="[LAYER=]VALUE", action="append", default=[], dest="densities",
+        help="mass per cubed model unit, such as 7.85e-6 (kg/mm^3): mass, centre of mass and "
+        "inertia are told; LAYER=VALUE, repeated, for layers of different density",
+    )  # fmt: skip
+
+
+def read_densities(texts: Sequence[str]) -> float | dict[str, float] | None:
+    """Return one density, one by each layer's name, or None where none is given."""
+    if not texts:
+        return None
+    named_ones = [text.rpartition("=") for text in texts]
+    if len(texts) == 1 and not named_ones[0][1]:
+        return read_length("--density", texts[0], "density")
+    found: dict[str, float] = {}
+    for name, sign, value in named_ones:
+        if not (name.strip() and sign):
+            raise InputError("--density: give one for all, or LAYER=VALUE for each layer")
+        if name.strip() in found:
+            raise InputError(f"--density {name.strip()[:80]}: the layer's density is set twice")
+        found[name.strip()] = read_length("--density", value, "density") or math.nan
+    return found
+
+
+def read_length(option: str, text: str | None, what: str = "length") -> float | None:
+    """Return the positive number that an option gives, None where it is not given."""
     if text is None:
         return None
     from pc2cad.equation.language import read_expression
@@ -179,5 +205,5 @@ def read_length(option: str, text: str | None) -> float | None:
         tree = read_expression(text, {})
         length = evaluate(tree, {}) if isinstance(tree, Expr) else math.nan
         if not 0.0 < length < math.inf:
-            raise InputError(f"must be a positive length, and '{text[:80]}' was given")
+            raise InputError(f"must be a positive {what}, and '{text[:80]}' was given")
     return length

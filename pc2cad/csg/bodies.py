@@ -22,8 +22,9 @@ from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.csg.contacts import check_contacts
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError, named
+from pc2cad.export.colours import body_colour
 from pc2cad.export.model import NamedFace
-from pc2cad.part import Body, Part, body_colour
+from pc2cad.part import Body, Part
 from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
 from pc2cad.templates.bodies import Bodies, Kind, Pattern, Tree
 from pc2cad.templates.patterns import Placement

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
+from itertools import combinations_with_replacement, product
 from math import lcm, prod, sqrt
 
 from pc2cad.domain.analysis import Analysis
@@ -38,6 +38,56 @@ class ExactIntegrals:
 
 def exact_integrals(analysis: Analysis) -> ExactIntegrals | None:
     """Return the integrals of a map that is polynomial with rational coefficients, or None."""
+    found = _polynomials(analysis)
+    if found is None:
+        return None
+    volume = _integral(found.determinant)
+    if not volume:
+        return None
+    first, second, third = (
+        _integral(_product(f, found.determinant)) / volume / found.scale for f in found.map
+    )
+    areas = [
+        _plane_area(analysis, face.patch, found.tangents, found.scale)
+        for face in analysis.boundary.faces
+    ]
+    return ExactIntegrals(abs(volume) / found.scale**3, (first, second, third), tuple(areas))
+
+
+def exact_second_moments(analysis: Analysis) -> tuple[tuple[Fraction, ...], ...] | None:
+    """Return ∫(r - c)_i (r - c)_j dV about the centroid c, (3, 3) in units^5, or None.
+
+    For maps that `exact_integrals` knows, unless quadrature is quicker.
+    """
+    found = _polynomials(analysis)
+    if found is None:
+        return None
+    pairs = [_product(f, g) for f, g in combinations_with_replacement(found.map, 2)]
+    if max(map(len, pairs)) * len(found.determinant) > MOST_PRODUCTS:
+        return None
+    volume = _integral(found.determinant)
+    if not volume:
+        return None
+    first = [_integral(_product(f, found.determinant)) for f in found.map]
+    second = iter([_integral(_product(f, found.determinant)) for f in pairs])
+    table: dict[tuple[int, int], Fraction] = {}
+    for i, j in combinations_with_replacement(range(3), 2):
+        about = (next(second) - first[i] * first[j] / volume) / found.scale**5
+        table[i, j] = table[j, i] = about if volume > 0 else -about
+    return tuple(tuple(table[i, j] for j in range(3)) for i in range(3))
+
+
+@dataclass(frozen=True)
+class _Polynomials:
+    """A polynomial map times `scale`, so that coefficients are whole; its tangents and det J."""
+
+    map: tuple[_Polynomial, ...]
+    tangents: list[list[_Polynomial]]
+    determinant: _Polynomial
+    scale: int
+
+
+def _polynomials(analysis: Analysis) -> _Polynomials | None:
     coordinates = analysis.map.coordinates
     if not {node.op for node in walk(coordinates)} <= _POLYNOMIAL:
         return None  # functions that would cancel are not worth a long expansion
@@ -46,17 +96,12 @@ def exact_integrals(analysis: Analysis) -> ExactIntegrals | None:
     if len(known) < 3 or prod(max(1, len(table)) for table in known) > MOST_PRODUCTS:
         return None
     scale = lcm(*(c.denominator for table in known for c in table.values()))
-    x, y, z = ({p: int(c * scale) for p, c in table.items()} for table in known)
-    tangents = [[_derivative(f, d) for f in (x, y, z)] for d in range(3)]
+    scaled = tuple({p: int(c * scale) for p, c in table.items()} for table in known)
+    tangents = [[_derivative(f, d) for f in scaled] for d in range(3)]
     determinant = _sum(
         _product(f, g) for f, g in zip(tangents[0], _cross(*tangents[1:]), strict=True)
     )
-    volume = _integral(determinant)
-    if not volume:
-        return None
-    first, second, third = (_integral(_product(f, determinant)) / volume / scale for f in (x, y, z))
-    areas = [_plane_area(analysis, face.patch, tangents, scale) for face in analysis.boundary.faces]
-    return ExactIntegrals(abs(volume) / scale**3, (first, second, third), tuple(areas))
+    return _Polynomials(scaled, tangents, determinant, scale)
 
 
 def _table(tree: Expr) -> dict[tuple[int, int, int], Fraction] | None:

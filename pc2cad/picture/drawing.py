@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.part import Part, side_colour
+from pc2cad.export.colours import side_colour
+from pc2cad.part import Part
 from pc2cad.picture.bodies import bodies_drawing
 from pc2cad.picture.colours import shares, viridis
 from pc2cad.picture.maps import deviations, thicknesses, wall_direction

@@ -15,7 +15,8 @@ import numpy as np
 
 from pc2cad.arrays import AnyArray, Array
 from pc2cad.errors import InputError
-from pc2cad.part import Part, side_colour
+from pc2cad.export.colours import side_colour
+from pc2cad.part import Part
 from pc2cad.picture.bodies import shown_faces
 from pc2cad.picture.colours import viridis
 from pc2cad.picture.scene import Surface

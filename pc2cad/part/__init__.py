@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.brep.build import BuiltSolid
 from pc2cad.brep.inspect import bounding_box
 from pc2cad.checked import CheckedMap
-from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import require
+from pc2cad.export.colours import side_colour
 from pc2cad.export.files import by_ending, write_atomically
 from pc2cad.export.model import (
     Exportable,
@@ -25,136 +26,14 @@ from pc2cad.export.model import (
     NamedSolid,
 )
 from pc2cad.export.registry import write
-from pc2cad.options import CompileOptions
+from pc2cad.part.one_equation import OfOneEquation
 from pc2cad.report import Integrals, Report, SeveralBodiesError
 from pc2cad.representation.boundary_model import BoundaryModel
-from pc2cad.topology.cells import Cell, SideKey, normal_direction
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
     from pc2cad.brep.booleans import NamedEdge
-    from pc2cad.mesh.grid import Growth
-    from pc2cad.mesh.volume_mesh import VolumeMesh
-    from pc2cad.representation.volume import VolumeModel
-    from pc2cad.sampling.interior import Location, PointSet
-
-#: lower and upper side of u, v and w: distinguishable also for colour-blind eyes (Okabe, Ito)
-SIDE_COLOURS = (
-    ((0.90, 0.62, 0.00), (0.84, 0.37, 0.00)),
-    ((0.34, 0.71, 0.91), (0.00, 0.45, 0.70)),
-    ((0.00, 0.62, 0.45), (0.80, 0.47, 0.65)),
-)
-
-
-class OfOneEquation(ABC):
-    """What is asked of the one equation of a part, or of one body of several."""
-
-    @property
-    @abstractmethod
-    def body(self) -> Body:
-        """The one body; SeveralBodiesError where there are several."""
-
-    @property
-    def equation(self) -> PointEquation:
-        """The point equation."""
-        return self.body.checked.equation
-
-    @property
-    def kernel_sides(self) -> dict[SideKey, TopoDS_Face]:
-        """The kernel's faces by their side, without those between layers."""
-        model, built = self.body.model, self.body.built
-        return {model.faces[i].key: built.faces[i] for i in model.outer}
-
-    @property
-    def side_areas(self) -> dict[SideKey, float]:
-        """The equation's area of each of those, in units squared."""
-        model, areas = self.body.model, self.body.checked.mass.face_areas
-        outer = (model.faces[i] for i in model.outer)
-        return {face.key: sum(areas[cell] for cell in face.cells) for face in outer}
-
-    @property
-    def faces(self) -> dict[str, TopoDS_Face]:
-        """The kernel's faces by the name of their side, without those between layers."""
-        return {side.label: face for side, face in self.kernel_sides.items()}
-
-    @property
-    def layers(self) -> dict[str, TopoDS_Solid]:
-        """The solids of a part in layers by name; they share the faces between them."""
-        layers = zip(self.body.model.layers, self.body.built.layers, strict=True)
-        return {layer.name: solid for layer, solid in layers}
-
-    @property
-    def face_areas(self) -> dict[str, float]:
-        """The equation's area of each face by the name of its side, without those between layers.
-
-        In units squared.
-        """
-        return {side.label: area for side, area in self.side_areas.items()}
-
-    def mesh(
-        self,
-        *,
-        cells: tuple[int, int, int] | None = None,
-        size: float | None = None,
-        order: Literal[1, 2] = 1,
-        shape: Literal["hexahedra", "tetrahedra"] = "hexahedra",
-        core: Literal["grid", "ogrid"] = "grid",
-        grading: Mapping[str, Growth] | None = None,
-    ) -> VolumeMesh:
-        """Return structured hexahedra of the equation's own (u,v,w) grid, or gmsh's tetrahedra.
-
-        Tetrahedra are of the compiled solid, with its tolerance and its splines.
-        `cells` along u, v and w, or the `size` of the longest ones in model units. The `core` at an
-        axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Cells grow by
-        the `grading`, ``{"w": 4}`` (last over first) or ``{"w": (4, "both")}`` (middle over both
-        ends). Raises InputError, UnsuitableGridError, or InvertedElementError where the cells are
-        too coarse.
-        """
-        from pc2cad.mesh.grid import gradings
-        from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
-
-        options = MeshOptions(cells, size, order, shape, gradings(grading or {}), core)
-        if shape == "tetrahedra":
-            return mesh_solid(self.body, options)[0]
-        return mesh_volume(self.body.checked, options)[0]
-
-    def splines(
-        self,
-        tolerance: float | None = None,
-        *,
-        degree: int | None = None,
-        max_degree: int | None = None,
-        profile: str = "compact",
-    ) -> VolumeModel:
-        """Return the volume itself as trivariate splines, exact where M is polynomial or rational.
-
-        `tolerance` bounds the distance elsewhere; it and the rest are those of `compile_equation`.
-        """
-        from pc2cad.representation.volume import represent_volume
-
-        options = CompileOptions(tolerance, degree, max_degree, profile)
-        return represent_volume(self.body.checked, options)
-
-    def sample(
-        self,
-        count: int = 1000,
-        *,
-        method: Literal["uniform", "blue"] = "uniform",
-        seed: int = 0,
-    ) -> PointSet:
-        """Return random points of the interior, uniform in space or kept apart (blue noise)."""
-        from pc2cad.sampling.interior import sample_blue, sample_uniform
-
-        draw = sample_blue if method == "blue" else sample_uniform
-        return draw(self.body.checked, count, seed)
-
-    def locate(self, points: ArrayLike) -> Location:
-        """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""
-        from pc2cad.sampling.interior import locate
-
-        return locate(self.body.checked, points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +190,7 @@ class Part(OfOneEquation):
     @cached_property
     def inertia(self) -> Array:
         """The tensor of inertia about the centroid for density 1, (3, 3), units^5; one body's."""
-        return self.checked.inertia()
+        return np.array(self.mass_properties().inertia)
 
     @property
     def title(self) -> str:
@@ -386,14 +265,3 @@ def _named(body: Body, index: int) -> NamedFace:
 
 def _painted(faces: tuple[NamedFace, ...], colours: bool) -> tuple[NamedFace, ...]:
     return faces if colours else tuple(replace(face, colour=None) for face in faces)
-
-
-def side_colour(patch: Cell) -> tuple[float, float, float]:
-    """Return the colour (red, green, blue in 0…1) of a side of the box, or of a piece of one."""
-    direction = normal_direction(patch)
-    return SIDE_COLOURS[direction][1 if patch[direction] else 0]
-
-
-def body_colour(number: int) -> tuple[float, float, float]:
-    """Return the colour (red, green, blue in 0…1) of a body of several."""
-    return SIDE_COLOURS[number % 3][number // 3 % 2]

@@ -1,0 +1,134 @@
+"""Product rules over the box, or a patch of it, that resolve a given integrand.
+
+Panels and orders come from lines along each direction (see `quadrature`); an integral is taken with
+such rules and with finer ones, and the difference is the error estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.arrays.linear import product
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.map import open_grid
+from pc2cad.expression.narrow import narrow_limits
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.integrals.features import find_features
+from pc2cad.integrals.quadrature import Panels, Samples, resolve
+from pc2cad.topology.cells import Cell
+
+#: points of one integral
+MOST_POINTS = 3e6
+#: relative error of a rule that is exact
+EXACT = 1e-15
+#: points evaluated at once
+SLAB_POINTS = 300_000
+#: relative difference of two rules at which a third is tried
+DOUBTFUL = 1e-12
+#: places of the lines in the other two directions: irrational, evenly spread (Roberts' sequence)
+_LINES = (0.5 + np.outer(np.arange(1, 9), [0.7548776662466927, 0.5698402909980532])) % 1.0
+#: nodes and weights per direction
+_Rules = list[tuple[Array, Array]]
+#: u, v and w (broadcastable) to integrands (…, k) and the size of the first one's terms (…)
+Density = Callable[[Array, Array, Array], Samples]
+
+
+def by_layer(analysis: Analysis, whole: list[Panels]) -> list[list[Panels]]:
+    """Return the rules of the whole box, layer by layer."""
+    if not analysis.equation.layers:
+        return [whole]
+    u, v, w = whole
+    limits = analysis.bounds[2]
+    cuts = np.searchsorted(w.limits, np.array(limits) - 1e-12).tolist()
+    return [
+        [u, v, Panels(w.limits[a : b + 1], w.orders[a:b], w.unresolved)] for a, b in pairwise(cuts)
+    ]
+
+
+def features_of(density: Density, limits: list[list[float]]) -> Array:
+    """Return places (m, 3) where a density stands out of its surroundings."""
+    spans = np.array([(row[0], row[-1]) for row in limits])
+    return find_features(lambda places: density(*places.T).values[:, 0], spans)
+
+
+def panels_for(
+    density: Density, limits: list[list[float]], direction: int, features: Array
+) -> Panels:
+    """Return panels that resolve a density along one direction of a cell with such limits."""
+    others = [d for d in range(3) if d != direction]
+    spans = [(limits[d][0], limits[d][-1]) for d in others]
+    across = [
+        np.append(low + (high - low) * _LINES[:, k], features[:, others[k]])
+        for k, (low, high) in enumerate(spans)
+    ]
+
+    def sample(t: Array) -> Samples:
+        places: list[Array] = [t[:, None]] * 3
+        for d, x in zip(others, across, strict=True):
+            places[d] = x[None, :]
+        seen = density(*places)
+        tangents = None if seen.tangents is None else seen.tangents[direction]
+        return Samples(seen.values, seen.terms, seen.points, tangents)
+
+    look = all(len(set(row)) > 1 for row in limits)
+    return resolve(sample, limits[direction], look, len(features))
+
+
+def limits_of(analysis: Analysis, patch: Cell | None = None) -> list[list[float]]:
+    """Return per direction the limits of the smooth pieces of a patch, or of the whole box."""
+    found = []
+    for d in range(3):
+        low, high = (0.0, 1.0) if patch is None else analysis.span(d, patch[d])
+        inner = [b.position for b in analysis.breaks[d] if low < b.position < high]
+        found.append([low, *inner, high])
+    return found
+
+
+def narrowed(analysis: Analysis, limits: list[list[float]]) -> list[list[float]]:
+    """Return limits with those between which functions change at short length."""
+    trees = analysis.map.coordinates
+    return [
+        sorted({*row, *narrow_limits(trees, name).tolist()})
+        for name, row in zip(PARAMETERS, limits, strict=True)
+    ]
+
+
+def integral(density: Density, panels: list[Panels]) -> tuple[Array, float]:
+    """Return an integral over the product of three rules, and its relative error.
+
+    It is taken with the rules and with half as many nodes again; their difference is the error.
+    """
+    grow = 1.0
+    while grow > 0.05 and _points(panels, 1.5 * grow) > MOST_POINTS:
+        # what this costs in accuracy shows in the error estimate
+        grow *= 0.8
+    value = total(density, [p.rule(grow) for p in panels])
+    error = np.inf
+    for _ in range(2):
+        grow *= 1.5
+        coarse, value = value, total(density, [p.rule(grow) for p in panels])
+        error = float(np.abs(value - coarse).max() / max(np.abs(value).max(), 1e-300))
+        if error < DOUBTFUL or _points(panels, 1.5 * grow) > MOST_POINTS:
+            break
+    # two rules may agree to the last bit by chance
+    return value, max(error, EXACT, *(p.unresolved for p in panels))
+
+
+def _points(panels: list[Panels], grow: float) -> float:
+    return float(np.prod([len(p.rule(grow)[0]) for p in panels], dtype=float))
+
+
+def total(density: Density, rules: _Rules) -> Array:
+    """Return the integral over the product of three rules, in slabs of bounded memory."""
+    (u, wu), (v, wv), (w, ww) = rules
+    step = max(1, SLAB_POINTS // (len(v) * len(w)))
+    total: Array | float = 0.0
+    for i in range(0, len(u), step):
+        part = slice(i, i + step)
+        values = np.moveaxis(density(*open_grid(u[part], v, w)).values, -1, 0)
+        total = total + product(product(product(values, ww), wv), wu[part])
+    return np.asarray(total)
