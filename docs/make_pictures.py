@@ -1,16 +1,21 @@
 """Make the pictures of README.md and docs/: ``python docs/make_pictures.py [NAME …]``.
 
-Each is what ``pc2cad render`` draws with the arguments that stand beside its name.
+Each is what ``pc2cad render`` draws with the arguments that stand beside its name; `readme` is the
+part of README.md's first program.
 """
 
 from __future__ import annotations
 
+import os
+import re
 import sys
+import tempfile
 from pathlib import Path
+from typing import Any
 
 from pc2cad.cli.main import main as pc2cad
 
-FOLDER = Path(__file__).parent / "pictures"
+FOLDER = Path(__file__).resolve().parent / "pictures"
 PYRAMID = ["--size", "640x520"]
 CHANNEL = ["--view", "1.6,-0.35,1.0", "--size", "800x520", "--colours"]
 
@@ -40,10 +45,25 @@ PICTURES: dict[str, list[str]] = {
 }
 
 
+def readme() -> None:
+    """Run README.md's first program and draw its part."""
+    text = (FOLDER.parents[1] / "README.md").read_text()
+    found = re.search(r"^```python\n(.*?)^```", text, re.M | re.S)
+    assert found is not None
+    names: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        exec(found[1], names)
+    names["part"].render(FOLDER / "readme.png", view=(-1.2, -1, 0.7), size=(960, 560), colours=True)
+
+
 def main(names: list[str]) -> int:
     """Make the pictures of these names, all of them without any."""
     FOLDER.mkdir(exist_ok=True)
-    for name in names or PICTURES:
+    for name in names or ["readme", *PICTURES]:
+        if name == "readme":
+            readme()
+            continue
         code = pc2cad(["render", *PICTURES[name], "-o", str(FOLDER / f"{name}.png")])
         if code:
             return code

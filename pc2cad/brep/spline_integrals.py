@@ -9,12 +9,16 @@ from functools import cached_property, lru_cache
 import numpy as np
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
-from scipy.sparse import csr_array
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import product
 from pc2cad.errors import KernelError
-from pc2cad.geometry.splines.spline_basis import basis_matrix, local_basis, spline_values
+from pc2cad.geometry.splines.spline_basis import (
+    SparseRows,
+    basis_matrix,
+    local_basis,
+    spline_values,
+)
 
 
 def flux(points: Array, normals: Array, weights: Array) -> Array:
@@ -65,7 +69,7 @@ def project(value: Array, *slopes: Array) -> list[Array]:
     return [point, *((slope[..., :3] - point * slope[..., 3:]) / weight for slope in slopes)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplineCurveData:
     """A kernel spline curve: homogeneous poles (n, 3 or 4), flat knots, degree."""
 
@@ -144,7 +148,7 @@ DENSE = 48
 CHUNK = 20_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Patch:
     """A tensor-product spline: homogeneous poles, flat knots and degrees along s and t."""
 
@@ -313,7 +317,7 @@ def legendre(order: int) -> tuple[Array, Array]:
     return x, weight
 
 
-def _basis(t: Array, knots: Array, degree: int) -> Array | csr_array:
+def _basis(t: Array, knots: Array, degree: int) -> Array | SparseRows:
     """Return the values of all basis functions at t: sparse where there are many."""
     table = basis_matrix(knots, degree, t)
     return table.toarray() if table.shape[1] <= DENSE else table
@@ -326,11 +330,11 @@ def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
     return np.diff(poles, axis=axis) * (scale[:, None, None] if axis == 0 else scale[:, None])
 
 
-def _times(table: Array | csr_array, flat: Array) -> Array:
-    return product(table, flat) if isinstance(table, np.ndarray) else np.asarray(table @ flat)
+def _times(table: Array | SparseRows, flat: Array) -> Array:
+    return product(table, flat) if isinstance(table, np.ndarray) else table @ flat
 
 
-def _tensor(a: Array | csr_array, poles: Array, b: Array | csr_array) -> Array:
+def _tensor(a: Array | SparseRows, poles: Array, b: Array | SparseRows) -> Array:
     """Return the values (len(a), len(b), k) of Σ a_i b_j P_ij."""
     n, m, k = poles.shape
     rows = _times(a, poles.reshape(n, -1)).reshape(-1, m, k).transpose(1, 0, 2)

@@ -42,7 +42,7 @@ def _unit(a: Vector) -> Vector:
 # -- polylines -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stretch:
     """A line or an arc: its length, and its part as a function of the share run, in [0, 1]."""
 

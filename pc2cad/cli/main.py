@@ -85,8 +85,8 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of all verbs."""
+def make_parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of all verbs; the arguments of one alone are read where it is named."""
     parser = _Parser(
         prog="pc2cad",
         description="Compiles a point equation M(u,v,w) into one closed, exact B-rep solid.",
@@ -97,11 +97,13 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="show the versions and exit")
     verbs = parser.add_subparsers(metavar="VERB", dest="verb", required=True)
     for name, purpose in VERBS.items():
-        module = import_module(f"pc2cad.cli.{name}")
         verb = verbs.add_parser(
             name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.",
             allow_abbrev=False,
         )  # fmt: skip
+        if only not in (None, name):
+            continue
+        module = import_module(f"pc2cad.cli.{name}")
         module.add_arguments(verb)
         if name in GUARDED:
             add_limits(verb)
@@ -142,8 +144,9 @@ def _debugging() -> bool:
 
 
 def _run(argv: Sequence[str] | None) -> int:
+    given = sys.argv[1:] if argv is None else argv
     try:
-        arguments = make_parser().parse_args(argv)
+        arguments = make_parser(given[0] if given and given[0] in VERBS else None).parse_args(argv)
     except SystemExit as leaving:  # --help and --version
         return int(leaving.code or 0)
     if arguments.verb in (*GUARDED, "study"):

@@ -28,35 +28,35 @@ class ExpressionSyntaxError(InputError):
         self.column = column
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Node:
     """A syntax node and the column (from 1) where it begins."""
 
     column: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NumberNode(Node):
     """A number, exact."""
 
     value: Fraction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NameNode(Node):
     """A name that stands alone."""
 
     name: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NegationNode(Node):
     """Unary minus."""
 
     operand: Node
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BinaryNode(Node):
     """One of ``+ - * / ^`` with its operands; `column` is the operator's."""
 
@@ -65,7 +65,7 @@ class BinaryNode(Node):
     right: Node
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ConditionNode(Node):
     """One of ``< <= > >= and or not`` with its operands (one for ``not``)."""
 
@@ -73,7 +73,7 @@ class ConditionNode(Node):
     operands: tuple[Node, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PartNode(Node):
     """A coordinate of a point, ``P.x``."""
 
@@ -81,7 +81,7 @@ class PartNode(Node):
     part: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class IndexNode(Node):
     """An entry of a list of [data], ``name[i]`` or ``name[i, j]``."""
 
@@ -89,7 +89,7 @@ class IndexNode(Node):
     places: tuple[Node, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CallNode(Node):
     """A function with its operands."""
 
@@ -97,14 +97,14 @@ class CallNode(Node):
     operands: tuple[Node, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TripleNode(Node):
     """A point by its coordinates, ``[x, y, z]``."""
 
     operands: tuple[Node, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Token:
     kind: str  # number, name, operator, end
     text: str

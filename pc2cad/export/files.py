@@ -11,7 +11,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import secrets
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -263,7 +262,7 @@ def _create_beside(target: Path, mode: int) -> tuple[int, str]:
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
     own = "-".join(filter(None, (str(os.getpid()), start_of(os.getpid()))))
     for _ in range(100):
-        name = str(target.parent / f"{TEMPORARY_PREFIX}{own}-{secrets.token_hex(8)}.tmp")
+        name = str(target.parent / f"{TEMPORARY_PREFIX}{own}-{os.urandom(8).hex()}.tmp")
         with suppress(FileExistsError):
             descriptor = os.open(name, flags, mode)
             if _locked(descriptor):

@@ -23,7 +23,7 @@ STEP_SCHEMAS: tuple[StepSchema, ...] = ("AP242", "AP214")
 ANGULAR_DEFLECTION_LIMITS = (0.01, 1.6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NamedFace:
     """One face of the solid with the name and colour it carries into the file."""
 
@@ -50,7 +50,7 @@ class GeometricProperties:
     centroid: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NamedSolid:
     """One of several solids of a part, with the name it carries into the file."""
 
@@ -59,7 +59,7 @@ class NamedSolid:
     solid: Any
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Exportable:
     """A solid ready to be written, in its own length unit."""
 

@@ -17,7 +17,7 @@ from pc2cad.expression.tree import ONE, PI, ZERO, Expr, ValueDomainError, call, 
 Args = tuple[Expr, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Function:
     """A scalar function: its arity, its NumPy name and its partial derivatives."""
 

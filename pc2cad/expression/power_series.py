@@ -25,7 +25,7 @@ from pc2cad.expression.tree import Expr, call, number, symbol, walk
 Series = list[Interval | None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SeriesAt:
     """Coefficients at 0, and over [0, reach] for each reach: (n,) and (n, len(reaches))."""
 

@@ -195,7 +195,7 @@ def _centre(analysis: Analysis) -> Array:
     return np.asarray(analysis.map.points(*inside).mean(axis=(0, 1, 2)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Densities:
     """The integrands, as functions of places."""
 

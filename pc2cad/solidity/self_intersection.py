@@ -117,7 +117,7 @@ class _Parts:
         return spread(np.stack((along, across), axis=1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Descent:
     """Follows pairs of cells that nothing has parted into ever smaller parts."""
 

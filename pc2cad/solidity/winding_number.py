@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
 
 from pc2cad.arrays import Array, Integers
 
@@ -66,11 +65,12 @@ def _columns(corners: Array, low: Array, cell: Array, columns: int) -> tuple[Int
     across = spans[triangle, 1]
     i = first[triangle, 0] + offset // across
     j = first[triangle, 1] + offset % across
-    column = i * columns + j
-    # a sparse matrix sorts by counting, in linear time
-    shape = (columns * columns, len(corners))
-    table = coo_array((np.ones(len(column), dtype=np.int8), (column, triangle)), shape).tocsr()
-    return table.indptr.astype(np.int64), table.indices.astype(np.int64)
+    counts = np.bincount(i * columns + j, minlength=columns * columns)
+    starts = np.concatenate(([0], np.cumsum(counts)))
+    # short integers are sorted by counting, in linear time
+    by_row = np.argsort(j.astype(np.uint16), kind="stable")
+    order = by_row[np.argsort(i[by_row].astype(np.uint16), kind="stable")]
+    return starts, triangle[order]
 
 
 def _crossings(points: Array, corners: Array) -> Integers:

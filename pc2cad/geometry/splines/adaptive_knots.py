@@ -143,7 +143,7 @@ def _checks(space: SplineSpace) -> tuple[Array, Integers]:
 # -- the function, looked at once ------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Distances:
     """How far apart knots may be, `h`, at ascending places `t` between `edges` around them."""
 
@@ -192,7 +192,7 @@ class _Distances:
         return _Distances(self.edges, h)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Portrait:
     """Chebyshev pieces: limits (n + 1,) and coefficients (n, _NODES, columns, 3)."""
 

@@ -2,10 +2,65 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from scipy.sparse import csr_array
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.linear import product
+
+#: rows that are multiplied at once
+_BLOCK = 128
+
+
+@dataclass(frozen=True, eq=False)
+class SparseRows:
+    """A matrix (rows, size) with the same few entries in every row, in NumPy alone.
+
+    SciPy's matrices take a quarter of a second to load, which is much of a short command.
+
+    Attributes:
+        index: the columns of every row's entries, (rows, width); one that comes again is added
+        values: the entries, (rows, width)
+        size: number of columns
+
+    """
+
+    index: Integers
+    values: Array
+    size: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and of columns."""
+        return len(self.index), self.size
+
+    def __matmul__(self, dense: Array) -> Array:
+        """Return the product with (size,) or (size, k): (rows,) or (rows, k).
+
+        Neighbours live in the same few columns: a block of rows is a small full matrix of those,
+        and full matrices are multiplied fastest.
+        """
+        if len(self.index) <= _BLOCK:
+            return self._times(dense)
+        starts = range(0, len(self.index), _BLOCK)
+        blocks = (slice(start, start + _BLOCK) for start in starts)
+        return np.concatenate(
+            [SparseRows(self.index[b], self.values[b], self.size)._times(dense) for b in blocks]
+        )
+
+    def _times(self, dense: Array) -> Array:
+        if not len(self.index):
+            return np.zeros((0, *dense.shape[1:]))
+        low, high = int(self.index.min()), int(self.index.max()) + 1
+        own = SparseRows(self.index - low, self.values, high - low)
+        return product(own.toarray(), dense[low:high])
+
+    def toarray(self) -> Array:
+        """Return the full matrix."""
+        flat = self.index + self.size * np.arange(len(self.index))[:, None]
+        full = np.bincount(flat.ravel(), self.values.ravel(), minlength=len(flat) * self.size)
+        return np.asarray(full.reshape(self.shape), dtype=float)
 
 
 def local_basis(knots: Array, degree: int, t: Array) -> tuple[Integers, Array]:
@@ -36,14 +91,7 @@ def spline_values(knots: Array, poles: Array, degree: int, t: Array) -> Array:
     return np.asarray(np.einsum("ni,nik->nk", values, local))
 
 
-def basis_matrix(knots: Array, degree: int, t: Array) -> csr_array:
+def basis_matrix(knots: Array, degree: int, t: Array) -> SparseRows:
     """Return the values of all functions at t, (len(t), functions)."""
     first, values = local_basis(knots, degree, t)
-    return sparse_rows(first[:, None] + np.arange(degree + 1), values, len(knots) - degree - 1)
-
-
-def sparse_rows(index: Integers, values: Array, size: int) -> csr_array:
-    """Return the matrix whose row i has `values[i]` in the columns `index[i]`."""
-    count, width = index.shape
-    starts = np.arange(0, count * width + 1, width)
-    return csr_array((values.ravel(), index.ravel(), starts), shape=(count, size))
+    return SparseRows(first[:, None] + np.arange(degree + 1), values, len(knots) - degree - 1)

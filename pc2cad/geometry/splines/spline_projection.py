@@ -9,13 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.linalg.lapack import dtbtrs
-from scipy.sparse import csr_array
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import inverse, product, solve
-from pc2cad.geometry.splines.spline_basis import sparse_rows
+from pc2cad.geometry.splines.spline_basis import SparseRows
 
 #: up to this degree normal equations and one step of refinement hold all digits
 NORMAL_EQUATIONS = 9
@@ -36,11 +33,11 @@ def projector(
     is_even = inner.min() >= _SHORTEST * inner.max()
     if size <= _SMALL and is_even and degree <= NORMAL_EQUATIONS:
         return _by_matrix(index, values, weights, size)
-    design = sparse_rows(index, values, size)
+    design = SparseRows(index, values, size)
     limits = np.flatnonzero(weights == 0)
-    exact = design[limits].toarray()
+    exact = SparseRows(index[limits], values[limits], size).toarray()
     if degree <= NORMAL_EQUATIONS:
-        by, multiply = _by_cholesky(design, index, values, weights, size, cyclic)
+        by, multiply = _by_cholesky(index, values, weights, size, cyclic)
     else:
         by, multiply = _by_triangle(index, values, weights, size, cyclic)
     correction = multiply(exact.T)
@@ -97,12 +94,15 @@ def _order(size: int, cyclic: bool) -> Integers:
 
 
 def _by_cholesky(
-    design: csr_array, index: Integers, values: Array, weights: Array, size: int, cyclic: bool
+    index: Integers, values: Array, weights: Array, size: int, cyclic: bool
 ) -> tuple[_Solve, _Solve]:
     """Return r ↦ (BᵀWB)⁻¹BᵀWr and b ↦ (BᵀWB)⁻¹b by a banded factorisation.
 
     A cyclic matrix is banded, twice as wide, when its rows are taken alternately from both ends.
     """
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+    from scipy.sparse import csr_array
+
     order = _order(size, cyclic)
     place = order[index]
     row, column = place[:, :, None], place[:, None, :]
@@ -114,7 +114,9 @@ def _by_cholesky(
     band = np.bincount(flat, product[lower], minlength=width * size).reshape(width, size)
     factor = (cholesky_banded(band, lower=True, check_finite=False), True)
     back = np.argsort(order)
-    adjoint = csr_array((design * weights[:, None]).T)
+    rows = np.broadcast_to(np.arange(len(index))[:, None], index.shape)
+    entries = ((values * weights[:, None]).ravel(), (index.ravel(), rows.ravel()))
+    adjoint = csr_array(entries, shape=(size, len(index)))
 
     def multiply(right: Array) -> Array:
         solved = cho_solve_banded(factor, right[back], check_finite=False)
@@ -178,6 +180,8 @@ def _reflect(table: Array, first: Integers, last: Integers) -> list[tuple[int, i
 
 def _triangle(band: Array, right: Array, trans: int = 0) -> Array:
     """Return the solution of a banded upper triangle, or of its transpose, column by column."""
+    from scipy.linalg.lapack import dtbtrs
+
     solved, singular = dtbtrs(band, right, uplo="U", trans="T" if trans else "N")
     if singular:
         raise np.linalg.LinAlgError("singular matrix")

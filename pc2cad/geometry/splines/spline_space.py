@@ -17,10 +17,9 @@ from functools import cached_property, lru_cache
 from math import comb, factorial
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.geometry.splines.spline_basis import basis_matrix, local_basis
+from pc2cad.geometry.splines.spline_basis import SparseRows, basis_matrix, local_basis
 from pc2cad.geometry.splines.spline_projection import NORMAL_EQUATIONS, projector
 
 
@@ -117,7 +116,7 @@ class SplineSpace:
 
     # -- fits ----------------------------------------------------------------------------------
 
-    def basis(self, t: Array) -> csr_array:
+    def basis(self, t: Array) -> SparseRows:
         """Return the values of the clamped basis at t, (len(t), size)."""
         return basis_matrix(self.knots, self.degree, t)
 
