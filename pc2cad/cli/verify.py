@@ -33,17 +33,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tolerance", metavar="LENGTH",
         help="largest distance of a face from its side (default: that of build)",
     )  # fmt: skip
+    parser.add_argument(
+        "--certificate", metavar="FILE",
+        help="write what was proved as JSON, for --replay (docs/certificate.md)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--replay", metavar="CERTIFICATE",
+        help="hold a certificate against the file (and the template), by arithmetic alone",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the receipt as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the file, print what holds of it, and return 0 where nothing is wrong."""
-    from pc2cad.verify.receipt import describe, read_step
-
+    if arguments.replay is not None:
+        return _replay(arguments)
     if arguments.template is not None:
         return _against(arguments)
-    if arguments.settings or arguments.tolerance is not None:
-        raise InputError("-s and --tolerance belong to a template: name it after the file")
+    given = (arguments.settings, arguments.tolerance, arguments.certificate)
+    if any(value not in (None, []) for value in given):
+        raise InputError(
+            "-s, --tolerance and --certificate belong to a template: name it after the file"
+        )
+    from pc2cad.verify.receipt import describe, read_step
 
     with named(arguments.file):
         file = read_step(arguments.file)
@@ -66,13 +78,38 @@ def _against(arguments: argparse.Namespace) -> int:
         equation = equation_of(arguments.template, read_settings(arguments.settings))
     with named(arguments.file):
         file = read_step(arguments.file)
-    found = verification(file, equation, tolerance)
+    found = verification(file, equation, tolerance, claims=arguments.certificate is not None)
     if arguments.json:
         say(json.dumps(found.to_dict(), indent=2, allow_nan=False))
     else:
         for paragraph in _verdict(arguments.file, found):
             say(paragraph)
+    if arguments.certificate is not None and found.verified:
+        _certify(arguments, found)
     return 0 if found.verified else NOT_VERIFIED
+
+
+def _certify(arguments: argparse.Namespace, found: Verification) -> None:
+    from pc2cad.export.files import write_atomically
+    from pc2cad.templates.shipped import find_template
+    from pc2cad.verify.certificate import certificate
+
+    held = certificate(found, arguments.file, find_template(arguments.template))
+    text = json.dumps(held, separators=(",", ":"), allow_nan=False)
+    write_atomically(arguments.certificate, f"{text}\n".encode())
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    """Hold a certificate against the file, and against the template where one is named."""
+    from pc2cad.templates.shipped import find_template
+    from pc2cad.verify.replay import main
+
+    if arguments.settings or arguments.tolerance is not None or arguments.certificate is not None:
+        raise InputError("--replay takes a file, and a template, but no other option")
+    names = [arguments.replay, arguments.file]
+    if arguments.template is not None:
+        names.append(str(find_template(arguments.template)))
+    return main(names)
 
 
 def _verdict(path: str, found: Verification) -> Iterator[str]:
@@ -80,7 +117,7 @@ def _verdict(path: str, found: Verification) -> Iterator[str]:
     if found.verified:
         yield (
             f"{shown(path)}: verified, no face further than {found.deviation:.2g} {units} from its "
-            f"side (sampled; {found.tolerance:.2g} allowed)"
+            f"side ({found.evidence}, borders sampled; {found.tolerance:.2g} allowed)"
         )
     else:
         yield f"{shown(path)}: not this solid"
@@ -90,11 +127,12 @@ def _verdict(path: str, found: Verification) -> Iterator[str]:
         if len(found.differences) > 2:
             yield f"  and {len(found.differences) - 1} more; --json lists all"
     if found.matches:
-        yield f"\nFaces (distances in {units}, sampled)"
+        yield f"\nFaces (distances in {units}; of borders sampled)"
         yield table(
-            [("side", "carrier", "surface", "border")]
+            [("side", "carrier", "surface", "", "border")]
             + [
-                (one_line(m.name), m.face.face.carrier.lower(), f"{m.surface.distance:.1e}",
+                (one_line(m.name), m.face.face.carrier.lower(), f"{m.reach:.1e}",
+                 m.nearness.rests_on,
                  "-" if m.equal_parameters else f"{m.border.distance:.1e}")
                 for m in found.matches
             ]

@@ -1,29 +1,36 @@
 """A STEP file held against the point equation that it is said to be made from.
 
 Every face is held against the side of its name and every side needs its face; border, area, unit,
-stated properties, volume, area and centroid follow. Distances are *sampled*: the largest seen.
+stated properties, volume, area and centroid follow. Distances of surfaces are proved where that
+can be had (`nearness`), else *sampled*: the largest seen; those of borders are sampled.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from pc2cad.domain.analysis import Analysis, analyse
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.equation.point_equation import UNITS, PointEquation
 from pc2cad.errors import InputError
+from pc2cad.geometry.carriers import Evidence
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.templates.bodies import BodiesTemplate
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import find_template
 from pc2cad.templates.template import Template
 from pc2cad.topology.cells import Cell
+from pc2cad.verify.balls import ReplayError
 from pc2cad.verify.faces import JudgedFace
+from pc2cad.verify.nearness import nearness
 from pc2cad.verify.receipt import StepFile, describe, read_step
+from pc2cad.verify.replay import Spline, StepText, surface_of
 from pc2cad.verify.sides import Match, Sides, coarse, compare, goes_on
 
 #: of the part's size and of its thickness 2V/A: the tolerance where none is given
@@ -39,12 +46,17 @@ class Verification:
     """What became of every face, and all that differs, in words; the worst one has its own."""
 
     file: StepFile
+    equation: PointEquation
     tolerance: float
-    units: str
     matches: tuple[Match, ...]
     mass: MassProperties
     differences: tuple[str, ...]
     worst: str
+
+    @property
+    def units(self) -> str:
+        """The equation's unit of length."""
+        return self.equation.units
 
     @property
     def verified(self) -> bool:
@@ -53,8 +65,15 @@ class Verification:
 
     @property
     def deviation(self) -> float:
-        """The largest distance seen between a face and its side."""
+        """The largest distance between a face and its side: bounds, and what was seen."""
         return max((match.distance for match in self.matches), default=0.0)
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the distances of all surfaces rest on: the weakest of them."""
+        found = {match.nearness.rests_on for match in self.matches}
+        kinds: tuple[Evidence, ...] = ("sampled", "bounded", "exact")
+        return next((kind for kind in kinds if kind in found), "sampled")
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data for JSON."""
@@ -62,13 +81,15 @@ class Verification:
             "verified": self.verified,
             "tolerance": self.tolerance,
             "deviation": _finite(self.deviation),
-            "evidence": "sampled",
+            "evidence": self.evidence,
             "units": self.units,
             "faces": [
                 {
                     "side": match.name,
                     "face": str(match.face.face.ref),
                     "carrier": match.face.face.carrier,
+                    "rests_on": match.nearness.rests_on,
+                    "bound": _bound_of(match),
                     "deviation": _finite(match.surface.distance),
                     "border": _finite(match.border.distance),
                     "place": match.surface.place,
@@ -85,6 +106,10 @@ class Verification:
             "worst": self.worst,
             "receipt": describe(self.file),
         }
+
+
+def _bound_of(match: Match) -> float | None:
+    return None if match.nearness.rests_on == "sampled" else match.reach
 
 
 def _finite(value: float) -> float | None:
@@ -134,21 +159,26 @@ def equation_of(
 
 
 def verification(
-    file: StepFile, equation: PointEquation, tolerance: float | None = None
+    file: StepFile,
+    equation: PointEquation,
+    tolerance: float | None = None,
+    *,
+    claims: bool = False,
 ) -> Verification:
-    """Hold a file that was read against an equation."""
+    """Hold a file that was read against an equation; with `claims` as a certificate needs it."""
     with np.errstate(all="ignore"):
         analysis = analyse(equation)
         mass = integrate(analysis)
-        return _Judge(file, analysis, mass, tolerance).verdict()
+        return _Judge(file, analysis, mass, tolerance, claims).verdict()
 
 
 class _Judge:
     """Collects what differs, with its size in lengths."""
 
     def __init__(
-        self, file: StepFile, analysis: Analysis, mass: MassProperties, tolerance: float | None
-    ) -> None:
+        self, file: StepFile, analysis: Analysis, mass: MassProperties, tolerance: float | None,
+        claims: bool,
+    ) -> None:  # fmt: skip
         self._file, self._analysis, self._mass = file, analysis, mass
         self._found: list[tuple[float, str]] = []
         least = analysis.scale.least_tolerance
@@ -156,7 +186,7 @@ class _Judge:
         own = max(min(usual, least), min(usual, OF_THICKNESS * mass.thickness))
         self._tolerance = own if tolerance is None else tolerance
         self._units = analysis.equation.units
-        self._searched = 0
+        self._searched, self._claims = 0, claims
         self._sides = Sides(analysis, [*mass.face_areas, *mass.interface_areas])
 
     def verdict(self) -> Verification:
@@ -174,7 +204,13 @@ class _Judge:
         differences = tuple(sentence for _, sentence in self._found)
         worst = max(self._found, key=lambda found: found[0])[1] if self._found else ""
         return Verification(
-            self._file, self._tolerance, self._units, tuple(matches), self._mass, differences, worst
+            self._file,
+            self._analysis.equation,
+            self._tolerance,
+            tuple(matches),
+            self._mass,
+            differences,
+            worst,
         )
 
     def _add(self, size: float, sentence: str) -> None:
@@ -202,13 +238,33 @@ class _Judge:
         shares = [list(groups[name]) for name in names]
         self._share_out(faces, shares)
         for face, name, patches in zip(faces, names, shares, strict=True):
-            match = compare(self._sides, name, patches, face, self._tolerance)
+            match = self._proved(compare(self._sides, name, patches, face, self._tolerance))
             matches.append(match)
             self._judge(match, groups)
             for patch in patches:
                 covered[patch] = covered.get(patch, 0) + 1
         self._coverage(covered)
         return matches
+
+    @cached_property
+    def _text(self) -> StepText:
+        return StepText(self._file.data)
+
+    def _proved(self, match: Match) -> Match:
+        """Return a match with a bound of its distance, where one can be had."""
+        seen = match.surface.distance
+        if not seen <= self._tolerance:
+            return match
+        turn = match.turn or (False, False, False)
+        try:
+            surface = surface_of(self._text, match.face.face.ref, turn)
+        except (ReplayError, ValueError, KeyError, IndexError):
+            return match
+        if isinstance(surface, Spline) and match.turn is None:
+            return match
+        patches = [RestrictedMap(self._analysis, patch) for patch in match.patches]
+        found = nearness(patches, surface, match.turn, seen, self._tolerance, claims=self._claims)
+        return replace(match, nearness=found)
 
     def _name(self, face: JudgedFace, groups: Mapping[str, Sequence[Cell]]) -> str:
         """Return the side that a face is named after, or is nearest to."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,8 @@ class StepFile:
     solids: tuple[Solid, ...]
     stated: Stated
     findings: Findings
+    #: the bytes that were read
+    data: bytes = field(repr=False)
 
     @property
     def sound(self) -> bool | None:
@@ -95,7 +97,7 @@ def parse_step(data: bytes) -> StepFile:
         )
     return StepFile(
         hashlib.sha256(data).hexdigest(), _schema(records), tuple(names), len(records),
-        tuple(solids), stated, findings,
+        tuple(solids), stated, findings, data,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.topology.cells import Cell, directions_of
 from pc2cad.verify.faces import JudgedFace
+from pc2cad.verify.nearness import Nearness
 from pc2cad.verify.splines import SplineSurface, closest, distinct, nearest
 
+#: whether the axes are swapped, and which of a surface's own run backwards
+Turn: TypeAlias = tuple[bool, bool, bool]
 #: samples of a side in each direction, and of a spline per span; at most so many
 _SAMPLES, _PER_SPAN, _MOST = 25, 3, 241
 #: samples of a border from which a search starts
@@ -25,6 +29,9 @@ _BORDER = 129
 _ROUGH = np.array([0.0, 0.0937, 0.2641, 0.4178, 0.5923, 0.7319, 0.9212, 1.0])
 #: relative difference of areas that quadrature leaves open
 _AREA = 1e-6
+
+#: before anything is proved
+SEEN: Final = Nearness("sampled", 0.0)
 
 
 @dataclass(frozen=True)
@@ -48,13 +55,27 @@ class Match:
     #: of the areas, absolute and beyond what is allowed
     area: float
     excess: float
-    #: whether the face runs over the side at equal parameters, so that both cover each other
-    equal_parameters: bool
+    #: the side's patches that the face covers
+    patches: tuple[Cell, ...]
+    #: how the face runs over its only patch at equal parameters, so that both cover each other
+    turn: Turn | None
+    #: how far the side is from the surface, and what that rests on
+    nearness: Nearness = SEEN
+
+    @property
+    def equal_parameters(self) -> bool:
+        """Whether places are compared at equal parameters."""
+        return self.turn is not None
 
     @property
     def distance(self) -> float:
-        """The largest distance seen."""
-        return max(self.surface.distance, self.border.distance)
+        """The largest distance seen or bounded."""
+        return max(self.reach, self.border.distance)
+
+    @property
+    def reach(self) -> float:
+        """The largest distance of the surface: a bound where there is one, else what was seen."""
+        return max(self.surface.distance, self.nearness.distance)
 
 
 class Sides:
@@ -112,20 +133,20 @@ def compare(
     sides: Sides, name: str, patches: Sequence[Cell], face: JudgedFace, tolerance: float
 ) -> Match:
     """Hold a face against the patches of a side."""
-    surface, equal = _surface(sides, patches, face, tolerance)
+    surface, turn = _surface(sides, patches, face, tolerance)
     own = sum(sides.areas[patch] for patch in patches)
     off = abs(face.moments.area - own)
     border = sum(edge.length for loop in face.face.loops for edge, _ in loop.edges)
     allowed = _AREA * own + min(face.moments.error, 1e-4) * own + tolerance * border
     # at equal parameters the border is that of the surface, which the edges are held against
-    edge = Difference(0.0, "the border", "") if equal else _border(sides, patches, face, tolerance)
-    return Match(name, face, surface, edge, off, max(0.0, off - allowed), equal)
+    edge = Difference(0.0, "the border", "") if turn else _border(sides, patches, face, tolerance)
+    return Match(name, face, surface, edge, off, max(0.0, off - allowed), tuple(patches), turn)
 
 
 def _surface(
     sides: Sides, patches: Sequence[Cell], face: JudgedFace, tolerance: float
-) -> tuple[Difference, bool]:
-    """Return the largest distance of a side from the surface of a face."""
+) -> tuple[Difference, Turn | None]:
+    """Return the largest distance of a side from the surface of a face, and how both run alike."""
     surface = face.surface
     best = None
     if isinstance(surface, SplineSurface) and len(patches) == 1 and _is_whole(face):
@@ -136,7 +157,7 @@ def _surface(
         if rough <= 1e3 * tolerance:
             distance, s, t = _apart(sides, patches[0], surface, best, False)
             if distance <= 10.0 * tolerance:
-                return Difference(distance, "the surface", sides.shown(patches[0], s, t)), True
+                return Difference(distance, "the surface", sides.shown(patches[0], s, t)), best
     worst = Difference(0.0, "the surface", "")
     for patch in patches:
         line = np.linspace(0.0, 1.0, _SAMPLES)
@@ -148,7 +169,7 @@ def _surface(
         if not off[k] <= worst.distance:
             place = sides.shown(patch, float(line[k // _SAMPLES]), float(line[k % _SAMPLES]))
             worst = Difference(float(off[k]), "the surface", place)
-    return worst, False
+    return worst, None
 
 
 def _off(face: JudgedFace, points: Array) -> Array:
@@ -163,9 +184,7 @@ def _off(face: JudgedFace, points: Array) -> Array:
     return np.where(np.isfinite(off), off, np.inf)
 
 
-def _from_equal(
-    surface: SplineSurface, points: Array, line: Array, turn: tuple[bool, bool, bool]
-) -> Array:
+def _from_equal(surface: SplineSurface, points: Array, line: Array, turn: Turn) -> Array:
     """Return the distances of a grid of points, searched for from equal parameters on."""
     swap, back_u, back_v = turn
     s, t = (grid.ravel() for grid in np.meshgrid(line, line, indexing="ij"))
@@ -186,12 +205,12 @@ def _is_whole(face: JudgedFace) -> bool:
     return all(abs((b - a) - (d - c)) <= 1e-6 * (d - c) for (a, b), (c, d) in spans)
 
 
-def _symmetries() -> Iterator[tuple[bool, bool, bool]]:
+def _symmetries() -> Iterator[Turn]:
     yield from product((False, True), repeat=3)
 
 
 def _apart(
-    sides: Sides, patch: Cell, surface: SplineSurface, turn: tuple[bool, bool, bool], rough: bool
+    sides: Sides, patch: Cell, surface: SplineSurface, turn: Turn, rough: bool
 ) -> tuple[float, float, float]:
     """Return the largest distance at equal parameters, and where; by spans if not rough."""
     swap, back_u, back_v = turn

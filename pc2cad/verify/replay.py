@@ -1,0 +1,384 @@
+"""A certificate held against the bytes of its file and its template, by arithmetic alone.
+
+    python -m pc2cad.verify.replay CERTIFICATE FILE.step [TEMPLATE]
+
+NumPy and the standard library are all that this module uses; it may be copied and run by itself.
+The edges of every shell are counted in the file's text. For every face that the certificate holds
+a program of, the surface's numbers are read from that text, the program is run over the cells with
+balls (centre ± radius, rounded outwards), and the distance is bounded anew: docs/certificate.md.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from math import log, pi
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pc2cad.verify.balls import LIBRARY, OUT, UNIT, Array, Jet, ReplayError, constant, run
+
+FORMAT: Final = "pc2cad certificate 1"
+#: most places of one face, and highest degree: a certificate that asks for more is not replayed
+LARGEST, HIGHEST = 4_000_000, 24
+
+
+class StepText:
+    """The instances of a STEP file, read when they are asked for."""
+
+    _INSTANCE = re.compile(r"#(\d+)\s*=\s*((?:[^;']|'[^']*')*);")
+    _TOKEN = re.compile(
+        r"\s*('(?:[^']|'')*'|#\d+|[+-]?\d+\.?\d*(?:E[+-]?\d+)?|\.\w+\.|\w+|[(),$*])"
+    )
+
+    def __init__(self, data: bytes) -> None:
+        """Take the bytes of a file."""
+        text = data.decode("utf-8")
+        if "/*" in text:
+            raise ReplayError("the file has comments, which are not read here")
+        found = self._INSTANCE.findall(text)
+        self._texts = {int(key): body for key, body in found}
+        if len(found) != len(self._texts):
+            raise ReplayError("an instance of the file is there twice")
+
+    def all_of(self, keyword: str) -> list[int]:
+        """Return the instances of a keyword."""
+        return [key for key, body in self._texts.items() if body.startswith(keyword + "(")]
+
+    def get(self, ref: Any) -> dict[str, list[Any]]:
+        """Return the partial entities of an instance, each with its parameters."""
+        stack: list[list[Any]] = [[]]
+        for token in self._TOKEN.findall(self._texts[int(str(ref).lstrip("#"))]):
+            if token == "(":
+                stack.append([])
+            elif token == ")":
+                stack[-2].append(stack.pop())
+            elif token != ",":
+                stack[-1].append(token)
+        (found,) = stack
+        found = found[0] if isinstance(found[0], list) else found
+        return {word: values for word, values in zip(found[::2], found[1::2], strict=True)}
+
+    def only(self, ref: Any, keyword: str) -> list[Any]:
+        """Return the parameters of an instance of a keyword."""
+        found = self.get(ref)
+        if keyword not in found:
+            raise ReplayError(f"{ref} is {'+'.join(found)} where {keyword} is needed")
+        return found[keyword]
+
+    def point(self, ref: Any) -> Array:
+        """Return a point or a direction."""
+        ((_, row),) = self.get(ref).values()
+        return np.array([float(x) for x in row])
+
+    def frame(self, ref: Any) -> tuple[Array, Array]:
+        """Return origin and axes x, y, z of a placement that says all of them."""
+        _, origin, axis, along = self.only(ref, "AXIS2_PLACEMENT_3D")
+        z, x = self.point(axis), self.point(along)
+        z = z / np.linalg.norm(z)
+        x = x - (x @ z) * z
+        x = x / np.linalg.norm(x)
+        return self.point(origin), np.array([x, np.cross(z, x), z])
+
+    def require_closed(self) -> set[int]:
+        """Ask every shell for each edge once forward and once reversed; return the faces."""
+        faces: set[int] = set()
+        for shell in self.all_of("CLOSED_SHELL"):
+            uses: Counter[tuple[str, bool]] = Counter()
+            for face in self.only(shell, "CLOSED_SHELL")[1]:
+                faces.add(int(face[1:]))
+                for bound in self.only(face, "ADVANCED_FACE")[1]:
+                    ((_, loop, flag),) = self.get(bound).values()
+                    for use in self.get(loop).get("EDGE_LOOP", ["", []])[1]:
+                        *_, edge, sense = self.only(use, "ORIENTED_EDGE")
+                        uses[edge, sense == flag] += 1
+            wrong = {edge for edge, _ in uses if (uses[edge, True], uses[edge, False]) != (1, 1)}
+            if wrong:
+                raise ReplayError(f"the edge {min(wrong)} is not used once in each sense")
+        return faces
+
+
+class Spline:
+    """A polynomial B-spline surface of the file, turned so that it runs as its side does."""
+
+    def __init__(self, parts: dict[str, list[Any]], file: StepText, turn: Sequence[bool]) -> None:
+        """Read poles and knots."""
+        if list(parts) != ["B_SPLINE_SURFACE_WITH_KNOTS"]:
+            raise ReplayError("a surface that is not known here: " + "+".join(parts))
+        _, p, q, rows, *_, often_u, often_v, u, v, _ = parts["B_SPLINE_SURFACE_WITH_KNOTS"]
+        poles = np.array([[file.point(pole) for pole in row] for row in rows])
+        self.degrees, knots = [int(p), int(q)], []
+        for values, often, degree in ((u, often_u, int(p)), (v, often_v, int(q))):
+            row = np.repeat([float(x) for x in values], [int(n) for n in often])
+            low, high = row[degree], row[-degree - 1]
+            knots.append((row - low) / (high - low))
+        swap, *back = turn
+        for axis in (0, 1):
+            if back[axis]:
+                poles, knots[axis] = np.flip(poles, axis), 1.0 - knots[axis][::-1]
+        if swap:
+            poles = poles.transpose(1, 0, 2)
+            self.degrees.reverse()
+            knots.reverse()
+        self.poles, self.knots = poles, knots
+
+    def at(self, s: Array, t: Array) -> tuple[Array, float]:
+        """Return values on a grid, (3, len(s), len(t)), and how far they may be off."""
+        bases = [_basis(k, p, x) for k, p, x in zip(self.knots, self.degrees, (s, t), strict=True)]
+        size, off = float(np.linalg.norm(self.poles, axis=2).max()), 0.0
+        for axis, (p, k) in enumerate(zip(self.degrees, self.knots, strict=True)):
+            # sums of products without cancellation; and a parameter that is off by a few units
+            steps = np.linalg.norm(np.diff(self.poles, axis=axis), axis=2).max(axis=1 - axis)
+            gaps = k[1 + p : -1] - k[1 : -1 - p]
+            off += 8 * (p + 2) * UNIT * size + 8 * UNIT * p * float((steps / gaps).max())
+        return np.einsum("si,ijk,tj->kst", bases[0], self.poles, bases[1], optimize=True), off
+
+
+def _basis(knots: Array, p: int, x: Array) -> Array:
+    """Return the values of the B-splines at places, (len(x), count), by Cox and de Boor."""
+    count = len(knots) - p - 1
+    span = np.clip(np.searchsorted(knots, x, side="right") - 1, p, count - 1)
+    rows = np.ones((len(x), 1))
+    for d in range(1, p + 1):
+        left = knots[span[:, None] + np.arange(1 - d, 1)]
+        right = knots[span[:, None] + np.arange(1, d + 1)]
+        share = (x[:, None] - left) / (right - left)
+        new = np.zeros((len(x), d + 1))
+        new[:, :-1] += (1.0 - share) * rows
+        new[:, 1:] += share * rows
+        rows = new
+    found = np.zeros((len(x), count))
+    np.put_along_axis(found, span[:, None] + np.arange(-p, 1), rows, axis=1)
+    return found
+
+
+class Quadric:
+    """A plane, cylinder, cone, sphere or torus as a function that is zero on it."""
+
+    KINDS = ("PLANE", "CYLINDRICAL_SURFACE", "CONICAL_SURFACE", "SPHERICAL_SURFACE",
+             "TOROIDAL_SURFACE")  # fmt: skip
+
+    def __init__(self, kind: str, values: list[Any], file: StepText) -> None:
+        """Read the placement and the lengths."""
+        self.kind, (self.origin, self.axes) = kind, file.frame(values[1])
+        self.lengths = [float(x) for x in values[2:]]
+
+    def height(self, point: Sequence[Jet]) -> tuple[Jet, Jet | None]:
+        """Return the function at a point, and for a cone the radius at its height."""
+        d = [x - constant(float(o)) for x, o in zip(point, self.origin, strict=True)]
+        x, y, z = (
+            sum((a * Jet([[[n]]], [[[8 * UNIT]]]) for a, n in zip(d, axis, strict=True)), NONE)
+            for axis in self.axes
+        )
+        if self.kind == "PLANE":
+            return z, None
+        r = constant(self.lengths[0])
+        if self.kind == "CYLINDRICAL_SURFACE":
+            return x * x + y * y - r * r, None
+        if self.kind == "SPHERICAL_SURFACE":
+            return x * x + y * y + z * z - r * r, None
+        if self.kind == "CONICAL_SURFACE":
+            k = r + z * constant(float(np.tan(self.lengths[1])), LIBRARY)
+            return x * x + y * y - k * k, k
+        minor = constant(self.lengths[1])
+        square = x * x + y * y
+        q = square + z * z + (r * r - minor * minor)
+        return q * q - constant(4.0, 0.0) * r * r * square, None
+
+    def distance(self, height: Array, radius: Jet | None) -> Array:
+        """Return bounds of the distance from bounds of the function."""
+        if self.kind == "PLANE":
+            return np.asarray(height)
+        if self.kind == "TOROIDAL_SURFACE":
+            big, small = self.lengths
+            if not big > small:
+                raise ReplayError("a torus that meets its axis")
+            return np.asarray(height / ((big * big - small * small) * small))
+        if radius is None:
+            return np.asarray(height / self.lengths[0])
+        # |ρ - k| (ρ + |k|) is known, and neither factor is less than the first
+        least = np.maximum(np.abs(radius.c[0]) - radius.r[0], 1e-300)
+        return np.asarray(np.minimum(height / least, np.sqrt(height)))
+
+
+NONE: Final = constant(0.0, 0.0)
+
+
+class Difference:
+    """A side's program over cells, and the surface that it is held against."""
+
+    def __init__(self, claim: dict[str, Any], surface: Spline | Quadric) -> None:
+        """Take a face's claim; raise ReplayError where its cells are no partition that serves."""
+        self._program, self._outputs = claim["program"], claim["outputs"]
+        self._surface, self.degrees = surface, [int(m) for m in claim["degrees"]]
+        self._cells = [np.array(row, dtype=float) for row in claim["cells"]]
+        places = 1
+        for points, m, axis in zip(self._cells, self.degrees, (0, 1), strict=True):
+            if not (1 <= m <= HIGHEST and points[0] == 0.0 and points[-1] == 1.0
+                    and np.all(np.diff(points) > 0.0)):  # fmt: skip
+                raise ReplayError("cells that are no partition, or of a degree out of range")
+            if isinstance(surface, Spline) and not (
+                surface.degrees[axis] <= m and np.isin(surface.knots[axis], points).all()
+            ):
+                raise ReplayError("cells that are no parts of the surface's spans")
+            places *= (len(points) - 1) * (m + 1)
+        if places > LARGEST:
+            raise ReplayError(f"more than {LARGEST} places of one face")
+
+    def _at(self, s: Jet, t: Jet) -> tuple[list[Jet], Jet | None]:
+        """Return what is nought on the surface, but for a spline's values; a cone's radius."""
+        values = run(self._program, s, t)
+        point = [values[k] for k in self._outputs]
+        if isinstance(self._surface, Spline):
+            return point, None
+        height, radius = self._surface.height(point)
+        return [height], radius
+
+    def interpolant(self) -> tuple[Array, Array]:
+        """Return a bound of the interpolant in each cell, and the differences at its nodes."""
+        nodes, shape = [], []
+        for points, m in zip(self._cells, self.degrees, strict=True):
+            x = 0.5 - 0.5 * np.cos(pi * np.arange(m + 1) / m)
+            nodes.append((points[:-1, None] + np.diff(points)[:, None] * x).ravel())
+            shape += [len(points) - 1, m + 1]
+        rounded = [Jet(x[None], np.full(x[None].shape, 4 * UNIT))
+                   for x in (nodes[0][:, None], nodes[1][None, :])]  # fmt: skip
+        found, _ = self._at(*rounded)
+        full = len(nodes[0]), len(nodes[1])
+        gaps = np.stack([np.broadcast_to(jet.c[0], full) for jet in found])
+        radii = np.broadcast_to(sum(jet.r[0] for jet in found), full)
+        off = radii.reshape(shape).max(axis=(1, 3))
+        if isinstance(self._surface, Spline):
+            known, more = self._surface.at(*nodes)
+            gaps, off = gaps - known, off + more
+        a, b = (_chebyshev(m) for m in self.degrees)
+        waves = np.einsum("ij,kcjdl,ml->cdimk", a, gaps.reshape(-1, *shape), b, optimize=True)
+        sums = np.sqrt((waves**2).sum(axis=-1)).sum(axis=(2, 3))
+        seen = np.sqrt((gaps**2).sum(axis=0)).reshape(shape).max(axis=(1, 3))
+        # what rounding may add to values, and to the coefficients
+        off = off * lebesgue(self.degrees[0]) * lebesgue(self.degrees[1])
+        return sums + off + 1e-13 * seen, seen
+
+    def remainder(self, axis: int) -> tuple[Array, Jet | None]:
+        """Return how far the interpolant along an axis may be off, in each cell."""
+        m, jets = self.degrees[axis], []
+        for k, shape in enumerate(((-1, 1), (1, -1))):
+            points = self._cells[k]
+            middle = (0.5 * (points[:-1] + points[1:])).reshape(shape)
+            half = (0.5 * np.diff(points) * OUT + 2 * UNIT).reshape(shape)
+            order = m + 1 if k == axis else 0
+            c, r = np.zeros((2, order + 1, *middle.shape))
+            c[0], r[0] = middle, half
+            c[1:2] = half
+            jets.append(Jet(c, r))
+        found, radius = self._at(jets[0], jets[1])
+        rests = [jet.size[m + 1] ** 2 for jet in found if len(jet.c) > m + 1]
+        return np.asarray(2.0 ** (1 - m) * np.sqrt(sum(rests, np.zeros((1, 1))))), radius
+
+    def in_lengths(self, heights: Array, radius: Jet | None) -> Array:
+        """Return distances from what the function is off nought."""
+        own = self._surface
+        return own.distance(heights, radius) if isinstance(own, Quadric) else heights
+
+    def bound(self) -> tuple[float, float]:
+        """Return a bound of the distance between side and surface, and the largest one seen.
+
+        On a cell of half length h the interpolant of degree m at Chebyshev's extreme places is off
+        by at most 2^(1-m) times the Taylor coefficient m + 1 of x -> M(middle + h x); it is nowhere
+        larger than the sum of its own coefficients.
+        """
+        with np.errstate(all="ignore"):
+            total, seen = self.interpolant()
+            rest, radius = self.remainder(0)
+            total = total + rest + lebesgue(self.degrees[0]) * self.remainder(1)[0]
+            total, seen = (self.in_lengths(x, radius) for x in (total, seen))
+        largest = float(total.max()) * (1.0 + 1e-9)
+        return (largest if largest >= 0.0 else np.inf), float(seen.max())
+
+
+def lebesgue(m: int) -> float:
+    """Return a bound of how much interpolation can enlarge errors of the values."""
+    return 1.0 + 2.0 / pi * log(m + 1.0)
+
+
+def _chebyshev(m: int) -> Array:
+    """Return the matrix from values at the extreme places to Chebyshev coefficients."""
+    k = np.arange(m + 1)
+    ends = np.where((k == 0) | (k == m), 0.5, 1.0)
+    signs = (-1.0) ** k[:, None]
+    return np.asarray(2.0 / m * ends[:, None] * signs * np.cos(pi * np.outer(k, k) / m) * ends)
+
+
+def surface_of(file: StepText, face: int, turn: Sequence[bool]) -> Spline | Quadric:
+    """Return the surface of a face; raise ReplayError where its kind is not known here."""
+    parts = file.get(file.only(face, "ADVANCED_FACE")[2])
+    (kind, values), *_ = parts.items()
+    if kind in Quadric.KINDS and len(parts) == 1:
+        return Quadric(kind, values, file)
+    return Spline(parts, file, turn)
+
+
+def replay(certificate: dict[str, Any], file: bytes, template: bytes | None = None) -> list[str]:
+    """Return what was found again, in sentences; raise ReplayError where something does not hold.
+
+    Of the template the hash alone is compared: that the programs are its sides is trusted.
+    """
+    if certificate.get("format") != FORMAT or certificate.get("verified") is not True:
+        raise ReplayError(f"no certificate of a verified file in the form of {FORMAT!r}")
+    for what, data in (("file", file), ("template", template)):
+        known = certificate[what] and certificate[what]["sha256"]
+        if data is not None and hashlib.sha256(data).hexdigest() != known:
+            raise ReplayError(f"the {what} is not the one that the certificate is of")
+    text = StepText(file)
+    faces, claims = text.require_closed(), certificate["faces"]
+    if faces != {int(claim["face"]) for claim in claims}:
+        raise ReplayError("the faces of the file's shells are not those of the certificate")
+    tolerance, done, largest, rests = float(certificate["tolerance"]), 0, 0.0, Counter[str]()
+    for claim in claims:
+        name, stated = f"the face #{claim['face']} ({claim['side']})", float(claim["distance"])
+        if not stated <= tolerance:
+            raise ReplayError(f"{name} is stated {stated:.3g} off, {tolerance:.3g} are allowed")
+        rests[claim["rests_on"]] += 1
+        for patch in claim["replay"]:
+            surface = surface_of(text, int(claim["face"]), patch["turn"])
+            found, _ = Difference(patch, surface).bound()
+            if not found <= stated * (1.0 + 1e-6):
+                raise ReplayError(f"{name}: {found:.3g} is found where {stated:.3g} is stated")
+            largest = max(largest, found)
+        done += bool(claim["replay"])
+    words = ", ".join(f"{count} {how}" for how, count in sorted(rests.items()))
+    return [
+        f"closed: every edge of {len(faces)} faces is used once in each sense (exact)",
+        f"{done} of {len(claims)} faces bounded anew: none further than {largest:.3g} "
+        f"{certificate['units']} from its side ({tolerance:.3g} allowed)",
+        f"stated, not found again: {len(claims) - done} faces, borders and integrals; the faces "
+        f"rest on: {words}",
+    ]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Replay a certificate: 0 where it holds, 6 where not, 2 where something cannot be read."""
+    if not 2 <= len(arguments) <= 3:
+        sys.stderr.write("usage: python -m pc2cad.verify.replay CERTIFICATE FILE [TEMPLATE]\n")
+        return 2
+    try:
+        first, *others = (Path(name).read_bytes() for name in arguments)
+        found = replay(json.loads(first), *others)
+    except ReplayError as error:
+        sys.stderr.write(f"{arguments[0]}: does not hold: {error}\n")
+        return 6
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        sys.stderr.write(f"{arguments[0]}: cannot be read: {type(error).__name__}: {error}\n")
+        return 2
+    sys.stdout.write("\n".join((f"{arguments[0]}: holds", *(f"  {line}" for line in found), "")))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

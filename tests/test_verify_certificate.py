@@ -1,0 +1,239 @@
+"""Certificates: what a replay finds again by arithmetic alone, and what it refuses."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from consumers.step_edits import move, pole, read_instances
+
+from pc2cad.cli.main import main
+from pc2cad.compiler import compile_solid
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import find_template
+from pc2cad.verify.against import verification
+from pc2cad.verify.balls import FUNCTIONS, Jet, power, run
+from pc2cad.verify.certificate import NotVerifiedError, certificate
+from pc2cad.verify.receipt import parse_step
+from pc2cad.verify.replay import ReplayError, replay
+
+Case = tuple[dict[str, Any], bytes]
+NAMES = ("bilinear_top", "cone", "torus_wedge", "ball_wedge", "hollow_cylinder")
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Case]:
+    folder, made = tmp_path_factory.mktemp("certified"), dict[str, Case]()
+
+    def case(name: str) -> Case:
+        if name not in made:
+            path = folder / f"{name}.step"
+            equation = read_template(find_template(name)).bind()
+            compile_solid(equation).write(path)
+            data = read_instances(path).encode()
+            found = verification(parse_step(data), equation, claims=True)
+            held = certificate(found, path, find_template(name))
+            made[name] = json.loads(json.dumps(held, allow_nan=False)), data
+        return made[name]
+
+    return case
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_face_is_bounded_anew(cases: Callable[[str], Case], name: str) -> None:
+    held, data = cases(name)
+    template = find_template(name).read_bytes()
+    found = replay(held, data, template)
+    count = len(held["faces"])
+    assert f"{count} of {count} faces bounded anew" in found[1]
+    assert {face["rests_on"] for face in held["faces"]} <= {"exact", "bounded"}
+
+
+def _number(held: dict[str, Any]) -> None:
+    for face in held["faces"]:
+        for row in face["replay"][0]["program"]:
+            if row[0] == "number":
+                row[1] = str(Fraction(row[1]) * Fraction(1001, 1000))
+
+
+def _cells(held: dict[str, Any]) -> None:
+    held["faces"][0]["replay"][0]["cells"][0] = [0.0, 0.5]
+
+
+def _face(held: dict[str, Any]) -> None:
+    held["faces"].pop()
+
+
+def _distance(held: dict[str, Any]) -> None:
+    for face in held["faces"]:
+        face["distance"] *= 1e-3
+
+
+def _tolerance(held: dict[str, Any]) -> None:
+    held["tolerance"] = 1e-18
+
+
+def _operation(held: dict[str, Any]) -> None:
+    held["faces"][0]["replay"][0]["program"][-1][0] = "open"
+
+
+def _other(held: dict[str, Any]) -> None:
+    one, other = (face for face in held["faces"][:2])
+    one["replay"], other["replay"] = other["replay"], one["replay"]
+
+
+def _verdict(held: dict[str, Any]) -> None:
+    held["verified"] = False
+
+
+FORGED: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
+    "another number of the equation": (_number, "is stated"),
+    "cells that leave out a half": (_cells, "partition"),
+    "a face left out": (_face, "shells"),
+    "bounds that are too small": (_distance, "is stated"),
+    "a tolerance that is too small": (_tolerance, "are allowed"),
+    "an operation of its own": (_operation, "not known"),
+    "programs of other faces": (_other, "is stated"),
+    "no verified file": (_verdict, "verified"),
+    "another hash": (lambda held: held["file"].update(sha256="0" * 64), "not the one"),
+}
+
+
+@pytest.mark.parametrize("kind", FORGED)
+def test_a_certificate_that_is_forged_does_not_hold(
+    cases: Callable[[str], Case], kind: str
+) -> None:
+    held, data = cases("bilinear_top")
+    changed = copy.deepcopy(held)
+    FORGED[kind][0](changed)
+    assert changed != held
+    with pytest.raises(ReplayError, match=FORGED[kind][1]):
+        replay(changed, data)
+
+
+@pytest.mark.parametrize("by", [1e-1, 1e-3, 1e-5, 3e-6])
+def test_another_file_does_not_hold_by_its_numbers(cases: Callable[[str], Case], by: float) -> None:
+    """Even under its own hash: the poles are read from the text."""
+    held, data = cases("bilinear_top")
+    text = data.decode()
+    changed = move(text, pole(text, 0, 0), by).encode()
+    forged = copy.deepcopy(held)
+    forged["file"]["sha256"] = hashlib.sha256(changed).hexdigest()
+    with pytest.raises(ReplayError, match="is stated"):
+        replay(forged, changed)
+    with pytest.raises(ReplayError, match="not the one"):
+        replay(held, changed)
+
+
+def test_a_face_that_is_turned_over_is_no_closed_shell(cases: Callable[[str], Case]) -> None:
+    held, data = cases("cone")
+    changed = data.replace(b",.T.);", b",.F.);", 1)
+    forged = copy.deepcopy(held)
+    forged["file"]["sha256"] = hashlib.sha256(changed).hexdigest()
+    with pytest.raises(ReplayError, match="once in each sense"):
+        replay(forged, changed)
+
+
+def test_another_template_does_not_hold(cases: Callable[[str], Case]) -> None:
+    held, data = cases("cone")
+    with pytest.raises(ReplayError, match="the template is not the one"):
+        replay(held, data, find_template("torus").read_bytes())
+
+
+def test_a_file_that_differs_has_no_certificate(cases: Callable[[str], Case]) -> None:
+    _, data = cases("cone")
+    found = verification(parse_step(data), read_template(find_template("cone")).bind({"h": 5}))
+    with pytest.raises(NotVerifiedError, match="no certificate"):
+        certificate(found, "cone.step")
+
+
+def test_the_verb_writes_and_replays(
+    cases: Callable[[str], Case], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, held = tmp_path / "cone.step", tmp_path / "cone.json"
+    file.write_bytes(cases("cone")[1])
+    assert main(["verify", str(file), "cone", "--certificate", str(held)]) == 0
+    assert main(["verify", str(file), "cone", "--replay", str(held)]) == 0
+    assert "holds" in capsys.readouterr().out
+    assert main(["verify", str(file), "torus", "--replay", str(held)]) == 6
+    assert main(["verify", str(file), "--replay", str(file)]) == 2
+    held.unlink()
+    assert main(["verify", str(file), "cone", "-s", "h=5", "--certificate", str(held)]) == 6
+    assert not held.exists()
+    assert main(["verify", str(file), "--certificate", str(held)]) == 2
+
+
+def test_a_replay_loads_numpy_and_nothing_else(
+    cases: Callable[[str], Case], tmp_path: Path
+) -> None:
+    held, data = cases("bilinear_top")
+    (tmp_path / "c.json").write_text(json.dumps(held))
+    (tmp_path / "f.step").write_bytes(data)
+    code = (
+        "import sys; from pc2cad.verify.replay import main; assert main(sys.argv[1:]) == 0;"
+        "print({m for m in sys.modules if m.startswith('pc2cad.') and '.' in m[7:]},"
+        "{'scipy', 'sympy', 'OCP'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "c.json", "f.step"],
+        capture_output=True, text=True, check=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert {"pc2cad.verify.balls", "pc2cad.verify.replay"} >= {
+        name
+        for name in done.stdout.replace("'", " ").replace(",", " ").replace("{", " ").split()
+        if name.startswith("pc2cad.verify")
+    }
+    assert done.stdout.strip().endswith("set()")
+    for room in ("equation", "expression", "templates", "bounds", "geometry", "domain"):
+        assert f"pc2cad.{room}" not in done.stdout
+
+
+# -- balls ---------------------------------------------------------------------------------------
+
+ARGUMENTS = {"asin": 0.4, "acos": -0.3, "sqrt": 1.7, "log": 0.6}
+TRUE: dict[str, Callable[[Any], Any]] = {
+    "neg": lambda x: -x, "asinh": mpmath.asinh, "atan": mpmath.atan, "log": mpmath.log,
+    **{name: getattr(mpmath, name) for name in FUNCTIONS if name not in ("neg", "log", "atan")},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*FUNCTIONS, "power", "div"])
+def test_balls_hold_all_taylor_coefficients(name: str) -> None:
+    """At every place of the ball, of a function of x + x²/3 - x³/7, to 60 digits."""
+    rng, order, half = np.random.default_rng(3), 7, 0.01
+    middle = ARGUMENTS.get(name, 0.8)
+    inner = (1.0, 1 / 3, -1 / 7)
+    c, r = np.zeros((2, order + 1, 1, 1))
+    c[0], r[0] = middle, half
+    for k, factor in enumerate(inner):
+        c[k + 1] = factor
+    argument = Jet(c, r)
+    if name == "power":
+        found, true = power(argument, -1.25), lambda x: x ** mpmath.mpf("-1.25")
+    elif name == "div":
+        rows = [["symbol", 0], ["number", "1"], ["neg", 0], ["div", 1, 2]]
+        found, true = run(rows, argument, argument)[-1], lambda x: -1 / x
+    else:
+        found, true = FUNCTIONS[name](argument), TRUE[name]
+    inside = half * (1.0 - 1e-12)
+    with mpmath.workdps(60):
+        for place in middle + inside * np.array([-1.0, 1.0, *rng.uniform(-1.0, 1.0, 5)]):
+
+            def series(x: Any, place: float = float(place)) -> Any:
+                return true(place + sum(f * x ** (k + 1) for k, f in enumerate(inner)))
+
+            wanted = mpmath.taylor(series, 0, order)
+            for k in range(order + 1):
+                off = abs(wanted[k] - mpmath.mpf(float(found.c[k, 0, 0])))
+                assert off <= float(found.r[k, 0, 0]) + 1e-25, (name, place, k)
+    assert np.all(found.r[:, 0, 0] < 10.0)
