@@ -49,6 +49,7 @@ def test_solids_are_told_from_faces_and_from_open_shells():
     assert examine(part.shape, 2 * volume).volume_error == pytest.approx(-0.5, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_sweep_without_a_boolean_is_the_same_solid():
     shape, tolerance = peers.sewn(TUBE, peers.pipe_face(None), 1)
     volume = compile_equation(TUBE.equation(), 1e-5).report.equation.volume

@@ -97,6 +97,7 @@ def spline_values(surface: object, places: np.ndarray) -> np.ndarray:
     return np.einsum("ai,bj,ijk->abk", along, across, surface.poles)
 
 
+@pytest.mark.slow
 def test_walls_that_lie_elsewhere_are_proved_on_their_own() -> None:
     u, _, _ = pc.parameters()
     waves = pc.cos(2 * pc.pi * u) / 20

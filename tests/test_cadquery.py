@@ -127,7 +127,11 @@ def test_channels_by_section_with_parameters():
 
 @pytest.mark.parametrize(
     ("section", "volume"),
-    [("ellipse", 77.074041557967), ("sine", 75.845394697557), ("contour", 72.7442151959)],
+    [
+        ("ellipse", 77.074041557967),
+        pytest.param("sine", 75.845394697557, marks=pytest.mark.slow),
+        pytest.param("contour", 72.7442151959, marks=pytest.mark.slow),
+    ],
 )
 def test_a_channel_solid_is_the_shipped_channel(section, volume):
     solid = pcq.channel_solid(section)

@@ -255,6 +255,7 @@ def test_every_degree_makes_a_valid_solid(name, degree):
     assert degree in found
 
 
+@pytest.mark.slow
 def test_options_choose_the_degrees():
     equation = shipped("channel_ellipse")
     usual = compile_equation(equation).report.faces[1]

@@ -248,6 +248,7 @@ def test_a_closed_curve_swept_across_its_axis_is_said_to_be_unsupported(tmp_path
         _measure(tmp_path, _ellipsoid())
 
 
+@pytest.mark.slow
 def test_b_spline_solid_of_many_spans(tmp_path: Path) -> None:
     sample = SplineSolid(16)
     found = _measure(tmp_path, sample.solid())

@@ -35,9 +35,9 @@ def ids(found: list[tuple[str, str]]) -> list[str]:
 
 
 def marked(found: list) -> list:
-    """Mark what makes a study as slow: its workers load the kernel again."""
+    """Mark as slow what loads the kernel again (studies), or builds one part many times."""
     return [
-        pytest.param(*each, marks=pytest.mark.slow if "study" in str(each) else ())
+        pytest.param(*each, marks=pytest.mark.slow if re.search("study|slider", str(each)) else ())
         for each in found
     ]
 
@@ -130,6 +130,7 @@ def written(arguments: list[str]) -> list[str]:
     return new + [name for flag, name in pairwise(arguments) if flag in ("-o", "--report")]
 
 
+@pytest.mark.slow
 def test_the_tutorial_from_top_to_bottom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```(sh|toml|python)\n(.*?)^```", TUTORIAL.read_text(), re.M | re.S)

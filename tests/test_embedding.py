@@ -163,6 +163,7 @@ def test_faces_that_lie_on_one_another_are_refused():
         embedding(((1 + W) * pc.cos(t), (1 + W) * pc.sin(t), V), domain={"u": (0, Fraction(5, 4))})
 
 
+@pytest.mark.slow
 def test_sides_that_algebra_does_not_show_to_coincide_are_bounded():
     """The ends of a figure of eight: a bound of their distance takes the place of the identity."""
     checked = check_map(pc.read_template(template_paths()["figure_of_eight"]).bind())

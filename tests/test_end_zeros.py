@@ -140,6 +140,7 @@ BODIES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BODIES)
 def test_bodies_with_such_roots_are_bounded(name: str) -> None:
     equation, volume = BODIES[name]

@@ -30,6 +30,7 @@ OTHERS = {"analyses", "solvers"}
 
 def examples() -> list[object]:
     marks = {name: [pytest.mark.interop] for name in NEEDS}
+    marks |= {name: [pytest.mark.slow] for name in ("bend_study", "stellarator")}
     return [pytest.param(name, marks=marks.get(name, [])) for name in ERRORS]
 
 

@@ -97,6 +97,7 @@ def steiner(name: str, depth: float, count: int = 384) -> float:
     return float((strip * size).mean()) * 4 * np.pi**2
 
 
+@pytest.mark.slow
 def test_layers_in_the_planes_of_the_sections() -> None:
     layers = {"wall": 0.1, "blanket": 0.2, "vessel 2": 0.05}
     text = import_vmec(DATA / "vmec.NuhrenbergZille_1988_QHS", layers)
@@ -108,7 +109,7 @@ def test_layers_in_the_planes_of_the_sections() -> None:
     assert checked.equation.layers == ("wall", "blanket", "vessel 2")
 
 
-@pytest.mark.parametrize("measured", ["plane", "normal"])
+@pytest.mark.parametrize("measured", ["plane", pytest.param("normal", marks=pytest.mark.slow)])
 def test_all_periods_are_closed_and_one_wall_is_no_layers(measured: str) -> None:
     path = DATA / "vmec.rotating_ellipse"
     text = import_vmec(path, {"wall": 0.1}, measured=measured, periods=3)
@@ -154,6 +155,7 @@ def test_too_deep_is_refused_with_angles_and_depth() -> None:
         check_map(parse_template(text, "wall").bind())
 
 
+@pytest.mark.slow
 def test_how_deep_layers_can_go() -> None:
     """In the planes of the sections, as deep as the least radius of a hollow bend."""
     surface = read_surface(DATA / "vmec.NuhrenbergZille_1988_QHS")

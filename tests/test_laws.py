@@ -26,7 +26,7 @@ from pc2cad.expression.tree import call, number, substitute, symbol
 from pc2cad.templates.shipped import template_paths
 
 few = settings(
-    max_examples=12,
+    max_examples=8,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
@@ -217,6 +217,7 @@ def brick_volume(corners):
 # -- tolerance -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_tighter_tolerance_never_deviates_more():
     equation = pc.read_template(template_paths()["channel_ellipse"]).bind()
     solid = channel("8a", "G1")

@@ -113,6 +113,7 @@ def test_nothing_that_the_templates_contain_is_sampled(shipped):
         assert not any("sampled" in words for words in part.report.statements())
 
 
+@pytest.mark.slow
 def test_the_duct_meets_the_block_within_its_bound(shipped):
     """On both ends the wavy duct's equation is a circle about (3, 2)."""
     part = shipped["cooled_block"]
@@ -256,6 +257,7 @@ def test_a_cone_cut_by_a_plane_has_exact_edges(carrier, slope, place):
     assert part.report.solid.volume == pytest.approx(float(weight @ inside), rel=2e-4)
 
 
+@pytest.mark.slow
 def test_a_shallow_angle_is_warned_of():
     """Two pipes, one turned by a twentieth: where they are nearly parallel d/sin α counts."""
     c, s = np.cos(0.05), np.sin(0.05)
@@ -347,6 +349,7 @@ def test_edges_of_a_body_that_lie_on_another_are_known_with_it():
     assert {(curve.carrier, curve.evidence) for curve in report.curves} == {("line", "exact")}
 
 
+@pytest.mark.slow
 def test_tangent_faces_leave_edges_sampled_and_say_where():
     rib = ("1 + 2*u + sin(v)/4", "v + sin(2*u)/3", "w*(1 + cos(pi*v))/2", "v = [-1, 1]")
     block = ("6*u - 1", "6*(v - 1/2)", "-w")

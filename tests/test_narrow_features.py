@@ -64,6 +64,7 @@ def slanting_front(sharp):
     return part.report
 
 
+@pytest.mark.slow
 def test_a_slanting_front():
     report = slanting_front(40)
     assert max(face.deviation for face in report.faces) <= report.tolerance

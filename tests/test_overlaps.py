@@ -159,7 +159,7 @@ def test_a_thin_wall_is_no_contact(wall):
     assert contact(ball) is None
 
 
-@pytest.mark.parametrize("waves", [13, 40])
+@pytest.mark.parametrize("waves", [13, pytest.param(40, marks=pytest.mark.slow)])
 def test_waves_both_ways_are_seen_whatever_their_number(waves):
     height = 2 + Fraction(1, 50) * pc.sin(2 * pc.pi * waves * U) * pc.sin(2 * pc.pi * waves * V)
     analysis = analyse(point_equation((U, V, W * height)))
@@ -175,6 +175,7 @@ def test_the_period_is_what_mends_a_double_cover():
         pc.compile_part(RING, {"u": (0, Fraction(5, 4))})
 
 
+@pytest.mark.slow
 def test_the_largest_section_is_what_mends_a_rod():
     """Of radius 1 at a pitch of 1.8: what touches at 1.8 is 1.8/2.0064 of it."""
     pitch = 1.8
@@ -192,6 +193,7 @@ def test_the_largest_section_is_what_mends_a_rod():
     assert largest <= low
 
 
+@pytest.mark.slow
 def test_places_of_a_contact_are_two_places_of_the_equation():
     map_ = helix(4, 1.9, 2, W)
     with pytest.raises(PointCadError) as caught:

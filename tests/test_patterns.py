@@ -64,6 +64,7 @@ def test_holes_are_cut_by_patterns() -> None:
     assert found.report.solid.volume == pytest.approx(18 * 18 - 5 * pi * 0.5, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_copies_that_overlap_are_held_against_halves() -> None:
     found = part("union(slab, linear(pin, 4, vector(0, 1.5, 0)))")
     lens = 2 * acos(0.75) - 1.5 * sqrt(1 - 0.75**2)

@@ -164,6 +164,7 @@ def test_the_point_set_of_figure_1_at_any_density(counts):
     assert (image < 250).any(axis=2).mean() > 0.1
 
 
+@pytest.mark.slow
 def test_deviation_map_agrees_with_the_report():
     part = part_of("channel_ellipse")
     scene = drawing(part, Style(map="deviation"))

@@ -89,7 +89,11 @@ TURNED = (_OUT * pc.cos(2 * pc.pi * u), _OUT * pc.sin(2 * pc.pi * u), w + pc.exp
 
 @pytest.mark.parametrize(
     ("coordinates", "factor"),
-    [(BENT, 1e-3), pytest.param(BENT, 1e4, marks=pytest.mark.slow), (TURNED, 1.0)],
+    [
+        (BENT, 1e-3),
+        pytest.param(BENT, 1e4, marks=pytest.mark.slow),
+        pytest.param(TURNED, 1.0, marks=pytest.mark.slow),
+    ],
     ids=["small", "large", "turned"],
 )
 def test_what_is_a_polynomial_along_no_direction_is_bounded_by_its_slices(

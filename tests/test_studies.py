@@ -252,6 +252,7 @@ def test_another_study_does_not_write_into_the_folder(tmp_path: Path) -> None:
         run_study(plan([0.25]), other, tmp_path, LocalEngine, resume=True)
 
 
+@pytest.mark.slow
 def test_two_processes_do_not_share_a_study(tmp_path: Path) -> None:
     study(tmp_path, [0.25])
     fcntl = pytest.importorskip("fcntl")
@@ -373,6 +374,7 @@ def _no_orphans() -> None:
 # -- Dask and addresses ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_dask_gives_the_same_rows(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     local = study(tmp_path / "local", [0.25, 0.5, 2.0, 0.75])
@@ -821,6 +823,7 @@ def test_a_scheduler_that_is_killed_is_one_sentence(number: str, tmp_path: Path)
     assert journal.read_bytes().count(b"\n") > 5
 
 
+@pytest.mark.slow
 def test_files_go_to_an_address(tmp_path: Path) -> None:
     pytest.importorskip("fsspec")
     address = f"file://{tmp_path / 'elsewhere'}"

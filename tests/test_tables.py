@@ -222,6 +222,7 @@ def test_nets_of_numbers_are_exact_faces() -> None:
     assert part.report.solid.volume == pytest.approx(part.report.equation.volume, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_solid_goes_through_its_points() -> None:
     a = [0, 0.4, 1]
     places = [[[(x * 4, y * 3 + x * x * y, z * (2 + x * y)) for z in a] for y in a] for x in a]

@@ -161,7 +161,7 @@ def test_tampered_files_are_not_verified(files: Callable[[str], str], kind: str)
     assert differences(changed, name) != ()
 
 
-@pytest.mark.parametrize("by", [1e-2, 1e-4, 1e-5])
+@pytest.mark.parametrize("by", [1e-2, pytest.param(1e-4, marks=pytest.mark.slow), 1e-5])
 def test_a_moved_pole_is_found_with_its_face_and_distance(
     files: Callable[[str], str], by: float
 ) -> None:
