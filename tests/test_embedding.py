@@ -15,10 +15,12 @@ from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.sheets import (
+    Patches,
     Sheet,
     SheetSide,
     circle_pieces,
     curve_pieces,
+    patches_of,
     projected,
     restriction,
     surface_patches,
@@ -27,7 +29,9 @@ from pc2cad.options import CompileOptions
 from pc2cad.representation.boundary import represent
 from pc2cad.representation.embedding import embed
 from pc2cad.representation.face_sheets import sheets_of
+from pc2cad.solidity.embedding.holds import hold
 from pc2cad.solidity.embedding.proof import prove
+from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
 from pc2cad.solidity.injectivity import OverlappingMapError
 from pc2cad.solidity.orientation import find_orientation
@@ -196,7 +200,7 @@ def test_patches_of_a_spline_are_the_spline():
         np.outer(rng.uniform(0.5, 1, 7), rng.uniform(0.5, 1, 4)),
     )
     surface = SplineSurface((3, 2), knots, poles, weights)
-    nets = surface_patches(surface)
+    nets = surface_patches(surface).nets
     assert nets.shape == (3, 2, 4, 3, 4)
     from scipy.interpolate import BSpline
 
@@ -206,6 +210,56 @@ def test_patches_of_a_spline_are_the_spline():
         y = np.array([0, 0.7, 1])[j] + t * np.diff([0, 0.7, 1])[j]
         row = BSpline(knots[0], homogeneous, 3)(x)
         assert values(nets[i, j], s, t) == pytest.approx(projected(BSpline(knots[1], row, 2)(y)))
+
+
+def test_corners_and_bends_hold_the_patches_of_a_spline_and_its_tangents():
+    rng = np.random.default_rng(2)
+    inner = np.array([0.1, 0.25, 0.3, 0.45, 0.6, 0.6, 0.7, 0.85])
+    knots = tuple(np.concatenate((np.zeros(d + 1), inner, np.ones(d + 1))) for d in (3, 2))
+    at = [np.array([k[i + 1 : i + d + 1].mean() for i in range(len(k) - d - 1)])
+          for k, d in zip(knots, (3, 2), strict=True)]  # fmt: skip
+    x, y = np.meshgrid(*at, indexing="ij")
+    poles = np.stack((x, y, 0.2 * x * x + y), axis=-1) + 2e-3 * rng.normal(size=(*x.shape, 3))
+    patches = surface_patches(SplineSurface((3, 2), knots, poles))
+    held = hold(patches, poles)
+    low, high = held.limits()
+    cones = [held.tangents(axis, 1e-12) for axis in (0, 1)]
+    ways = held.ways(1e-12)
+    assert min(cone.radii.min() for cone in (*cones, ways)) > 0
+    assert min(np.median(cone.radii) for cone in cones) < 1
+    nodes = np.linspace(0, 1, 6)
+    checked = 0
+    for k, net in enumerate(patches.nets.reshape(64, 4, 3, 4)):
+        points = np.array([[values(net, s, t) for t in nodes] for s in nodes])
+        in_seven, _ = boxes(points[..., None, :])
+        assert (in_seven >= low[k] - 1e-12).all()
+        assert (in_seven <= high[k] + 1e-12).all()
+        for cone, vectors in (
+            (cones[0], np.diff(points, axis=0)), (cones[1], np.diff(points, axis=1)), (ways, points)
+        ):  # fmt: skip
+            if cone.radii[k] < 2:
+                unit = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+                gap = np.linalg.norm(unit - cone.axes[k], axis=-1)
+                assert gap.max() <= cone.radii[k] + 1e-12
+                checked += 1
+    assert checked >= 100
+
+
+def test_most_patches_of_a_spline_are_never_made(monkeypatch):
+    """A wavy plate in 1,600 patches: large parts of it are plain as they are."""
+    made = []
+    take = Patches.take
+    monkeypatch.setattr(Patches, "take", lambda self, i, j: made.append(len(i)) or take(self, i, j))
+    knots = np.concatenate((np.zeros(3), np.linspace(0, 1, 41), np.ones(3)))
+    greville = np.array([knots[i + 1 : i + 4].mean() for i in range(43)])
+    x, y = np.meshgrid(10 * greville, 10 * greville, indexing="ij")
+    poles = np.stack((x, y, 0.3 * np.sin(x) * np.cos(y)), axis=-1)
+    patches = surface_patches(SplineSurface((3, 3), (knots, knots), poles))
+    sides = tuple(SheetSide(k, ends, np.linspace(0, 1, 41))
+                  for k, ends in enumerate([(0, 1), (1, 2), (3, 2), (0, 3)]))  # fmt: skip
+    found = prove([Sheet(0, 0, patches, sides)], lines(4), 15.0, 1e-13)
+    assert found.meeting is None
+    assert sum(made) < 160
 
 
 def test_pieces_of_curves_and_circles():
@@ -240,9 +294,9 @@ def test_sheets_end_in_their_vertices_and_lie_on_the_equation(name):
     assert left == []
     assert len(sheets) >= len(model.faces) >= 1
     for sheet in sheets:
-        low = projected(sheet.nets[0, 0, 0, 0])
+        low = projected(sheet.patches.nets[0, 0, 0, 0])
         assert low == pytest.approx(model.vertices[sheet.sides[0].ends[0]], abs=1e-9 * model.size)
-        high = projected(sheet.nets[-1, -1, -1, -1])
+        high = projected(sheet.patches.nets[-1, -1, -1, -1])
         assert high == pytest.approx(model.vertices[sheet.sides[2].ends[1]], abs=1e-9 * model.size)
 
 
@@ -255,7 +309,7 @@ def patch(index, points, edges, vertices):
     ends = [(0, 1), (1, 2), (3, 2), (0, 3)]
     sides = [SheetSide(e, (vertices[a], vertices[b]), np.array([0.0, 1.0]))
              for e, (a, b) in zip(edges, ends, strict=True)]  # fmt: skip
-    return Sheet(index, index, nets, tuple(sides), name=str(index))
+    return Sheet(index, index, patches_of(nets), tuple(sides), name=str(index))
 
 
 def lines(count: int):

@@ -8,6 +8,7 @@ faces are meant to meet.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import comb
 
 import numpy as np
@@ -17,6 +18,56 @@ from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
 
 #: arcs of conics are no longer than this (radians)
 LONGEST_ARC = np.pi / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """n × m rational Bézier patches of one degree, made of poles that neighbours may share.
+
+    `poles` (N, M, 4) are points times their weight, and the weight. The patch i, j is made of the
+    rows `index[0][i]` and the columns `index[1][j]`, which follow one another, by the matrices
+    `matrices[0][i]` and `matrices[1][j]`, whose rows are means; None: of the poles as they are.
+    Of a spline come the `knots`, too.
+    """
+
+    poles: Array
+    index: tuple[Integers, Integers]
+    matrices: tuple[Array, Array] | None = None
+    knots: tuple[Array, Array] | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Patches along s and t."""
+        return len(self.index[0]), len(self.index[1])
+
+    @property
+    def degrees(self) -> tuple[int, int]:
+        """Degrees along s and t."""
+        return self.index[0].shape[1] - 1, self.index[1].shape[1] - 1
+
+    @cached_property
+    def nets(self) -> Array:
+        """Control points times their weight, and the weight, of all patches (n, m, p+1, q+1, 4)."""
+        n, m = self.shape
+        i, j = np.divmod(np.arange(n * m), m)
+        found = self.take(i, j)
+        return found.reshape(n, m, *found.shape[1:])
+
+    def take(self, i: Integers, j: Integers) -> Array:
+        """Return those of some patches (k, p+1, q+1, 4)."""
+        rows, columns = self.index[0][i], self.index[1][j]
+        found = self.poles[rows[:, :, None], columns[:, None, :]]
+        if self.matrices is None:
+            return found
+        flat = self.matrices[0][i] @ found.reshape(*found.shape[:2], -1)
+        return np.asarray(self.matrices[1][j][:, None] @ flat.reshape(found.shape))
+
+
+def patches_of(nets: Array) -> Patches:
+    """Return a grid of patches with these control points, (n, m, p+1, q+1, 4)."""
+    n, m, p, q, _ = nets.shape
+    poles = nets.transpose(0, 2, 1, 3, 4).reshape(n * p, m * q, 4)
+    return Patches(poles, (np.arange(n * p).reshape(n, p), np.arange(m * q).reshape(m, q)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +86,16 @@ class SheetSide:
 class Sheet:
     """A face, or a patch of one, as n × m rational Bézier patches of one degree.
 
-    `nets` (n, m, p+1, q+1, 4) are control points times their weight, and the weight. `sides` are
-    t = 0, s = 1, t = 1 and s = 0. `separable`: the weights are products of those along s and t, so
-    that tangents along s are sums, with positive factors, of differences of points along s. A sheet
-    in a `plane` may be any surface in that plane with the face's sides. `own`: its parameters run
-    as the face's own do.
+    `sides` are t = 0, s = 1, t = 1 and s = 0. `separable`: the weights are products of those along
+    s and t, so that tangents along s are sums, with positive factors, of differences of points
+    along s. A sheet in a `plane` may be any surface in that plane with the face's sides. `own`: its
+    parameters run as the face's own do.
     """
 
     face: int
     #: the face of the boundary complex
     cell: int
-    nets: Array
+    patches: Patches
     sides: tuple[SheetSide, SheetSide, SheetSide, SheetSide]
     separable: bool = True
     plane: Plane | None = None
@@ -56,7 +106,18 @@ class Sheet:
     @property
     def shape(self) -> tuple[int, int]:
         """Patches along s and t."""
-        return self.nets.shape[0], self.nets.shape[1]
+        return self.patches.shape
+
+    def row(self, side: int) -> Array:
+        """Return control points of the patches along one side, (k, d+1, 4), those on it."""
+        n, m = self.shape
+        last = {1: n - 1, 2: m - 1}.get(side, 0)
+        if side % 2:
+            i, j = np.full(m, last), np.arange(m)
+        else:
+            i, j = np.arange(n), np.full(n, last)
+        nets = self.patches.take(i, j)
+        return np.asarray((nets[:, :, 0], nets[:, -1], nets[:, :, -1], nets[:, 0])[side])
 
 
 def projected(nets: Array) -> Array:
@@ -163,12 +224,12 @@ def curve_pieces(curve: SplineCurve) -> tuple[Array, Array]:
     return pieces, spans(curve.knots)
 
 
-def surface_patches(surface: SplineSurface) -> Array:
-    """Return a spline's Bézier patches, (n, m, p+1, q+1, 4)."""
+def surface_patches(surface: SplineSurface) -> Patches:
+    """Return a spline's Bézier patches."""
     weights = np.ones(surface.poles.shape[:2]) if surface.weights is None else surface.weights
     poles = np.concatenate((surface.poles * weights[..., None], weights[..., None]), axis=2)
-    index, matrices = _to_pieces(surface.knots[0], surface.degrees[0])
-    rows = np.einsum("kij,kjmc->kimc", matrices, poles[index])
-    index, matrices = _to_pieces(surface.knots[1], surface.degrees[1])
-    both = np.einsum("mab,kimbc->kmiac", matrices, rows[:, :, index])
-    return np.ascontiguousarray(both)
+    (first, one), (second, other) = (
+        _to_pieces(knots, degree)
+        for knots, degree in zip(surface.knots, surface.degrees, strict=True)
+    )
+    return Patches(poles, (first, second), (one, other), surface.knots)

@@ -36,6 +36,7 @@ from pc2cad.geometry.sheets import (
     circle_pieces,
     curve_pieces,
     elevated,
+    patches_of,
     restriction,
     spans,
     surface_patches,
@@ -103,7 +104,7 @@ def _curved(boundary: BoundaryComplex, index: int, face: ModelFace) -> Sheet | N
             _side(boundary, use, is_upwards(k, use), places[k % 2])
             for k, use in enumerate(face.uses)
         )
-        nets = surface_patches(carrier)
+        patches = surface_patches(carrier)
     else:
         assert not isinstance(carrier, Plane)
         region = _rectangle(face)
@@ -111,12 +112,13 @@ def _curved(boundary: BoundaryComplex, index: int, face: ModelFace) -> Sheet | N
             return None
         (a, b), uses = region
         nets, tables = _analytic_nets(carrier, a, b)
+        patches = patches_of(nets)
         sides = tuple(
             _side(boundary, use, upwards, tables[k % 2]) for k, (use, upwards) in enumerate(uses)
         )
     own = isinstance(carrier, SplineSurface)
     named = (sides[0], sides[1], sides[2], sides[3])
-    return Sheet(index, cell, nets, named, name=face.name, own=own)
+    return Sheet(index, cell, patches, named, name=face.name, own=own)
 
 
 def _side(boundary: BoundaryComplex, use: EdgeUse, upwards: bool, places: Array) -> SheetSide:
@@ -251,8 +253,7 @@ def _rows(sheets: Sequence[Sheet]) -> dict[int, _Pieces]:
         for k, side in enumerate(sheet.sides):
             if side.edge is None or side.edge in found:
                 continue
-            nets = sheet.nets
-            row = (nets[:, 0, :, 0], nets[-1, :, -1], nets[:, -1, :, -1], nets[0, :, 0])[k]
+            row = sheet.row(k)
             upwards = side.along[0] < side.along[-1]
             own = _Pieces(row, side.along if upwards else 1 - side.along, side.along)
             found[side.edge] = own if upwards else own.reversed()
@@ -286,8 +287,8 @@ def _flat(model: BoundaryModel, index: int, cell: int, rows: dict[int, _Pieces])
             )
         )
     assert isinstance(face.carrier, Plane)
-    return Sheet(index, cell, nets, (made[0], made[1], made[2], made[3]), separable, face.carrier,
-                 face.name)  # fmt: skip
+    return Sheet(index, cell, patches_of(nets), (made[0], made[1], made[2], made[3]), separable,
+                 face.carrier, face.name)  # fmt: skip
 
 
 def _plane_side(model: BoundaryModel, use: EdgeUse, rows: dict[int, _Pieces]) -> _Pieces:

@@ -1,74 +1,112 @@
-"""Pairs of patches that boxes do not separate: a hierarchy of blocks, from whole sheets down."""
+"""Pairs of patches that are not parted as blocks: a hierarchy of these, from whole sheets down.
+
+Most of a spline of many patches is done with before any patch of it is made (`holds`).
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import cached_property
+
 import numpy as np
 
-from pc2cad.arrays import Array, Integers
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.geometry.sheets import projected
-from pc2cad.solidity.embedding.cells import Surfaces
-from pc2cad.solidity.embedding.separation import Separation, boxes
+from pc2cad.solidity.embedding.holds import hold
+from pc2cad.solidity.embedding.separation import boxes
+from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces, lengths, unit
+from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall, joint
+
+#: sheets of no more patches are held by the control points of each from the first
+FEW = 256
 
 
-def near_pairs(surfaces: Surfaces, tests: Separation) -> Integers:
-    """Return pairs of patches, each with itself too, whose boxes meet."""
-    flat = projected(surfaces.nets).reshape(len(surfaces.nets), -1, 3)
-    low, high = boxes(flat)
-    low, high = low - tests.noise, high + tests.noise
-    levels: list[_Level] = [(low, high, surfaces.shapes, surfaces.start)]
-    while levels[-1][2].max() > 1:
-        levels.append(_coarser(*levels[-1]))
+def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
+    """Return pairs of patches, each with itself too, that nothing parts as blocks.
+
+    With them comes the number of blocks that were looked at.
+    """
+    search = _Search(surfaces, noise)
+    plane = surfaces.plane
+    pairs: Integers = np.stack(np.triu_indices(len(surfaces.sheets)), axis=1)
+    pairs = pairs[(plane[pairs[:, 0]] < 0) | (plane[pairs[:, 0]] != plane[pairs[:, 1]])]
     count = len(surfaces.sheets)
-    pairs: Integers = np.stack(np.triu_indices(count), axis=1)
-    for depth in range(len(levels) - 1, -1, -1):
-        low, high, shapes, start = levels[depth]
-        if depth + 1 < len(levels):
-            pairs = _children(levels[depth + 1][2], levels[depth + 1][3], shapes, start, pairs)
-        a, b = pairs[:, 0], pairs[:, 1]
-        meet = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
-        pairs = pairs[meet]
-    return pairs
+    for depth in range(len(search.levels) - 1, -1, -1):
+        if depth + 1 < len(search.levels):
+            pairs = _children(search.levels[depth + 1], search.levels[depth], pairs)
+            count += len(np.unique(pairs))
+        pairs = search.left(depth, pairs)
+    return pairs, count
 
 
-#: limits of blocks in seven directions, and per sheet rows and columns of blocks, and the first
-_Level = tuple[Array, Array, Integers, Integers]
+@dataclass(frozen=True, eq=False)
+class _Level:
+    """Blocks of all sheets, row by row: what holds them and their tangents along s and t."""
+
+    #: limits in seven directions (B, 7)
+    low: Array
+    high: Array
+    cones: tuple[Cones, Cones]
+    #: rows and columns of blocks of each sheet
+    shapes: Integers
+
+    @cached_property
+    def start(self) -> Integers:
+        """First block of each sheet."""
+        sizes = self.shapes.prod(axis=1)
+        return np.asarray(np.cumsum(sizes) - sizes)
+
+    @cached_property
+    def sheet(self) -> Integers:
+        """The sheet of each block."""
+        return np.repeat(np.arange(len(self.shapes)), self.shapes.prod(axis=1))
+
+    @cached_property
+    def place(self) -> Integers:
+        """Row and column of each block in its sheet."""
+        index = np.arange(len(self.sheet)) - self.start[self.sheet]
+        return np.stack(np.divmod(index, self.shapes[self.sheet, 1]), axis=1)
+
+    def coarser(self) -> _Level:
+        """Return blocks of two by two."""
+        shapes, order, first = _parents(self.shapes, self.sheet, self.place)
+        low, high = self.low[order], self.high[order]
+        s, t = (_merged(cones, order, first) for cones in self.cones)
+        return _Level(np.minimum.reduceat(low, first), np.maximum.reduceat(high, first), (s, t),
+                      shapes)  # fmt: skip
 
 
-def _coarser(
-    low: Array, high: Array, shapes: Integers, start: Integers
-) -> tuple[Array, Array, Integers, Integers]:
-    """Return blocks of two by two."""
-    lows, highs = [], []
-    for (n, m), first in zip(shapes, start, strict=True):
-        grids = []
-        for values, reduce in ((low, np.minimum), (high, np.maximum)):
-            grid = values[first : first + n * m].reshape(n, m, -1)
-            for axis in (0, 1):
-                grid = reduce.reduceat(grid, np.arange(0, grid.shape[axis], 2), axis=axis)
-            grids.append(grid.reshape(-1, grid.shape[-1]))
-        lows.append(grids[0])
-        highs.append(grids[1])
+def _parents(
+    shapes: Integers, sheet: Integers, place: Integers
+) -> tuple[Integers, Integers, Integers]:
+    """Return the shapes of blocks of two by two; blocks by their parents, each one's first."""
     coarser = (shapes + 1) // 2
     sizes = coarser.prod(axis=1)
-    return np.concatenate(lows), np.concatenate(highs), coarser, np.cumsum(sizes) - sizes
+    start = np.cumsum(sizes) - sizes
+    parent = start[sheet] + place[:, 0] // 2 * coarser[sheet, 1] + place[:, 1] // 2
+    order = np.argsort(parent, kind="stable")
+    return coarser, order, np.searchsorted(parent[order], np.arange(sizes.sum()))
 
 
-def _children(
-    coarse: Integers, coarse_start: Integers, shapes: Integers, start: Integers, pairs: Integers
-) -> Integers:
-    sheet = np.repeat(np.arange(len(coarse)), coarse.prod(axis=1))
+def _merged(cones: Cones, order: Integers, first: Integers) -> Cones:
+    axes, radii = cones.axes[order], cones.radii[order]
+    mean = unit(np.add.reduceat(axes, first))
+    own = np.repeat(mean, np.diff(np.append(first, len(order))), axis=0)
+    return Cones(mean, np.maximum.reduceat(lengths(axes - own) + radii, first))
+
+
+def _children(coarse: _Level, fine: _Level, pairs: Integers) -> Integers:
     options = []
     for side in (0, 1):
         row = pairs[:, side]
-        own = sheet[row]
-        index = row - coarse_start[own]
-        i, j = index // coarse[own, 1], index % coarse[own, 1]
+        own = coarse.sheet[row]
+        i, j = coarse.place[row].T
         found = []
         for di in (0, 1):
             for dj in (0, 1):
                 x, y = 2 * i + di, 2 * j + dj
-                inside = (x < shapes[own, 0]) & (y < shapes[own, 1])
-                found.append(np.where(inside, start[own] + x * shapes[own, 1] + y, -1))
+                inside = (x < fine.shapes[own, 0]) & (y < fine.shapes[own, 1])
+                found.append(np.where(inside, fine.start[own] + x * fine.shapes[own, 1] + y, -1))
         options.append(found)
     alone = pairs[:, 0] == pairs[:, 1]
     blocks = []
@@ -77,3 +115,144 @@ def _children(
             chosen = (first >= 0) & (second >= 0) & (~alone | (p <= q))
             blocks.append(np.stack((first[chosen], second[chosen]), axis=1))
     return np.concatenate(blocks)
+
+
+@dataclass(eq=False)
+class _Search:
+    surfaces: Surfaces
+    noise: float
+    _across: dict[tuple[int, int], list[Cones]] = field(default_factory=dict)
+
+    @cached_property
+    def levels(self) -> list[_Level]:
+        """Patches, and ever larger blocks of them."""
+        found = [self._first()]
+        while found[-1].shapes.max() > 1:
+            found.append(found[-1].coarser())
+        return found
+
+    @cached_property
+    def _large(self) -> Booleans:
+        """Which sheets are held by their corners: splines of many patches."""
+        plain = [
+            sheet.patches.knots is not None
+            and bool(np.ptp(sheet.patches.poles[..., 3]) <= SAME_WEIGHT)
+            for sheet in self.surfaces.sheets
+        ]
+        return np.asarray((self.surfaces.shapes.prod(axis=1) > FEW) & np.array(plain))
+
+    def _first(self) -> _Level:
+        surfaces = self.surfaces
+        count = len(surfaces.sheet_of)
+        level = _Level(
+            np.empty((count, 7)), np.empty((count, 7)),
+            (Cones(np.empty((count, 3)), np.empty(count)),
+             Cones(np.empty((count, 3)), np.empty(count))), surfaces.shapes,
+        )  # fmt: skip
+        self._refine(level, np.flatnonzero(~self._large[surfaces.sheet_of]))
+        for index in np.flatnonzero(self._large).tolist():
+            part = slice(surfaces.start[index], surfaces.start[index] + level.shapes[index].prod())
+            patches = surfaces.sheets[index].patches
+            held = hold(patches, projected(patches.poles))
+            level.low[part], level.high[part] = held.limits()
+            for axis, cones in enumerate(level.cones):
+                found = held.tangents(axis, self.noise)
+                cones.axes[part], cones.radii[part] = found.axes, found.radii
+        return level
+
+    def _refine(self, level: _Level, patches: Integers) -> None:
+        """Hold some patches by their own control points."""
+        if len(patches) == 0:
+            return
+        points = projected(self.surfaces.nets(patches))
+        flat = points.reshape(len(patches), -1, 3)
+        level.low[patches], level.high[patches] = boxes(flat)
+        for axis, cones in enumerate(level.cones):
+            steps = np.diff(points, axis=1 + axis).reshape(len(patches), -1, 3)
+            found = cones_of(steps, self.noise)
+            cones.axes[patches], cones.radii[patches] = found.axes, found.radii
+
+    def left(self, depth: int, pairs: Integers) -> Integers:
+        """Return the pairs of blocks that are not parted."""
+        level = self.levels[depth]
+        pairs = pairs[self._meet(level, pairs)]
+        rows, *corners = self._rectangles(level, pairs)
+        if depth == 0:
+            looked = np.unique(np.concatenate((pairs.ravel(), *(c.ravel() for c in corners))))
+            self._refine(level, looked[self._large[level.sheet[looked]]])
+            meet = self._meet(level, pairs)
+        else:
+            meet = np.ones(len(pairs), dtype=bool)
+        meet[rows[self._parted(depth, *corners)]] = False
+        return pairs[meet]
+
+    def _meet(self, level: _Level, pairs: Integers) -> Booleans:
+        a, b = pairs[:, 0], pairs[:, 1]
+        low, high = level.low, level.high
+        gap = 2 * self.noise
+        meet = (low[a] <= high[b] + gap) & (low[b] <= high[a] + gap)
+        return np.asarray(meet.all(axis=1))
+
+    def _rectangles(self, level: _Level, pairs: Integers) -> tuple[Integers, Integers, Integers]:
+        """Return pairs of blocks side by side on one grid.
+
+        With them come the corners of the rectangle round both (k, 4), on both sheets.
+        """
+        surfaces = self.surfaces
+        a, b = pairs[:, 0], pairs[:, 1]
+        one, other = level.sheet[a], level.sheet[b]
+        size = level.shapes[one]
+        near = (size == level.shapes[other]).all(axis=1)
+        step = level.place[b] - level.place[a]
+        round_ = surfaces.closed[one] & surfaces.closed[other]
+        step = np.where(round_, (step + size // 2) % size - size // 2, step)
+        near &= (np.abs(step) <= 1).all(axis=1)
+        near &= surfaces.separable[one] & (surfaces.plane[one] < 0)
+        two = near & (one != other)
+        near[two] = surfaces.walls(one[two], other[two])
+        rows = np.flatnonzero(near)
+        here, step, size = level.place[a[rows]], step[rows], size[rows]
+        shifts = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+        corner = (here[:, None] + shifts * step[:, None]) % size[:, None]
+        index = corner[..., 0] * size[:, None, 1] + corner[..., 1]
+        first, second = (level.start[sheet[rows], None] + index for sheet in (one, other))
+        return rows, first, second
+
+    def _parted(self, depth: int, first: Integers, second: Integers) -> Booleans:
+        """Say in which rectangles sheets do not meet themselves or one another."""
+        level = self.levels[depth]
+        one, other = level.sheet[first[:, 0]], level.sheet[second[:, 0]]
+        corners = [*first.T, *second.T]
+        s, t = (joint([cones[rows] for rows in corners]) for cones in level.cones)
+        result = (one == other) & is_alone(s, t)
+        walls = np.flatnonzero(one != other)
+        keys = one[walls] * len(self.surfaces.sheets) + other[walls]
+        for key in np.unique(keys):
+            i, j = divmod(int(key), len(self.surfaces.sheets))
+            rows = walls[keys == key]
+            ways = self._ways(i, j)
+            across = ways[min(depth, len(ways) - 1)]
+            own = first[rows] - level.start[i]
+            result[rows] = is_wall(s[rows], t[rows], joint([across[k] for k in own.T]))
+        return np.asarray(result)
+
+    def _ways(self, i: int, j: int) -> list[Cones]:
+        """Return cones of the ways from one sheet to another, of patches and of larger blocks."""
+        if (i, j) not in self._across:
+            surfaces = self.surfaces
+            shapes = surfaces.shapes[[i]]
+            count = int(shapes.prod())
+            if self._large[i]:
+                first, second = (surfaces.sheets[k].patches for k in (i, j))
+                gap = projected(second.poles) - projected(first.poles)
+                found = [hold(first, gap).ways(self.noise)]
+            else:
+                nets = [projected(surfaces.nets(surfaces.start[k] + np.arange(count)))
+                        for k in (i, j)]  # fmt: skip
+                found = [cones_of((nets[1] - nets[0]).reshape(count, -1, 3), self.noise)]
+            while shapes.max() > 1:
+                place = np.indices(shapes[0]).reshape(2, -1).T
+                shapes, order, rows = _parents(shapes, np.zeros(len(place), dtype=int), place)
+                found.append(_merged(found[-1], order, rows))
+            self._across[i, j] = found
+        return self._across[i, j]

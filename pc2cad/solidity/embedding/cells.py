@@ -2,146 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.geometry.sheets import Sheet, elevated, projected, restriction
+from pc2cad.geometry.sheets import projected, restriction
+from pc2cad.solidity.embedding.surfaces import POINT, SAME, Surfaces, unit
 
-#: coordinates of a sheet or along an edge that differ by less are one
-SAME = 1e-11
-#: and weights
-SAME_WEIGHT = 1e-12
-#: names of the ends of a line: none for a side that is a point, and of vertices
-_POINT, _VERTEX = -1, -2
+#: the name of a vertex as the end of a line
+_VERTEX = -2
 #: corners 0 (s=0,t=0), 1 (1,0), 2 (1,1), 3 (0,1): the ends of the sides t=0, s=1, t=1, s=0
 ENDS = np.array([[0, 1], [1, 2], [3, 2], [0, 3]])
 _SIDES_AT = ((0, 3), (0, 1), (2, 1), (2, 3))
-
-
-def unit(vectors: Array) -> Array:
-    """Return vectors (…, 3) at length 1; those of no length stay."""
-    length = lengths(vectors)
-    return np.asarray(vectors / np.where(length > 0, length, 1.0)[..., None])
-
-
-def lengths(vectors: Array) -> Array:
-    """Return the lengths of vectors (…, 3)."""
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
-
-
-@dataclass(frozen=True, eq=False)
-class Surfaces:
-    """All sheets of a boundary as arrays over their patches, raised to one degree."""
-
-    sheets: Sequence[Sheet]
-    #: start and step of straight edges (E, 2, 3), NaN for others
-    lines: Array
-
-    @cached_property
-    def degree(self) -> int:
-        """The degree of all patches in both directions."""
-        return max(int(n) for sheet in self.sheets for n in sheet.nets.shape[2:4]) - 1
-
-    @cached_property
-    def nets(self) -> Array:
-        """Nets of all patches (N, d+1, d+1, 4)."""
-        rows = []
-        for sheet in self.sheets:
-            raised = elevated(elevated(sheet.nets, self.degree, 2), self.degree, 3)
-            rows.append(raised.reshape(-1, *raised.shape[2:]))
-        return np.concatenate(rows)
-
-    @cached_property
-    def shapes(self) -> Integers:
-        """Patches along s and t of each sheet."""
-        return np.array([sheet.shape for sheet in self.sheets])
-
-    @cached_property
-    def start(self) -> Integers:
-        """First patch of each sheet."""
-        sizes = self.shapes.prod(axis=1)
-        return np.asarray(np.cumsum(sizes) - sizes)
-
-    @cached_property
-    def sheet_of(self) -> Integers:
-        """The sheet of each patch."""
-        return np.repeat(np.arange(len(self.sheets)), self.shapes.prod(axis=1))
-
-    @cached_property
-    def place(self) -> Integers:
-        """Row and column of each patch in its sheet."""
-        return np.concatenate([np.indices(sheet.shape).reshape(2, -1).T for sheet in self.sheets])
-
-    @cached_property
-    def plane(self) -> Integers:
-        """The face of each sheet that lies in a plane, -1 for others."""
-        return np.array([-1 if s.plane is None else s.face for s in self.sheets])
-
-    @cached_property
-    def planes(self) -> tuple[Array, Array]:
-        """Origin and normal of each sheet's plane (zero where it lies in none)."""
-        zero = np.zeros(3)
-        rows = [(zero, zero) if s.plane is None else (s.plane.origin, s.plane.normal)
-                for s in self.sheets]  # fmt: skip
-        return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
-
-    @cached_property
-    def walls(self) -> Booleans:
-        """Which pairs of sheets are on one grid, with equal weights: they may be a wall's sides."""
-        count = len(self.sheets)
-        result = np.zeros((count, count), dtype=bool)
-        for i in range(count):
-            for j in range(i):
-                same = (self.shapes[i] == self.shapes[j]).all()
-                if same and self.separable[i] and self.separable[j] and self.plane[i] < 0:
-                    size = int(self.shapes[i].prod())
-                    one, other = (self.nets[self.start[k] :][:size, ..., 3] for k in (i, j))
-                    result[i, j] = result[j, i] = np.abs(one - other).max() <= SAME_WEIGHT
-        return result
-
-    @cached_property
-    def separable(self) -> Booleans:
-        """Whether tangents are sums of differences of control points, per sheet."""
-        return np.array([sheet.separable for sheet in self.sheets])
-
-    @cached_property
-    def edges(self) -> Integers:
-        """The edge of each side of each sheet, -1 where it is a point."""
-        return np.array(
-            [[_POINT if s.edge is None else s.edge for s in sheet.sides] for sheet in self.sheets]
-        )
-
-    @cached_property
-    def vertices(self) -> Integers:
-        """The vertices at both ends of each side, (sheets, 4, 2)."""
-        return np.array([[side.ends for side in sheet.sides] for sheet in self.sheets])
-
-    @cached_property
-    def along(self) -> Array:
-        """Coordinates along the edges at the ends of patches, (sheets, 4, most + 1)."""
-        most = int(self.shapes.max()) + 1
-        table = np.zeros((len(self.sheets), 4, most))
-        for i, sheet in enumerate(self.sheets):
-            for k, side in enumerate(sheet.sides):
-                table[i, k, : len(side.along)] = side.along
-                table[i, k, len(side.along) :] = side.along[-1]
-        return table
-
-    @cached_property
-    def borders(self) -> tuple[Booleans, Booleans]:
-        """Which edges and which vertices each face in a plane has: (faces, E), (faces, V)."""
-        faces = 1 + max(sheet.face for sheet in self.sheets)
-        edges = np.zeros((faces, len(self.lines) + 1), dtype=bool)
-        vertices = np.zeros((faces, int(self.vertices.max()) + 1), dtype=bool)
-        for i, sheet in enumerate(self.sheets):
-            edges[sheet.face, self.edges[i]] = True
-            vertices[sheet.face, self.vertices[i].ravel()] = True
-        edges[:, -1] = False
-        return edges, vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +143,7 @@ class Cells:
         name = np.where(
             self.edge >= 0, self.edge, count + 2 * self.sheet[:, None] + np.array([0, 1, 0, 1])
         )
-        name = np.where(self.collapsed, _POINT, name)
+        name = np.where(self.collapsed, POINT, name)
         level = np.stack((low[:, 1], high[:, 0], high[:, 1], low[:, 0]), axis=1)
         level = np.where(self.edge >= 0, 0.0, level)
         along = np.sort(self._coordinates, axis=2)
@@ -308,7 +182,7 @@ class Cells:
 def cells_of(surfaces: Surfaces, patch: Integers, low: Array, high: Array) -> Cells:
     """Return parts of patches."""
     d = surfaces.degree
-    nets = surfaces.nets[patch]
+    nets = surfaces.nets(patch)
     whole = (low <= 0).all(axis=1) & (high >= 1).all(axis=1)
     cut = np.flatnonzero(~whole)
     if len(cut):

@@ -13,7 +13,8 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.geometry.sheets import projected, restriction
-from pc2cad.solidity.embedding.cells import Cells, Surfaces
+from pc2cad.solidity.embedding.cells import Cells
+from pc2cad.solidity.embedding.surfaces import Surfaces
 
 #: a place nearer to a joint than this share of the size is near to it
 NEAR = 1e-3
@@ -54,8 +55,7 @@ class Joints:
         found = []
         for k, side in enumerate(first.sides):
             shared = edges.count(side.edge) > (a == b) if side.edge is not None else False
-            row = (first.nets[:, 0, :, 0], first.nets[-1, :, -1], first.nets[:, -1, :, -1],
-                   first.nets[0, :, 0])[k]  # fmt: skip
+            row = first.row(k)
             if shared:
                 d = row.shape[1] - 1
                 at = restriction(d, _PLACES, _PLACES)[:, 0]
@@ -79,7 +79,7 @@ def crosses(cells: Cells, pair: Integers, distance: float) -> bool:
 def _around(cells: Cells, row: int, reach: float) -> Array:
     """Return points of a sheet round a cell on a grid, (n+1, n+1, 3), at most `reach` wide."""
     surfaces = cells.surfaces
-    net = surfaces.nets[cells.patch[row]]
+    (net,) = surfaces.nets(cells.patch[[row]])
     points = projected(net)
     speed = [max(float(np.abs(np.diff(points, axis=k)).max()) * surfaces.degree, 1e-300)
              for k in (0, 1)]  # fmt: skip

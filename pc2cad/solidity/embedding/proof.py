@@ -10,10 +10,11 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.geometry.sheets import Sheet
 from pc2cad.solidity.embedding.blocks import near_pairs
-from pc2cad.solidity.embedding.cells import Cells, Surfaces, cells_of, joints
+from pc2cad.solidity.embedding.cells import Cells, cells_of, joints
 from pc2cad.solidity.embedding.near_joints import NEAR, Joints, crosses
 from pc2cad.solidity.embedding.separation import Separation, boxes
-from pc2cad.solidity.embedding.windows import not_in_windows, parted_walls
+from pc2cad.solidity.embedding.surfaces import Surfaces
+from pc2cad.solidity.embedding.windows import parted_walls
 
 #: parts smaller than this share of the size that nothing separates count as meeting
 TOUCHING = 1e-9
@@ -83,8 +84,7 @@ class _Descent:
 
     def run(self) -> Outcome:
         surfaces = self.surfaces
-        pairs = not_in_windows(surfaces, near_pairs(surfaces, self.tests), self.noise)
-        self.count = len(surfaces.nets)
+        pairs, self.count = near_pairs(surfaces, self.noise)
         if len(pairs) == 0:
             return Outcome(self.count)
         patches, index = np.unique(pairs, return_inverse=True)

@@ -1,51 +1,89 @@
-"""Windows of two by two patches, in which a sheet, or two sides of a wall, cannot meet.
+"""Rectangles of parameters in which a sheet, or two sides of a wall, cannot meet.
 
-The straight way of parameters between two places of a window is a sum of tangents along s and t;
+The straight way of parameters between two places of a rectangle is a sum of tangents along s and t;
 where cones that hold these have only the zero in common, both ways round, it does not come back. Of
 two sheets on one grid of patches the straight way leads from one to the other, through the solid
-between them: a sum of tangents of both and of ways across. This does with one look what would be
-ten pairs of patches, and for walls however thin.
+between them: a sum of tangents of both and of ways across. That is so for rectangles of any size:
+one look does what would be many pairs of patches, and for walls however thin.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.geometry.sheets import projected
-from pc2cad.solidity.embedding.cells import Cells, Surfaces, cells_of, lengths, unit
-
-#: axes (n, m, 3) and how far unit vectors are from them at most, as chords (n, m)
-_Cones = tuple[Array, Array]
+from pc2cad.solidity.embedding.cells import Cells, cells_of
+from pc2cad.solidity.embedding.surfaces import lengths, unit
 
 
-def not_in_windows(surfaces: Surfaces, pairs: Integers, noise: float) -> Integers:
-    """Return the pairs of patches that no window shows to meet nowhere, or only where joined."""
-    sheet, place = surfaces.sheet_of, surfaces.place
-    a, b = pairs[:, 0], pairs[:, 1]
-    one, other = sheet[a], sheet[b]
-    flat = (surfaces.plane[one] >= 0) & (surfaces.plane[one] == surfaces.plane[other])
-    near = (np.abs(place[a] - place[b]) <= 1).all(axis=1)
-    near &= (surfaces.shapes[one] == surfaces.shapes[other]).all(axis=1) & ~flat
-    near &= surfaces.separable[one] & surfaces.separable[other]
-    done = flat.copy()
-    cones: dict[int, tuple[_Cones, _Cones]] = {}
-    keys = one[near] * len(surfaces.sheets) + other[near]
-    for key, count in zip(*np.unique(keys, return_counts=True), strict=True):
-        i, j = divmod(int(key), len(surfaces.sheets))
-        n, m = (int(x) for x in surfaces.shapes[i])
-        if count < max(4, n * m):
-            continue  # they only touch along a side, or are few
-        for k in (i, j):
-            if k not in cones:
-                cones[k] = _tangents(surfaces, k, noise)
-        holds = _wall(surfaces, i, j, cones, noise) if i != j else _alone(cones[i])
-        if holds is None:
-            continue
-        rows = np.flatnonzero(near & (one == i) & (other == j))
-        corner = np.minimum(np.minimum(place[a[rows]], place[b[rows]]), np.array(holds.shape) - 1)
-        done[rows] = holds[corner[:, 0], corner[:, 1]]
-    return np.asarray(pairs[~done])
+@dataclass(frozen=True, eq=False)
+class Cones:
+    """Cones that hold vectors, and all sums of these.
+
+    Unit axes (…, 3), and how far the vectors, at length 1, are from them at most (…), as chords:
+    -inf where no vector is longer than rounding.
+    """
+
+    axes: Array
+    radii: Array
+
+    def __getitem__(self, rows: Integers) -> Cones:
+        return Cones(self.axes[rows], self.radii[rows])
+
+    def flat(self) -> Cones:
+        """Return the same in one row."""
+        return Cones(self.axes.reshape(-1, 3), self.radii.ravel())
+
+    @property
+    def reach(self) -> Array:
+        """1 and the radius; too much for every test where there is no vector."""
+        return np.asarray(1 + np.where(self.radii >= 0, self.radii, 2.0))
+
+
+def around(vectors: Array, reach: Array | float, noise: float) -> Cones:
+    """Return the cones of all that is nearer than a reach (…) to vectors (…, 3)."""
+    size = lengths(vectors)
+    there = size > noise
+    share = (reach + noise) / np.where(there, size, 1.0)
+    # a chord of the angle whose sine is the share
+    chord = np.sqrt(2 - 2 * np.sqrt(np.maximum(1 - share * share, 0.0)))
+    radii = np.where(there, np.where(share < 1, chord, 2.0), np.where(reach <= noise, -np.inf, 2.0))
+    return Cones(unit(np.where(there[..., None], vectors, 0.0)), radii)
+
+
+def cones_of(vectors: Array, noise: float) -> Cones:
+    """Return the cones that hold vectors (n, k, 3) each, as far as these are not rounding."""
+    size = lengths(vectors)
+    there = size > noise
+    ways = vectors * np.where(there, 1 / np.where(there, size, 1.0), 0.0)[..., None]
+    axes = unit(ways.sum(axis=1))
+    return Cones(axes, np.where(there, lengths(ways - axes[:, None]), -np.inf).max(axis=1))
+
+
+def joint(parts: Sequence[Cones]) -> Cones:
+    """Return the cones that hold those of several arrays."""
+    total = parts[0].axes.copy()
+    for part in parts[1:]:
+        total += part.axes
+    axes = unit(total)
+    radii = np.full(axes.shape[:-1], -np.inf)
+    for part in parts:
+        np.maximum(radii, lengths(part.axes - axes) + part.radii, out=radii)
+    return Cones(axes, radii)
+
+
+def is_alone(s: Cones, t: Cones) -> Booleans:
+    """Say where no vectors of two cones are parallel."""
+    return np.asarray(lengths(np.cross(s.axes, t.axes)) > s.reach * t.reach - 1)
+
+
+def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
+    """Say where no vectors of three cones lie in a plane."""
+    volume = np.abs(np.einsum("...i,...i->...", np.cross(s.axes, t.axes), w.axes))
+    return np.asarray(volume > s.reach * t.reach * w.reach - 1)
 
 
 def parted_walls(cells: Cells, pairs: Integers, noise: float) -> Booleans:
@@ -56,18 +94,19 @@ def parted_walls(cells: Cells, pairs: Integers, noise: float) -> Booleans:
     surfaces, result = cells.surfaces, np.zeros(len(pairs), dtype=bool)
     a, b = pairs[:, 0], pairs[:, 1]
     one, other = cells.sheet[a], cells.sheet[b]
-    near = (one != other) & surfaces.walls[one, other]
+    near = one != other
     size = cells.high - cells.low
     near &= (size[a] == size[b]).all(axis=1)
     apart = cells.limits[0][b] - cells.limits[0][a]
     # cells may be halved until nothing is left of them
     step = np.divide(apart, size[a], out=np.full_like(apart, np.inf), where=size[a] > 0)
     near &= (np.abs(step) <= 1).all(axis=1)
+    near[near] = surfaces.walls(one[near], other[near])
     rows = np.flatnonzero(near)
     if len(rows) == 0:
         return result
     a, b, step = a[rows], b[rows], step[rows]
-    parts: list[list[_Cones]] = [[], [], []]
+    parts: list[list[Cones]] = [[], [], []]
     for shift in ((0, 0), (1, 0), (0, 1), (1, 1)):
         low = cells.limits[0][a] + np.array(shift) * step * size[a]
         nets = []
@@ -77,67 +116,9 @@ def parted_walls(cells: Cells, pairs: Integers, noise: float) -> Booleans:
             nets.append(cells_of(surfaces, patch, low - place, low - place + size[a]).points)
         for net in nets:
             for axis in (1, 2):
-                vectors = np.diff(net, axis=axis).reshape(len(rows), 1, -1, 3)
-                parts[axis - 1].append(_cones(vectors, noise))
-        parts[2].append(_cones((nets[1] - nets[0]).reshape(len(rows), 1, -1, 3), noise))
-    (s, r), (t, q), (w, p) = (_joint(part) for part in parts)
-    volume = np.abs(np.einsum("nmi,nmi->nm", np.cross(s, t), w))
-    result[rows] = (volume > (1 + r) * (1 + q) * (1 + p) - 1)[:, 0]
+                vectors = np.diff(net, axis=axis).reshape(len(rows), -1, 3)
+                parts[axis - 1].append(cones_of(vectors, noise))
+        parts[2].append(cones_of((nets[1] - nets[0]).reshape(len(rows), -1, 3), noise))
+    s, t, w = (joint(part) for part in parts)
+    result[rows] = is_wall(s, t, w)
     return result
-
-
-def _tangents(surfaces: Surfaces, sheet: int, noise: float) -> tuple[_Cones, _Cones]:
-    """Return the cones of tangents along s and t of a sheet's windows."""
-    n, m = surfaces.shapes[sheet]
-    start = surfaces.start[sheet]
-    points = projected(surfaces.nets[start : start + n * m])
-    found = []
-    for axis in (1, 2):
-        steps = np.diff(points, axis=axis).reshape(n, m, -1, 3)
-        found.append(_windows(_cones(steps, noise)))
-    return found[0], found[1]
-
-
-def _cones(vectors: Array, noise: float) -> _Cones:
-    """Return the cones that hold vectors (n, m, k, 3) longer than rounding."""
-    size = lengths(vectors)
-    there = size > noise
-    ways = np.where(there, 1 / np.where(there, size, 1.0), 0.0)[..., None] * vectors
-    axis = unit(ways.sum(axis=2))
-    gap = lengths(ways - axis[:, :, None])
-    return axis, np.where(there, gap, 0.0).max(axis=2) + np.where(there.any(axis=2), 0.0, 2.0)
-
-
-def _windows(cones: _Cones) -> _Cones:
-    """Return the cones of windows of two by two patches, as far as there are two."""
-    axes, radii = cones
-    shifts = [(slice(None, -1), slice(1, None)) if k > 1 else (slice(None),) for k in radii.shape]
-    parts = [(axes[i, j], radii[i, j]) for i in shifts[0] for j in shifts[1]]
-    return _joint(parts)
-
-
-def _joint(parts: list[_Cones]) -> _Cones:
-    axis = unit(np.sum([part[0] for part in parts], axis=0))
-    return axis, np.max([lengths(a - axis) + r for a, r in parts], axis=0)
-
-
-def _alone(cones: tuple[_Cones, _Cones]) -> Booleans:
-    """Say in which windows of a sheet tangents along s and t are never parallel."""
-    (a, r), (b, q) = cones
-    sine = lengths(np.cross(a, b))
-    return np.asarray(sine > (1 + r) * (1 + q) - 1)
-
-
-def _wall(
-    surfaces: Surfaces, i: int, j: int, cones: dict[int, tuple[_Cones, _Cones]], noise: float
-) -> Booleans | None:
-    """Say in which windows of two sheets on one grid the way across leads out of both."""
-    if not surfaces.walls[i, j]:
-        return None
-    n, m = surfaces.shapes[i]
-    nets = [surfaces.nets[surfaces.start[k] : surfaces.start[k] + n * m] for k in (i, j)]
-    across = (projected(nets[1]) - projected(nets[0])).reshape(n, m, -1, 3)
-    w, p = _windows(_cones(across, noise))
-    (a, r), (b, q) = (_joint([x, y]) for x, y in zip(cones[i], cones[j], strict=True))
-    size = np.abs(np.einsum("nmi,nmi->nm", np.cross(a, b), w))
-    return np.asarray(size > (1 + r) * (1 + q) * (1 + p) - 1)
