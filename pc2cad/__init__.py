@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from pc2cad.templates.importers.kinds import import_template as import_template
     from pc2cad.templates.importers.net import import_points as import_points
     from pc2cad.templates.importers.vmec import import_vmec as import_vmec
+    from pc2cad.verify.against import verify_file as verify_file
     from pc2cad.verify.receipt import receipt as receipt
 
 _HOMES = {
@@ -56,6 +57,7 @@ _HOMES = {
     "spline_part": "pc2cad.compiler",
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.expression.sympy_bridge",
+    "verify_file": "pc2cad.verify.against",
     "write_mesh": "pc2cad.export.mesh_files",
     "write_points": "pc2cad.export.point_files",
     "write_splines": "pc2cad.export.spline_files",

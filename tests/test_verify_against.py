@@ -19,7 +19,7 @@ from pc2cad.export.model import ExportOptions
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import template_paths
-from pc2cad.verify.against import verification, verify
+from pc2cad.verify.against import verification, verify_file
 from pc2cad.verify.defects import StepUnreadableError
 from pc2cad.verify.receipt import parse_step
 
@@ -82,7 +82,7 @@ def test_all_templates_are_verified(name: str, kind: str, tmp_path: Path) -> Non
     }[kind]
     file = write(name, tmp_path / "part.step", options, "AP214" if kind == "AP214" else "AP242")
     tolerance = None if options.tolerance is None else options.tolerance
-    found = verify(file, str(PATHS[name]), tolerance=tolerance)
+    found = verify_file(file, str(PATHS[name]), tolerance=tolerance)
     assert found["verified"], found["differences"]
 
 
@@ -193,8 +193,8 @@ def test_the_verb_says_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_no_kernel_is_loaded_to_verify(tmp_path: Path) -> None:
     file = write("cone", tmp_path / "cone.step")
     code = (
-        "import sys; from pc2cad.verify.against import verify;"
-        "assert verify(sys.argv[1], 'cone')['verified'];"
+        "import sys; from pc2cad.verify.against import verify_file;"
+        "assert verify_file(sys.argv[1], 'cone')['verified'];"
         "bad = {'OCP', 'cadquery', 'sympy', 'pc2cad.brep', 'pc2cad.representation',"
         "'pc2cad.validation', 'pc2cad.part', 'pc2cad.compiler'}; print(bad & set(sys.modules))"
     )

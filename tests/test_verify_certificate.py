@@ -237,3 +237,45 @@ def test_balls_hold_all_taylor_coefficients(name: str) -> None:
                 off = abs(wanted[k] - mpmath.mpf(float(found.c[k, 0, 0])))
                 assert off <= float(found.r[k, 0, 0]) + 1e-25, (name, place, k)
     assert np.all(found.r[:, 0, 0] < 10.0)
+
+
+# -- the gate ------------------------------------------------------------------------------------
+
+
+def test_build_verifies_before_it_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pc2cad.export import step
+
+    file, report = tmp_path / "cone.step", tmp_path / "cone.json"
+    command = ["build", "cone", "-o", str(file), "--verify", "--report", str(report)]
+    assert main(command) == 0
+    verdict = json.loads(report.read_text())["verified"][str(file)]
+    assert verdict["verified"] is True
+    assert verdict["evidence"] == "exact"
+    assert verdict["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest()
+    true = step.encode
+    monkeypatch.setattr(step, "encode", lambda *given: true(*given).replace(b"'w=0'", b"'w=7'", 1))
+    for path in (file, report):
+        path.unlink()
+    assert main(command) == 6
+    assert "not this solid: the face 'w=7'" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+    assert main(["build", "cone", "-o", str(tmp_path / "cone.stl"), "--verify"]) == 2
+
+
+def test_a_study_says_which_variants_are_not_verified(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pc2cad.export import step
+    from pc2cad.studies.variant import Job, Task, run_variant
+
+    task = Task(find_template("cone").read_text(), "cone", ("step",), str(tmp_path), verify=True)
+    assert run_variant(task, Job("a", {"h": 3.0})).status == "built"
+    assert (tmp_path / "a.step").exists()
+    true = step.encode
+    monkeypatch.setattr(step, "encode", lambda *given: true(*given).replace(b".T.);", b".F.);", 1))
+    found = run_variant(task, Job("b", {"h": 3.0}))
+    assert found.status == "not verified"
+    assert found.reason
+    assert not (tmp_path / "b.step").exists()

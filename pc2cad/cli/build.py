@@ -20,11 +20,13 @@ from pc2cad.cli.inputs import (
     read_options,
 )
 from pc2cad.cli.output import Progress, say, shown, table
-from pc2cad.errors import FileNotWrittenError, named
+from pc2cad.errors import FileNotWrittenError, InputError, named
 
 if TYPE_CHECKING:
+    from pc2cad.equation.point_equation import PointEquation
     from pc2cad.export.model import ExportOptions
     from pc2cad.part import Part
+    from pc2cad.templates.bodies import Bodies
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser)
     add_density(parser)
     parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
+    parser.add_argument(
+        "--verify", action="store_true",
+        help="hold every STEP file against the equation before it is put in its place, by a reader "
+        "that shares nothing with the kernel; the verdict goes into the report",
+    )  # fmt: skip
     parser.add_argument(
         "--schema", choices=("AP242", "AP214"), default="AP242",
         help="application protocol of STEP files (default: %(default)s)",
@@ -94,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
                 progress("weigh")
                 weighed = replace(part.report, mass=part.mass_properties(density))
                 part = replace(part, report=weighed)
-        files = _encode(part, options, arguments, progress)
+        files = _encode(part, equation, options, arguments, progress)
         progress("write")
         _write(files)
     if not arguments.quiet:
@@ -123,10 +130,12 @@ def _loss(output: str, part: Part, options: ExportOptions) -> str:
 def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
     """Refuse, before the work begins, what could not be written at its end."""
     from pc2cad.export.files import check_target
-    from pc2cad.export.registry import check_writable
+    from pc2cad.export.registry import check_writable, format_for
 
     for path in arguments.outputs:
         check_writable(path)
+    if arguments.verify and not any(format_for(path).name == "step" for path in arguments.outputs):
+        raise InputError("--verify holds STEP files against the equation; name one with -o")
     if arguments.report is not None:
         check_target(arguments.report)
     reports = () if arguments.report is None else (arguments.report,)
@@ -134,19 +143,30 @@ def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
 
 
 def _encode(
-    part: Part, options: ExportOptions, arguments: argparse.Namespace, progress: Progress
+    part: Part,
+    equation: PointEquation | Bodies,
+    options: ExportOptions,
+    arguments: argparse.Namespace,
+    progress: Progress,
 ) -> dict[str, bytes]:
     """Return the contents of every file: what fails here leaves no file at all."""
     from pc2cad.export.registry import format_for
 
     exportable = part.exportable(arguments.colours)
-    files = {}
+    files, verdicts = {}, {}
     for path in arguments.outputs:
         kind = format_for(path)
         progress(f"encode {kind.name}")
         files[path] = kind.encoder()(exportable, options)
+        if arguments.verify and kind.name == "step":
+            from pc2cad.verify.gate import require_verified
+
+            progress("verify")
+            with named(path):
+                verdicts[path] = require_verified(files[path], equation, part.report.tolerance)
     if arguments.report is not None:
-        text = json.dumps(part.report.to_dict(), indent=2, allow_nan=False)
+        found = part.report.to_dict() | ({"verified": verdicts} if arguments.verify else {})
+        text = json.dumps(found, indent=2, allow_nan=False)
         files[arguments.report] = f"{text}\n".encode()
     return files
 

@@ -73,6 +73,10 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         help="draw every part, and contact-sheet.png of them all",
     )  # fmt: skip
     parser.add_argument(
+        "--verify", action="store_true",
+        help="hold every STEP file against the equation before it is stored, without the kernel",
+    )  # fmt: skip
+    parser.add_argument(
         "--plot", metavar="COLUMN:PARAMETER", action="append", default=[],
         help="draw a column of the results against a parameter, as a PNG (repeatable)",
     )  # fmt: skip
@@ -126,6 +130,7 @@ def run(arguments: argparse.Namespace) -> int:
             fixed=read_settings(arguments.settings),
             formats=_formats(arguments.formats),
             thumbnails=arguments.thumbnails,
+            verify=arguments.verify,
             **asdict(read_options(arguments)),
             workers=arguments.workers,
             cluster=arguments.dask,

@@ -38,6 +38,7 @@ def described(task: Task, plan: Plan) -> dict[str, Any]:
         "max degree": task.max_degree,
         "profile": task.profile,
         "thumbnails": task.thumbnails,
+        "verify": task.verify,
         **{f"-s {name}": value for name, value in sorted(task.fixed.items())},
         "variants": len(plan),
         **{f"values of {name}": _summary(values) for name, values in columns},

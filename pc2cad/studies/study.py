@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ def study(
     fixed: Mapping[str, float | str] | None = None,
     formats: Sequence[str] = ("step",),
     thumbnails: bool = False,
+    verify: bool = False,
     tolerance: float | None = None,
     degree: int | None = None,
     max_degree: int | None = None,
@@ -58,16 +59,18 @@ def study(
     every combination is a variant, unless `sampling` (``"lhs:500"``, ``"sobol:512"``) draws from
     their ranges. `table` names a CSV or Parquet file of variants instead. `fixed` sets parameters
     that do not vary, and points, as ``-s`` does. `thumbnails` adds a picture of every part, and
-    ``contact-sheet.png`` of them all. Files go to ``folder/files``, or to the `store`: a folder or
-    an address for fsspec. `cluster` is a Dask cluster or its address; without one, `workers`
-    processes of this machine do the work (0: one for each processor), each variant within the
-    `limits`. `plots` are columns of the table to be drawn against parameters. `resume` goes on
-    where an interrupted study stopped, if it is the same study. See `run_study` for the rest;
-    raises PlanError and TemplateError besides.
+    ``contact-sheet.png`` of them all. With `verify` every STEP file is held against the equation
+    before it is stored, and a variant that fails is ``not verified``. Files go to ``folder/files``,
+    or to the `store`: a folder or an address for fsspec. `cluster` is a Dask cluster or its
+    address; without one, `workers` processes of this machine do the work (0: one for each
+    processor), each variant within the `limits`. `plots` are columns of the table to be drawn
+    against parameters. `resume` goes on where an interrupted study stopped, if it is the same
+    study. See `run_study` for the rest; raises PlanError and TemplateError besides.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
     path = find_template(os.fspath(template))
-    task = _task(path, folder, store, formats, options, thumbnails, fixed or {})
+    task = _task(path, folder, store, formats, options, fixed or {})
+    task = replace(task, thumbnails=thumbnails, verify=verify)
     work = _Study(path, _plan(vary or {}, table, sampling, seed), task, Path(folder), plots)
     engine = _engine(cluster, workers, limits or Limits())
     return work.run(engine, resume, stop_after, progress)
@@ -79,7 +82,6 @@ def _task(
     store: str | None,
     formats: Sequence[str],
     options: CompileOptions,
-    thumbnails: bool,
     fixed: Mapping[str, float | str],
 ) -> Task:
     """Return what every variant has in common; the template's text is read here, once."""
@@ -90,7 +92,6 @@ def _task(
         name=path.stem,
         formats=_formats(formats),
         store=store or os.path.join(os.path.abspath(folder), "files"),
-        thumbnails=thumbnails,
         fixed=dict(fixed),
         **asdict(options),
     )

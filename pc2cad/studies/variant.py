@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from pc2cad.templates.template import Template
 
 #: what a refusal is called in the table, by its exit code
-STATUS = {2: "bad input", 3: "not a solid", 4: "tolerance not reached", 5: "failed"}
+STATUS = {
+    2: "bad input", 3: "not a solid", 4: "tolerance not reached", 5: "failed", 6: "not verified",
+}  # fmt: skip
 BUILT = "built"
 #: characters of a reason: messages quote what they are about
 LONGEST_REASON = 4000
@@ -48,6 +50,8 @@ class Task:
     profile: str = "compact"
     #: a picture of every part goes to the store as well
     thumbnails: bool = False
+    #: STEP files are held against the equation before they are stored
+    verify: bool = False
     #: parameters that do not vary and points that are replaced: numbers, or texts as -s takes them
     fixed: Mapping[str, float | str] = field(default_factory=dict)
 
@@ -136,6 +140,12 @@ def _build(task: Task, job: Job) -> Outcome:
         kind: format_for(f"part.{kind}").encoder()(exportable, ExportOptions())
         for kind in task.formats
     }
+    if task.verify and "step" in encoded:
+        from pc2cad.verify.gate import require_verified
+
+        require_verified(encoded["step"], equation, part.report.tolerance)
+        times["verify"] = time.perf_counter() - start
+        start = time.perf_counter()
     if task.thumbnails:
         encoded["thumbnail"] = _thumbnail(part)
     files = {kind: file_name(job.key, kind) for kind in encoded}

@@ -116,7 +116,7 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def verify(
+def verify_file(
     file: str | os.PathLike[str],
     template: str | os.PathLike[str] | Template | PointEquation,
     values: Mapping[str, Any] | None = None,
