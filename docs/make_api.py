@@ -13,6 +13,7 @@ import pc2cad
 from pc2cad import cadquery, part, report
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.integrals.inertia import Mass
+from pc2cad.integrals.sensitivity import Sensitivity
 from pc2cad.templates.bodies import BodiesTemplate
 from pc2cad.templates.template import Template
 
@@ -20,6 +21,7 @@ FILE = Path(__file__).parent / "api.md"
 CLASSES = (
     Template, BodiesTemplate, PointEquation, part.Part, part.Body, report.Report,
     report.EquationReport, report.FaceReport, report.EdgeReport, report.Integrals, Mass,
+    Sensitivity,
 )  # fmt: skip
 PLUGIN = ("point_solid", "channel_solid", "placed", "pointSolid", "channelSolid", "pointParts")
 

@@ -28,6 +28,7 @@ from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.geometry.scale import Scale
 from pc2cad.integrals.inertia import Mass, densities, mass_of
 from pc2cad.integrals.mass_properties import MassProperties, integrate
+from pc2cad.integrals.sensitivity import Sensitivity, sensitivity
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.solidity.orientation import Orientation, find_orientation
 from pc2cad.solidity.solidity import Solidity, check_solidity
@@ -75,6 +76,18 @@ class CheckedMap:
         not positive, and for names of no layer.
         """
         return mass_of(self.analysis, self.mass, densities(density, self.equation))
+
+    def sensitivity(self, name: str, density: float | Mapping[str, float] = 1.0) -> Sensitivity:
+        """Return d/dp of volume, area, centroid, mass and inertia for one parameter.
+
+        Raises InputError for a name of no parameter, and NotDifferentiableError where the solid
+        does not change smoothly with it.
+        """
+        given = densities(density, self.equation)
+        variation = self.equation.variation(name)
+        mass = mass_of(self.analysis, self.mass, given)
+        sign = self.orientation.sign
+        return sensitivity(self.analysis, sign, self.mass, mass, given, variation)
 
 
 class Stages:

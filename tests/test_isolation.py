@@ -20,6 +20,7 @@ from tests import hostile_folder as hostile
 CALLS = {
     "build": (["pyramid", "-o", "p.step"], True),
     "check": (["pyramid"], True),
+    "sensitivities": (["cone"], True),
     "study": (["pyramid_cut", "--vary", "p=.5", "-o", "s", "--workers", "1"], True),
     "mesh": (["pyramid", "-o", "m.vtu", "--cells", "2x2x2"], True),
     "render": (["pyramid", "-o", "r.png"], True),

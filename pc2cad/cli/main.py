@@ -28,6 +28,7 @@ BROKEN_PIPE: Final = 141
 VERBS: Final = {
     "build": "compile a template into a solid and write it to files",
     "check": "compile a template and show what is known of the solid; write nothing",
+    "sensitivities": "show how volume, area, centroid, mass and inertia change with parameters",
     "study": "build many variants of a template, with a table of what became of each",
     "mesh": "mesh a template with hexahedra or tetrahedra for finite elements",
     "render": "compile a template and write pictures of it, PNG or SVG",
@@ -43,7 +44,9 @@ VERBS: Final = {
 
 
 #: verbs whose work is done by a process that is watched; `study` watches its own workers
-GUARDED: Final = ("build", "check", "mesh", "render", "view", "points", "spline", "verify")
+GUARDED: Final = (
+    "build", "check", "sensitivities", "mesh", "render", "view", "points", "spline", "verify",
+)  # fmt: skip
 
 
 class UsageError(InputError):

@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any, Final
 
 from pc2cad.equation.points import Combination, Kind, kind_of, point
+from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
@@ -77,6 +78,8 @@ class PointEquation:
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False
     )
+    #: leaves one parameter free, where the equation has parameters
+    freer: Callable[[str], Variation] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         # texts come from files, their names and scripts, and go into files and to terminals
@@ -103,6 +106,13 @@ class PointEquation:
                 f"the equation {self.name} has no named points to move; those of a template have"
             )
         return self.mover(points)
+
+    def variation(self, name: str) -> Variation:
+        """Return how the equation changes with one parameter; InputError where it has no such."""
+        if self.freer is None or name not in self.parameters:
+            known = ", ".join(self.parameters) or "none"
+            raise InputError(f"{self.name} has no parameter '{name:.80}' (it has: {known})")
+        return self.freer(name)
 
     def layered(self, names: Sequence[str], depth: Expr | None = None) -> PointEquation:
         """Return the equation with its pieces of w, from w = 0 up, as named layers of one part.

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
     from pc2cad.integrals.inertia import Mass
+    from pc2cad.integrals.sensitivity import Sensitivity
     from pc2cad.mesh.grid import Growth
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part import Body
@@ -133,6 +134,15 @@ class OfOneEquation(ABC):
         is a rational polynomial, else with an error estimate. Raises InputError.
         """
         return self.body.checked.mass_properties(density)
+
+    def sensitivity(self, name: str, density: float | Mapping[str, float] = 1.0) -> Sensitivity:
+        """Return d/dp of volume, area, centroid, mass and inertia, and ∂M/∂p wherever it is asked.
+
+            part.sensitivity("r").volume            # mm^3 per unit of r
+
+        Raises InputError for a name of no parameter, and NotDifferentiableError.
+        """
+        return self.body.checked.sensitivity(name, density)
 
     def locate(self, points: ArrayLike) -> Location:
         """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""

@@ -130,7 +130,7 @@ def _curve(tables: Tables, key: str, kind: str, raw: dict[str, Any]) -> curves.C
 
 
 def _bound(tables: Tables, plane: list[tuple[Expr, Expr]]) -> list[tuple[Expr, Expr]]:
-    roots = substitute(tuple(c for pair in plane for c in pair), tables.defaults)
+    roots = tables.valued(tuple(c for pair in plane for c in pair))
     return list(zip(roots[::2], roots[1::2], strict=True))
 
 

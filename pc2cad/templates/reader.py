@@ -48,14 +48,16 @@ def read_tables(
     data: dict[str, Any],
     bound: Mapping[str, Expr],
     moved: Mapping[str, Moved],
+    free: str = "",
 ) -> Template:
     """Return the template that the tables of one solid hold.
 
-    `bound` gives parameters their values and `moved` replaces points; `file` is named in messages.
+    `bound` gives parameters their values (`free` stays a symbol, and its value is used only where
+    there has to be one) and `moved` replaces points; `file` is named in messages.
     Raises TemplateError for a mistake, also where the trees grow beyond all measure (see `budget`).
     """
     with bounded():
-        return Reader(file, data, bound, moved).template(name)
+        return Reader(file, data, bound, moved, free).template(name)
 
 
 @dataclass
@@ -80,11 +82,13 @@ class Reader(Tables):
         data: dict[str, Any],
         bound: Mapping[str, Expr],
         moved: Mapping[str, Moved],
+        free: str = "",
     ) -> None:
         super().__init__(file, data)
         #: values of parameters (without them, all are symbols) and what replaces points
         self._bound = bound
         self._moved = moved
+        self._free = free
 
     def template(self, name: str) -> Template:
         """Return the template of one solid."""
@@ -100,7 +104,7 @@ class Reader(Tables):
             data=found.data, guide=found.guide, frame=found.frame, carried=tuple(found.carried),
             layers=tuple(found.layers), lets=tuple(found.lets), domain=domain, solid=solid, M=M,
             expected=self._expected(), _again=partial(read_tables, name, self.file, self.data),
-            _given=(self._bound, self._moved),
+            _given=(self._bound, self._moved), consumed=frozenset(self.consumed),
         )  # fmt: skip
 
     def shared(self) -> dict[str, Any]:
@@ -196,6 +200,8 @@ class Reader(Tables):
             )
         for parameter in result:
             value = self._bound.get(parameter.name, symbol(parameter.name))
+            if parameter.name == self._free:
+                value = symbol(parameter.name)
             self.defaults[parameter.name] = self._bound.get(parameter.name, parameter.default)
             self.define(f"[parameters] {parameter.name}", parameter.name, value)
         return tuple(result)

@@ -30,6 +30,8 @@ class Tables:
         self.curves: dict[str, Any] = {}
         #: parameters -> their values, or their defaults while none are given
         self.defaults: dict[str, Expr] = {}
+        #: parameters whose values were asked for while they were symbols
+        self.consumed: set[str] = set()
 
     def fail(self, key: str, message: str) -> Any:
         """Raise TemplateError for a key."""
@@ -96,7 +98,7 @@ class Tables:
 
     def constant(self, key: str, raw: object) -> Expr:
         """Read a scalar that has to be a number once the parameters have their values."""
-        tree = substitute((self.scalar(key, raw),), self.defaults)[0]
+        (tree,) = self.valued((self.scalar(key, raw),))
         if tree.symbols:
             self.fail(key, f"must be constant, and depends on {', '.join(sorted(tree.symbols))}")
         return tree
@@ -126,8 +128,15 @@ class Tables:
     def bound(self, value: Value) -> Value:
         """Return a value with the parameters at their values."""
         if isinstance(value, Combination):
+            self.valued((*value.coordinates, value.weight))
             return value.substitute(self.defaults)
-        return substitute((value,), self.defaults)[0]
+        return self.valued((value,))[0]
+
+    def valued(self, trees: tuple[Expr, ...]) -> tuple[Expr, ...]:
+        """Return trees with the parameters at their values, and note which ones these are."""
+        for tree in trees:
+            self.consumed |= tree.symbols & self.defaults.keys()
+        return substitute(trees, self.defaults)
 
 
 def written(raw: object) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -17,10 +17,11 @@ from pc2cad.equation.point_equation import (
     interval,
 )
 from pc2cad.equation.points import Combination, Value
+from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr, Number, as_expr, symbol
+from pc2cad.expression.tree import Expr, Number, as_expr, substitute, symbol
 
 if TYPE_CHECKING:
     from pc2cad.channels.frames import Frame
@@ -120,9 +121,11 @@ class Template(Header):
     expected: Mapping[tuple[str, ...], tuple[Expr, ...]]
 
     #: reads the template again with values for its parameters and other points
-    _again: Callable[[Mapping[str, Expr], Mapping[str, Moved]], Template] = field(repr=False)
+    _again: Callable[..., Template] = field(repr=False)
     #: the values and points that it was read with
     _given: tuple[Mapping[str, Expr], Mapping[str, Moved]] = field(repr=False)
+    #: parameters whose values the reading asked for, and did not leave symbols
+    consumed: frozenset[str] = field(default=frozenset(), repr=False)
 
     def __reduce__(self) -> tuple[Callable[..., Template], tuple[Any, ...]]:
         return self._again, self._given  # curves are functions, which do not pickle
@@ -151,7 +154,25 @@ class Template(Header):
         # what has no parameters has been read with all of them already
         whole = not (bound or moved or any(self._given))
         read = self if whole else self._again(bound, moved)
-        return read._equation(bound, partial(self._bind_moved, values or {}))
+        equation = read._equation(bound, partial(self._bind_moved, values or {}))
+        return replace(equation, freer=partial(self._freed, bound, moved)) if bound else equation
+
+    def _freed(self, bound: Mapping[str, Expr], moved: Mapping[str, Moved], name: str) -> Variation:
+        """Return how the equation changes with one of its parameters."""
+        read = self._again(bound, moved, name)
+        coordinates = None
+        if name not in read.consumed:
+            M = read.frame.shifted(read.M) if read.frame else read.M
+            unit = {p: a + (b - a) * symbol(p)
+                    for p, (a, b) in zip(PARAMETERS, read.domain, strict=True)}  # fmt: skip
+            x, y, z = substitute(M.coordinates, unit)
+            coordinates = x, y, z
+
+        def at(value: Expr) -> PointEquation:
+            values = {**bound, name: value}
+            return self._again(values, moved)._equation(values, partial(self._bind_moved, values))
+
+        return Variation(name, bound[name], coordinates, at)
 
     def _bind_moved(self, values: Mapping[str, Any], points: Mapping[str, Moved]) -> PointEquation:
         self._check_names(points, [p.name for p in self.points], "point")

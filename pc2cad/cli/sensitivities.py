@@ -1,0 +1,122 @@
+"""``pc2cad sensitivities``: how a solid's figures change with its parameters."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING, Any
+
+from pc2cad.cli.inputs import add_density, add_template, bind, load_one, read_densities
+from pc2cad.cli.output import Progress, one_line, say, table
+from pc2cad.errors import InputError, named
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pc2cad.checked import CheckedMap
+    from pc2cad.integrals.sensitivity import Sensitivity
+
+#: what is derived, in the order of the output
+FIGURES = ("volume", "area", "centroid", "mass", "inertia")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the template, the parameters and the density."""
+    add_template(parser)
+    parser.add_argument(
+        "--for", metavar="NAMES", dest="names",
+        help="parameters, with commas between (default: all)",
+    )  # fmt: skip
+    add_density(parser)
+    parser.add_argument("--json", action="store_true", help="print the derivatives as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Derive the figures with respect to each parameter; no kernel is loaded."""
+    template, _ = load_one(arguments)
+    equation = bind(template, arguments)
+    density = read_densities(arguments.densities)
+    names = _names(arguments.names, list(equation.parameters), equation.name)
+    with Progress() as progress, named(arguments.template):
+        from pc2cad.checked import Stages, check_map
+
+        checked = check_map(equation, stages=Stages(progress))
+        found, refused = _derive(checked, names, density, arguments.names is not None, progress)
+    if arguments.json:
+        say(json.dumps(_plain(checked, found, refused), indent=2, allow_nan=False))
+        return 0
+    head = f"{equation.name}: {equation.title}" if equation.title else equation.name
+    say(one_line(head))
+    say(_table(found, equation.units))
+    for name, sentence in refused.items():
+        say(f"  {name}: {one_line(sentence)}")
+    return 0
+
+
+def _names(text: str | None, known: list[str], template: str) -> list[str]:
+    if text is None:
+        if not known:
+            raise InputError(f"{template} has no parameters, so nothing changes with them")
+        return known
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in known:
+            from pc2cad.equation.language import nearest
+
+            listed = ", ".join(known) or "none"
+            raise InputError(
+                f"--for: {template} has no parameter '{name[:80]}' (it has: {listed})"
+                f"{nearest(name, known)}"
+            )
+    return list(dict.fromkeys(names))
+
+
+def _derive(
+    checked: CheckedMap,
+    names: Sequence[str],
+    density: float | dict[str, float] | None,
+    asked: bool,
+    progress: Progress,
+) -> tuple[list[Sensitivity], dict[str, str]]:
+    """Return the derivatives, and what has none in words; who asks by name gets an error."""
+    from pc2cad.domain.velocity import NotDifferentiableError
+
+    found: list[Sensitivity] = []
+    refused: dict[str, str] = {}
+    for name in names:
+        progress(f"derive by {name}")
+        try:
+            found.append(checked.sensitivity(name, 1.0 if density is None else density))
+        except NotDifferentiableError as error:
+            if asked:
+                raise
+            refused[name] = str(error)
+    return found, refused
+
+
+def _plain(
+    checked: CheckedMap, found: Sequence[Sensitivity], refused: dict[str, str]
+) -> dict[str, Any]:
+    equation = checked.equation
+    rows: dict[str, Any] = {
+        "name": equation.name, "units": equation.units, "parameters": dict(equation.parameters),
+    }  # fmt: skip
+    for figure in (*FIGURES, "volume_by_flux", "relative_error", "how"):
+        rows[figure] = {s.parameter: getattr(s, figure) for s in found}
+        rows[figure] |= dict.fromkeys(refused)
+    return {**rows, "refused": refused}
+
+
+def _table(found: Sequence[Sensitivity], units: str) -> str:
+    rows: list[tuple[str, ...]] = [
+        ("d/d", "at", f"volume {units}^3", f"area {units}^2", f"centroid {units}", "mass",
+         "by flux", "error", "how")
+    ]  # fmt: skip
+    for s in found:
+        flux = "-" if s.volume_by_flux is None else f"{s.volume_by_flux:.12g}"
+        rows.append((
+            s.parameter, f"{s.value:.10g}", f"{s.volume:.12g}", f"{s.area:.12g}",
+            ", ".join(f"{c:.9g}" for c in s.centroid), f"{s.mass:.12g}", flux,
+            f"{s.relative_error:.1e}", s.how,
+        ))  # fmt: skip
+    return table(rows)

@@ -1,0 +1,168 @@
+"""Design velocity: how fast every point of the solid moves as one parameter of M changes.
+
+∂M/∂p at a fixed share of the way through the box, whose limits may depend on p, too. The derivative
+is that of the trees; where the way to the trees asks for a value of p (a guide given by numbers, a
+frame found by integration), it is the central difference of order 8 of M itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pc2cad.arrays import Array
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.map import Mapping3
+from pc2cad.equation.point_equation import PointEquation
+from pc2cad.equation.variation import Variation
+from pc2cad.errors import InputError
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.end_roots import take_out_ends
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.simplification import simplified
+from pc2cad.expression.tree import Expr, number, substitute, symbol
+
+SYMBOLIC: Final = "derivative of the equation"
+DIFFERENCES: Final = "difference of order 8 of the equation"
+#: weights of the central difference of order 8 at the distances h, 2h, 3h and 4h, and of order 6
+_EIGHTH: Final = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+_SIXTH: Final = (3 / 4, -3 / 20, 1 / 60)
+#: share of the part's size that a step of the difference moves its fastest point by
+STEP: Final = 0.01
+#: doubt at which no shorter step is tried
+SETTLED: Final = 1e-11
+#: where the fastest point is looked for
+_LOOK: Final = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
+
+
+class NotDifferentiableError(InputError):
+    """A solid does not change smoothly with a parameter."""
+
+
+class Velocity(Protocol):
+    """∂M/∂p and its derivatives over the unit box, as `Mapping3.frame` gives M's."""
+
+    how: str
+
+    def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        """Return V, V_u, V_v and V_w, each of shape broadcast(u, v, w) + (3,)."""
+
+    def doubt(self) -> float:
+        """Return an estimate of the error of V relative to its largest value; 0: rounding."""
+
+
+@dataclass(frozen=True)
+class SymbolicVelocity:
+    """The derivative of the trees."""
+
+    map: Mapping3
+    how: str = SYMBOLIC
+
+    def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        """See Velocity.frame."""
+        return self.map.frame(u, v, w)
+
+    def doubt(self) -> float:
+        """See Velocity.doubt."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class DifferenceVelocity:
+    """The central difference of M at p ± h, … p ± 4h."""
+
+    #: at p + h, p - h, p + 2h, …
+    maps: tuple[Mapping3, ...]
+    step: float
+    how: str = DIFFERENCES
+
+    def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        """See Velocity.frame."""
+        frames = [mapping.frame(u, v, w) for mapping in self.maps]
+        return [self._combined(_EIGHTH, [frame[k] for frame in frames]) for k in range(4)]
+
+    def doubt(self) -> float:
+        """See Velocity.doubt: what the difference of order 6 leaves."""
+        at = np.ix_(_LOOK, _LOOK, _LOOK)
+        points = [mapping.points(*at) for mapping in self.maps]
+        fine, coarse = self._combined(_EIGHTH, points), self._combined(_SIXTH, points)
+        return float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
+
+    def _combined(self, weights: Sequence[float], values: Sequence[Array]) -> Array:
+        pairs = zip(weights, values[::2], values[1::2], strict=False)
+        total = sum((c * (ahead - behind) for c, ahead, behind in pairs), np.zeros(1))
+        return np.asarray(total / self.step)
+
+
+def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | DifferenceVelocity:
+    """Return the design velocity of a parameter; raise NotDifferentiableError."""
+    if variation.coordinates is not None:
+        along = derivatives(variation.coordinates, variation.name)
+        bound = substitute(along, {variation.name: variation.bound})
+        return SymbolicVelocity(_local(analysis, bound))
+    step = _step(analysis, variation)
+    found = _differences(analysis, variation, step)
+    for shorter in (step / 4, step / 16):
+        if found.doubt() <= SETTLED:
+            break
+        # too long a step leaves higher derivatives in, too short a one rounding
+        found = min(found, _differences(analysis, variation, shorter), key=lambda x: x.doubt())
+    return found
+
+
+def _differences(analysis: Analysis, variation: Variation, step: Fraction) -> DifferenceVelocity:
+    places = [_at(variation, k * step) for k in (1, -1, 2, -2, 3, -3, 4, -4)]
+    maps = [_local(analysis, _over_the_box(equation)) for equation in places]
+    return DifferenceVelocity(tuple(maps), float(step))
+
+
+def _at(variation: Variation, step: Fraction) -> PointEquation:
+    value = Fraction(variation.value) + step
+    try:
+        return variation.at(number(value))
+    except InputError as error:
+        raise NotDifferentiableError(
+            f"there is no derivative with respect to {variation.name}: at {float(value):.6g}, "
+            f"{error}"
+        ) from error
+
+
+def _step(analysis: Analysis, variation: Variation) -> Fraction:
+    """Return the step by which the fastest point moves a small share of the part's size."""
+    at = np.ix_(_LOOK, _LOOK, _LOOK)
+    here = analysis.map.points(*at)
+    step = Fraction(abs(variation.value) / 128 or 2.0**-7).limit_denominator(10**9)
+    for _ in range(6):
+        there = _local(analysis, _over_the_box(_at(variation, step))).points(*at)
+        moved = float(np.abs(there - here).max()) / analysis.scale.size
+        if moved == 0.0:
+            return step
+        if STEP / 4 < moved < 4 * STEP:
+            break
+        step *= Fraction(min(max(STEP / moved, 1e-3), 10.0)).limit_denominator(1000)
+    return step
+
+
+def _over_the_box(equation: PointEquation) -> tuple[Expr, ...]:
+    """Return x, y and z with u, v and w from 0 to 1."""
+    unit = {
+        name: low + (high - low) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
+    }
+    return substitute(equation.coordinates, unit)
+
+
+def _local(analysis: Analysis, trees: tuple[Expr, ...]) -> Mapping3:
+    """Return trees over the unit box in the local parameters of the analysed map."""
+    own = analysis.map.parameters
+    changed: dict[str, Expr] = {}
+    for name, (low, high), tree in zip(PARAMETERS, analysis.equation.domain, own, strict=True):
+        if tree != low + (high - low) * symbol(name):
+            changed[name] = (tree - low) / (high - low)
+    x, y, z = take_out_ends(simplified(substitute(trees, changed)))
+    return Mapping3((x, y, z), own)

@@ -1,0 +1,256 @@
+"""Derivatives of volume, area, centroid, mass and inertia with respect to one parameter of M.
+
+With the design velocity V = ∂M/∂p (see `domain.velocity`), dV/dp is the integral of ∂(det J)/∂p
+over the box, and the flux of V through its sides. Both are taken: where they differ, a kink or a
+jump of M moves with p, and there is no such derivative.
+
+*Source:* J. Sokolowski, J.-P. Zolésio, Introduction to Shape Optimization (1992), chapter 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pc2cad.arrays import Array
+from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.velocity import (
+    DifferenceVelocity,
+    NotDifferentiableError,
+    SymbolicVelocity,
+    velocity,
+)
+from pc2cad.equation.variation import Variation
+from pc2cad.integrals.inertia import Mass, Vector
+from pc2cad.integrals.mass_properties import MassProperties
+from pc2cad.integrals.quadrature import Panels, Samples, single
+from pc2cad.integrals.rules import (
+    Density,
+    by_layer,
+    features_of,
+    integral,
+    limits_of,
+    narrowed,
+    panels_for,
+    total,
+)
+from pc2cad.topology.cells import Cell, directions_of
+
+#: relative gap of the two ways that is none, and how often the estimated error explains one
+AGREES, EXPLAINED = 1e-9, 1e3
+_PAIRS = tuple(combinations_with_replacement(range(3), 2))
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """d/dp of a solid's figures, in their units per unit of the parameter."""
+
+    parameter: str
+    value: float
+    volume: float
+    area: float
+    #: of the volume
+    centroid: Vector
+    mass: float
+    #: tensor of inertia about the centre of mass, which moves with the parameter
+    inertia: tuple[Vector, Vector, Vector]
+    #: dV/dp once more, by the flux of ∂M/∂p through the sides; None: not finite on a side
+    volume_by_flux: float | None
+    #: estimate, relative to the largest of what each is a sum of
+    relative_error: float
+    #: where ∂M/∂p comes from
+    how: str
+    _analysis: Analysis = field(repr=False, compare=False)
+    _velocity: SymbolicVelocity | DifferenceVelocity = field(repr=False, compare=False)
+
+    def velocity(self, parameters: ArrayLike) -> Array:
+        """Return ∂M/∂p at places (n, 3) of the equation's own u, v and w, (n, 3).
+
+        Of the point that stays at the same share of the way from limit to limit.
+        """
+        own = np.asarray(parameters, dtype=float)
+        local = np.stack([_inverse(self._analysis, d, own[:, d]) for d in range(3)])
+        return self._velocity.frame(*local)[0]
+
+
+def _inverse(analysis: Analysis, direction: int, own: Array) -> Array:
+    """Return the local coordinate at which a parameter has a value, by halving: it ascends."""
+    low, high = np.zeros_like(own), np.ones_like(own)
+    ends = analysis.map.values(direction, [0.0, 1.0])
+    share = (own - ends[0]) / (ends[1] - ends[0])
+    if (
+        np.abs(analysis.map.values(direction, share) - own).max(initial=0.0)
+        <= 4e-16 * np.abs(ends).max()
+    ):
+        return np.asarray(share)
+    for _ in range(60):
+        middle = (low + high) / 2
+        below = analysis.map.values(direction, middle) < own
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray((low + high) / 2)
+
+
+def sensitivity(
+    analysis: Analysis,
+    sign: int,
+    geometry: MassProperties,
+    mass: Mass,
+    densities: Sequence[float],
+    variation: Variation,
+) -> Sensitivity:
+    """Return the derivatives with respect to one parameter; `sign` is that of det J.
+
+    Raises NotDifferentiableError where the solid does not change smoothly with it.
+    """
+    moving = velocity(analysis, variation)
+    forms = _Forms(analysis, moving, np.array(mass.centroid))
+    rules = _rules(forms)
+    rows, error = _volumes(forms, rules)
+    flux, passed = _flux(forms, rules)
+    area, area_error = _area(forms)
+    rows, flux = sign * rows, sign * flux
+    error = max(error, area_error, moving.doubt())
+    volume = float(rows[:, 0].sum())
+    moved = max(passed, abs(volume), forms.rate * geometry.volume)
+    agrees = max(AGREES, EXPLAINED * error) * moved
+    if not np.isfinite(rows).all() or (np.isfinite(flux) and abs(flux - volume) > agrees):
+        raise NotDifferentiableError(
+            f"there is no derivative with respect to {variation.name} = {variation.value:.6g}: "
+            f"the volume changes by {volume:.6g} inside the box and by {flux:.6g} through its "
+            "sides; a kink or a jump of M moves with the parameter"
+        )
+    size = analysis.scale.size
+    weights = np.array(densities)
+    first = rows[:, 1:4].sum(axis=0) * size
+    centre = np.subtract(geometry.centroid, mass.centroid)
+    x, y, z = ((first - centre * volume) / geometry.volume).tolist()
+    second = np.empty((3, 3))
+    for (i, j), value in zip(_PAIRS, (weights @ rows[:, 4:]) * size**2, strict=True):
+        second[i, j] = second[j, i] = value
+    a, b, c = (np.trace(second) * np.eye(3) - second).tolist()
+    return Sensitivity(
+        variation.name, variation.value, volume, area, (x, y, z),
+        float(weights @ rows[:, 0]), (tuple(a), tuple(b), tuple(c)),
+        float(flux) if np.isfinite(flux) else None, error, moving.how, analysis, moving,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Forms:
+    """The integrands, lengths in shares of the part's size where their powers differ."""
+
+    analysis: Analysis
+    moving: SymbolicVelocity | DifferenceVelocity
+    centre: Array
+
+    @cached_property
+    def rate(self) -> float:
+        """How fast the fastest point moves, in sizes of the part: what integrands are held against.
+
+        Where they vanish, their rounding would be resolved otherwise.
+        """
+        look = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
+        speed = self.moving.frame(*np.ix_(look, look, look))[0]
+        return float(np.nanmax(np.abs(speed), initial=0.0)) / self.analysis.scale.size
+
+    def inside(self, u: Array, v: Array, w: Array) -> Samples:
+        """Return ∂(det J)/∂p, and the same of the first and second moments; and det J."""
+        points, *tangents = self.analysis.map.frame(u, v, w)
+        speed, *speeds = self.moving.frame(u, v, w)
+        size = self.analysis.scale.size
+        with np.errstate(all="ignore"):
+            r, speed = (points - self.centre) / size, speed / size
+            a, b, c = tangents
+            terms = [_det(speeds[0], b, c), _det(a, speeds[1], c), _det(a, b, speeds[2])]
+            change, det = sum(terms), _det(a, b, c)
+            values = [change]
+            values += [speed[..., i] * det + r[..., i] * change for i in range(3)]
+            values += [
+                (speed[..., i] * r[..., j] + r[..., i] * speed[..., j]) * det
+                + r[..., i] * r[..., j] * change
+                for i, j in _PAIRS
+            ]
+            values.append(self.rate * det)
+        every = np.broadcast_arrays(*values)
+        return Samples(np.stack(every, axis=-1), np.sum([np.abs(term) for term in terms], axis=0))
+
+    def through(self, direction: int) -> Density:
+        """Return the function that gives V·(M_s × M_t) across a direction, in cyclic order."""
+        s, t = (direction + 1) % 3, (direction + 2) % 3
+
+        def flux(u: Array, v: Array, w: Array) -> Samples:
+            a, b = self.analysis.map.tangents((s, t), u, v, w)
+            speed = self.moving.frame(u, v, w)[0]
+            values = _det(speed, a, b)
+            return Samples(values[..., None], np.abs(values))
+
+        return flux
+
+    def spread(self, patch: Cell) -> Density:
+        """Return the function that gives ∂|M_s × M_t|/∂p on a patch."""
+        s, t = directions_of(patch)
+
+        def area(u: Array, v: Array, w: Array) -> Samples:
+            a, b = self.analysis.map.tangents((s, t), u, v, w)
+            _, *speeds = self.moving.frame(u, v, w)
+            with np.errstate(all="ignore"):
+                normal = np.cross(a, b)
+                change = np.cross(speeds[s], b) + np.cross(a, speeds[t])
+                length = np.sqrt((normal * normal).sum(axis=-1))
+                values = np.where(length > 0, (normal * change).sum(axis=-1) / length, 0.0)
+            both = np.stack((values, self.rate * length), axis=-1)
+            return Samples(both, np.sqrt((change * change).sum(axis=-1)))
+
+        return area
+
+
+def _det(a: Array, b: Array, c: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", a, np.cross(b, c)))
+
+
+def _rules(forms: _Forms) -> list[Panels]:
+    """Return the rules per direction that resolve what is integrated over the box."""
+    limits = limits_of(forms.analysis)
+    features = features_of(forms.inside, limits)
+    limits = narrowed(forms.analysis, limits)
+    return [panels_for(forms.inside, limits, d, features) for d in range(3)]
+
+
+def _volumes(forms: _Forms, rules: list[Panels]) -> tuple[Array, float]:
+    """Return the ten integrals over each layer, (layers, 10), and their relative error."""
+    found = [integral(forms.inside, part) for part in by_layer(forms.analysis, rules)]
+    return np.array([row[:10] for row, _ in found]), max(error for _, error in found)
+
+
+def _flux(forms: _Forms, rules: list[Panels]) -> tuple[float, float]:
+    """Return the flux through all sides of the box, those that coincide included, and its parts.
+
+    The second is the sum of their sizes, which the rounding of the first goes with.
+    """
+    flux = size = 0.0
+    for d in range(3):
+        for limit in (0, 1):
+            own = [*rules[:d], single(float(limit)), *rules[d + 1 :]]
+            value = float(total(forms.through(d), [p.rule(1.5) for p in own])[0])
+            flux += value if limit else -value
+            size += abs(value)
+    return flux, size
+
+
+def _area(forms: _Forms) -> tuple[float, float]:
+    """Return the change of the area of all faces, and its relative error."""
+    found = []
+    for face in forms.analysis.boundary.faces:
+        density, limits = forms.spread(face.patch), limits_of(forms.analysis, face.patch)
+        features = features_of(density, limits)
+        panels = [
+            single(row[0]) if row[0] == row[-1] else panels_for(density, limits, d, features)
+            for d, row in enumerate(limits)
+        ]
+        found.append(integral(density, panels))
+    return sum(float(value[0]) for value, _ in found), max(error for _, error in found)

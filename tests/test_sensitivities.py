@@ -1,0 +1,163 @@
+"""Derivatives of a solid's figures: two ways, against closed forms and against differences."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from shipped import LONG, checked_of
+
+import pc2cad as pc
+from pc2cad.checked import CheckedMap, check_map
+from pc2cad.cli.main import main
+from pc2cad.domain.velocity import DIFFERENCES, SYMBOLIC, NotDifferentiableError
+from pc2cad.errors import InputError
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.tree import substitute
+from pc2cad.integrals.sensitivity import Sensitivity
+from pc2cad.templates.file import parse_template
+from pc2cad.templates.shipped import template_paths
+from pc2cad.templates.template import Template
+
+
+def template(name: str) -> Template:
+    found = pc.read_template(template_paths()[name])
+    assert isinstance(found, Template)
+    return found
+
+
+#: smooth in every parameter, and quick: one of each kind of map
+QUICK = ("bilinear_top", "cone_frustum", "simplex_torus")
+SLOW = sorted(set(template_paths()) - set(QUICK) - set(LONG))
+
+
+@cache
+def every(name: str) -> tuple[Sensitivity, ...]:
+    checked = checked_of(name)
+    return tuple(checked.sensitivity(p) for p in checked.equation.parameters)
+
+
+def both_ways_and_closed_forms(name: str) -> None:
+    """Hold dV/dp by flux, and dV/dp and dA/dp of what [expect] states, against the integrals."""
+    stated, mass = template(name).expected, checked_of(name).mass
+    bound = {p.name: p.default for p in template(name).parameters}
+    for s in every(name):
+        assert s.how == SYMBOLIC
+        assert s.volume_by_flux == pytest.approx(s.volume, rel=1e-12, abs=1e-12 * mass.volume)
+        for figure, size in (("volume", mass.volume), ("area", mass.area)):
+            for tree in stated.get((figure,), ()):
+                (along,) = substitute(derivatives((tree,), s.parameter), bound)
+                wanted = evaluate(along, {})
+                assert getattr(s, figure) == pytest.approx(wanted, rel=1e-11, abs=1e-11 * size)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_both_ways_and_closed_forms(name: str) -> None:
+    assert len(every(name)) > 1
+    both_ways_and_closed_forms(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SLOW)
+def test_both_ways_and_closed_forms_of_every_template(name: str) -> None:
+    both_ways_and_closed_forms(name)
+
+
+def moved(name: str, p: str, by: float) -> CheckedMap:
+    bound = template(name).bind({p: template(name).bind().parameters[p] + by})
+    return check_map(bound)
+
+
+@pytest.mark.parametrize(
+    ("name", "p", "h"),
+    [("bilinear_top", "k", 0.02), pytest.param("cone", "h", 0.04, marks=pytest.mark.slow)],
+)
+def test_all_figures_against_differences(name: str, p: str, h: float) -> None:
+    found = checked_of(name).sensitivity(p, density=2.5)
+    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+    places = {k: moved(name, p, k * h) for j in weights for k in (j, -j)}
+
+    def difference(figure) -> np.ndarray:
+        values = {k: np.array(figure(at)) for k, at in places.items()}
+        return sum(c * (values[k] - values[-k]) for k, c in weights.items()) / h
+
+    for own, figure in (
+        (found.area, lambda at: at.mass.area),
+        (found.centroid, lambda at: at.mass.centroid),
+        (found.mass, lambda at: at.mass_properties(2.5).mass),
+        (found.inertia, lambda at: at.mass_properties(2.5).inertia),
+    ):
+        wanted = difference(figure)
+        np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.slow
+def test_guides_given_by_numbers_are_derived_by_differences() -> None:
+    """A helix with a round wire: V = π r² L, L = n √((2πR)² + p²)."""
+    checked = check_map(template("spring").bind({"turns": "1/2"}))
+    at = checked.equation.parameters
+    length = 0.5 * np.hypot(2 * np.pi * at["radius"], at["pitch"])
+    found = checked.sensitivity("radius")
+    wanted = np.pi * at["wire"] ** 2 * 0.5**2 * (2 * np.pi) ** 2 * at["radius"] / length
+    assert found.how == DIFFERENCES
+    assert abs(found.volume / wanted - 1) < 1e-9
+    assert found.relative_error < 1e-7
+
+
+def test_the_design_velocity_is_the_equations() -> None:
+    """Of the ball x = R w …, M/R; of the wedge's turn, u/turn of a full turn about the axis."""
+    places = np.array([[0.3, 0.4, 0.5], [0.1, 0.8, 1.0]])
+    ball, R = checked_of("ball"), checked_of("ball").equation.parameters["R"]
+    speed = ball.sensitivity("R").velocity(places)
+    np.testing.assert_allclose(speed, ball.map.points(*places.T) / R, rtol=1e-13)
+    wedge = checked_of("ball_wedge")
+    turn = wedge.equation.parameters["turn"]
+    own = places * [turn, 1, 1]
+    x, y, _ = wedge.map.points(*places.T).T
+    wanted = np.stack((-y, x, 0 * x), axis=1) * 2 * np.pi * places[:, :1]
+    np.testing.assert_allclose(wedge.sensitivity("turn").velocity(own), wanted, atol=1e-12)
+
+
+def test_a_kink_that_moves_has_no_derivative_and_says_so() -> None:
+    text = """
+title = "A block with a bend at p"
+[parameters]
+p = 0.4
+q = 1
+[solid]
+x = "u + abs(u - p)/2"
+y = "v"
+z = "q*w"
+"""
+    found = parse_template(text, "bend")
+    assert isinstance(found, Template)
+    checked = check_map(found.bind())
+    assert checked.sensitivity("q").volume == pytest.approx(checked.mass.volume, rel=1e-13)
+    with pytest.raises(NotDifferentiableError, match="a kink or a jump of M moves"):
+        checked.sensitivity("p")
+    with pytest.raises(InputError, match="has no parameter 'z'"):
+        checked.sensitivity("z")
+
+
+def test_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sensitivities", "ball", "-s", "R=3", "--density", "2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["volume"]["R"] == pytest.approx(4 * np.pi * 9, rel=1e-13)
+    assert found["area"]["R"] == pytest.approx(8 * np.pi * 3, rel=1e-13)
+    assert found["mass"]["R"] == pytest.approx(8 * np.pi * 9, rel=1e-13)
+    # 8/15 π ρ R⁵, derived
+    wanted = np.eye(3) * 8 / 3 * np.pi * 2 * 81
+    np.testing.assert_allclose(found["inertia"]["R"], wanted, atol=1e-9)
+    assert np.abs(found["centroid"]["R"]).max() < 1e-12
+    assert main(["sensitivities", "cone", "--for", "h"]) == 0
+    assert "derivative of the equation" in capsys.readouterr().out
+    for arguments, told in (
+        (["cone", "--for", "x"], "--for: cone has no parameter 'x' (it has: r, h)"),
+        (["pyramid"], "pyramid has no parameters"),
+        (["pipe_cross"], "choose one of them with --body"),
+    ):
+        assert main(["sensitivities", *arguments]) == 2
+        assert told in capsys.readouterr().err
