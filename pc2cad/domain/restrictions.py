@@ -156,13 +156,23 @@ def _in_piece(
 
     All faces and edges of the piece take their trees from these: many have the parts of all pieces.
     """
+    alone = coordinates
+    for name, span in zip(PARAMETERS, spans, strict=True):
+        alone = _along(alone, name, span)
     local = {
         name: number(low) + (number(high) - number(low)) * symbol(name)
         for name, (low, high) in zip(PARAMETERS, spans, strict=True)
     }
-    whole = substitute(coordinates, local)
+    whole = substitute(alone, local)
     trees = resolve_pieces(whole)
-    return trees, trees != whole
+    return trees, alone != coordinates or trees != whole
+
+
+@lru_cache(maxsize=256)
+def _along(coordinates: tuple[Expr, ...], name: str, span: tuple[float, float]) -> tuple[Expr, ...]:
+    """Return trees without what is not met on a span of one parameter."""
+    low, high = (number(x).payload for x in span)
+    return resolve_pieces(coordinates, (name, low, high))
 
 
 class DirectionClasses:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from pc2cad.arrays import Array
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, operands, walk
@@ -46,12 +47,26 @@ class Program:
         self._constants: list[Value] = [None] * len(nodes)
         self._symbols: list[tuple[int, str]] = []
         self._steps: list[tuple[int, _Run, tuple[int, ...], list[int]]] = []
+        located: dict[object, int] = {}
         with np.errstate(all="ignore"):
             for i, node in enumerate(nodes):
                 if node.symbols and i not in kept:
                     frees[last[i]].append(i)
                 if node.op == "symbol":
                     self._symbols.append((i, node.payload))
+                elif node.op == "pieces" and node.symbols:
+                    # functions in pieces often have their breaks in common
+                    breaks, _, _, closed = node.payload
+                    key = before[i][0], breaks, closed
+                    if key not in located:
+                        located[key] = len(self._constants)
+                        self._constants.append(None)
+                        knots = np.array([float(b) for b in breaks])
+                        self._steps.append(
+                            (located[key], partial(_located, knots, closed), before[i][:1], [])
+                        )
+                    rows = (located[key], *before[i][1:])
+                    self._steps.append((i, _step(node), rows, frees[i]))
                 elif node.symbols:
                     self._steps.append((i, _step(node), before[i], frees[i]))
                 else:
@@ -153,36 +168,40 @@ def _integer_power(a: Value, n: int) -> Value:
     return result
 
 
+#: the piece in which each place is, the place from that piece's start, the first and the last piece
+_Located = tuple[Value, Value, int, int]
+
+
+def _located(knots: Array, closed: bool, t: Value) -> _Located:
+    """Return where places are among the pieces of a function."""
+    if closed:
+        # the closing break belongs to the last piece of its own turn, so that one-sided
+        # derivatives at the end of a domain are those from inside
+        inside = (t >= knots[0]) & (t <= knots[-1])
+        t = np.where(inside, t, (t - knots[0]) % (knots[-1] - knots[0]) + knots[0])
+    index = np.searchsorted(knots[1:-1], t, side="right")
+    first, last = (int(index.min()), int(index.max())) if np.size(index) else (0, 0)
+    return index, t - knots[index], first, last
+
+
 def _pieces_step(node: Expr) -> _Run:
-    breaks, width, _, closed = node.payload
-    knots = np.array([float(b) for b in breaks])
-    period = knots[-1] - knots[0]
+    width = node.payload[1]
     table = None
     if len(operands(node)) == 1:
         table = np.array(
             [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
         ).reshape(-1, width)
 
-    def run(t: Value, *flat: Value) -> Value:
-        if closed:
-            # the closing break belongs to the last piece of its own turn, so that one-sided
-            # derivatives at the end of a domain are those from inside
-            inside = (t >= knots[0]) & (t <= knots[-1])
-            t = np.where(inside, t, (t - knots[0]) % period + knots[0])
-        index = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
-        local = t - knots[index]
+    def run(located: _Located, *flat: Value) -> Value:
+        index, local, first, last = located
         value: Value = 0.0
         for k in reversed(range(width)):
             if table is not None:
-                value = value * local + table[index, k]
-                continue
-            column = flat[k::width]
-            if all(np.ndim(c) == 0 for c in column):
-                coefficient = np.asarray(column)[index]
+                coefficient = table[first, k] if first == last else table[index, k]
             else:
-                coefficient = column[0]
-                for i in range(1, len(column)):
-                    coefficient = np.where(index == i, column[i], coefficient)
+                coefficient = flat[first * width + k]
+                for i in range(first + 1, last + 1):
+                    coefficient = np.where(index == i, flat[i * width + k], coefficient)
             value = value * local + coefficient
         return value
 
