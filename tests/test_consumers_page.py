@@ -30,8 +30,8 @@ const g = c.getContext('2d'); g.drawImage(s, 0, 0);
 const d = g.getImageData(0, 0, c.width, c.height).data; let n = 0;
 for (let i = 0; i < d.length; i += 4) if (d[i] < 250 || d[i+1] < 250 || d[i+2] < 250) n++;
 return n / (d.length / 4); })()"""
-MIDDLE = """(() => { const r = document.getElementById('canvas').getBoundingClientRect();
-return [r.width / 2, r.height / 2]; })()"""
+#: of what the panel leaves free of the window
+MIDDLE = "page.middle"
 
 
 def test_a_stored_page(tmp_path: Path) -> None:
@@ -82,6 +82,86 @@ def test_a_stored_page(tmp_path: Path) -> None:
     visit(path.as_uri(), tmp_path, act)
 
 
+async def tap(page: Page, x: float, y: float) -> None:
+    for kind, buttons in (("mousePressed", 1), ("mouseReleased", 0)):
+        await page.mouse(kind, x, y, button="left", buttons=buttons, clickCount=1)
+
+
+async def key(page: Page, name: str) -> None:
+    for kind in ("keyDown", "keyUp"):
+        await page.call("Input.dispatchKeyEvent", type=kind, key=name, text=name[:1])
+    await page.evaluate("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
+
+
+def test_measures_of_a_box_are_its_own(tmp_path: Path) -> None:
+    template = tmp_path / "box.toml"
+    sizes = 'x = "4*u"\ny = "3*v"\nz = "2*w"\n'
+    template.write_text(f'title = "Box"\n[solid]\n{sizes}')
+    path = tmp_path / "box.html"
+    assert main(["view", str(template), "-o", str(path)]) == 0
+
+    async def act(page: Page) -> None:
+        x, y = await page.evaluate(MIDDLE)
+        for view, through, axis in (("1", 3.0, 1), ("4", 4.0, 0), ("5", 2.0, 2)):
+            await key(page, view)
+            toward = await page.evaluate(
+                "page.camera.getWorldDirection(page.camera.position.clone()).toArray()"
+            )
+            assert abs(toward[axis]) == pytest.approx(1.0, abs=1e-6), view
+            await key(page, "t")
+            await tap(page, x, y)
+            assert await page.evaluate("page.measured.results.map(r => r.value)") == [
+                pytest.approx(through, rel=1e-6)
+            ]
+            await key(page, "Escape")
+        await key(page, "1")
+        await key(page, "d")
+        # a corner is caught from some pixels away: 4 x 2 seen from the front
+        ends = "[[0,0,0],[4,0,2]].map(p => { const a = page.box.min.clone().set(...p)"
+        ends += ".project(page.camera); return [(1+a.x)/2*innerWidth, (1-a.y)/2*innerHeight] })"
+        (ax, ay), (bx, by) = await page.evaluate(ends)
+        await tap(page, ax + 3, ay - 3)
+        await tap(page, bx - 3, by + 3)
+        (found,) = await page.evaluate("page.measured.results.map(r => r.value)")
+        assert found == pytest.approx(20**0.5, rel=1e-6)
+        await key(page, "Escape")
+        await key(page, "x")
+        await page.set("#at", 1.25)
+        assert await page.evaluate("[page.cut.at, page.cut.area, page.cut.length]") == [
+            pytest.approx(value, rel=2e-3 if value == 1.25 else 1e-5) for value in (1.25, 6.0, 10.0)
+        ]
+        await key(page, "n")
+        assert await page.evaluate("document.documentElement.classList.contains('dark')")
+        before = await page.evaluate("page.camera.zoom")
+        await key(page, "+")
+        assert await page.evaluate("page.camera.zoom") > before
+        assert page.complaints() == []
+
+    visit(path.as_uri(), tmp_path, act)
+
+
+def test_a_hollow_section_has_the_area_of_its_ring(tmp_path: Path) -> None:
+    path = tmp_path / "ball.html"
+    assert main(["view", "hollow_ball", "-o", str(path)]) == 0
+
+    async def act(page: Page) -> None:
+        await page.set("#axis", "z")
+        area = await page.evaluate("page.cut.area")
+        low, high = await page.evaluate("[page.box.min.x, page.box.max.x]")
+        outer = (high - low) / 2
+        await key(page, "5")
+        x, y = await page.evaluate(MIDDLE)
+        await key(page, "t")
+        await page.set("#axis", "")
+        await tap(page, x, y)
+        (wall,) = await page.evaluate("page.measured.results.map(r => r.value)")
+        ring = 3.141592653589793 * (outer**2 - (outer - wall) ** 2)
+        assert area == pytest.approx(ring, rel=1e-2)
+        assert 0 < wall < outer
+
+    visit(path.as_uri(), tmp_path, act)
+
+
 def test_stored_sliders_change_the_part(tmp_path: Path) -> None:
     path = tmp_path / "cut.html"
     arguments = ["view", "pyramid_cut", "-s", "q=1", "-s", "r=1", "--slider", "p=0.2,0.5,1"]
@@ -103,6 +183,15 @@ def test_stored_sliders_change_the_part(tmp_path: Path) -> None:
     visit(path.as_uri(), tmp_path, act)
 
 
+async def arrived(folder: Path, ending: str) -> Path:
+    """The file that the browser has written, once it is whole."""
+    for _ in range(200):
+        if found := list(folder.glob(f"*{ending}")):
+            return found[0]
+        await asyncio.sleep(0.05)
+    raise AssertionError(f"no file {ending} came")
+
+
 def test_a_served_page_has_its_parts_compiled_as_its_sliders_move(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pc2cad.cli.main", "view", "pyramid_cut", "--serve"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -120,7 +209,18 @@ def test_a_served_page_has_its_parts_compiled_as_its_sliders_move(tmp_path: Path
                 await page.set("input[name=p]", value)
             await page.until("page.part.parameters.p === 0.4")
             assert await page.evaluate("page.problem") is None
-            await asyncio.sleep(0)
+            name = await page.evaluate("page.part.title")
+            await page.call(
+                "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path)
+            )
+            for ending in (".step", ".stl"):
+                await page.click(f"[data-file='{ending}']")
+                await page.until(f"!document.querySelector(\"[data-file='{ending}']\").disabled")
+                found = await arrived(tmp_path, ending)
+                assert name.split()[0].lower() in found.name
+                assert (
+                    found.stat().st_size >= 84 + 8 * 50
+                )  # of the smaller one, STL of eight triangles
 
         visit(url, tmp_path, act)
     finally:
@@ -184,7 +284,7 @@ def test_a_page_from_elsewhere_gets_nothing_and_starts_no_work(tmp_path: Path, p
         # the same page, typed into the address bar, is shown
         asked.append(("", True))
         await page.call("Page.navigate", url=found.address)
-        await page.until("document.body.textContent === 'secret'")
+        await page.until("document.body?.textContent === 'secret'")
 
     at = f"http://127.0.0.1:{foreign.server_address[1]}/foreign.html"
     try:

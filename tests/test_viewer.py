@@ -21,14 +21,16 @@ import pytest
 from shipped import part_of
 
 import pc2cad as pc
-from pc2cad.cli.main import main
+from pc2cad.cli.main import main, make_parser
+from pc2cad.cli.view import _Maker
 from pc2cad.errors import InputError, KernelError, NotASolidError
 from pc2cad.trust.processes import CrashedError, LimitReachedError
 from pc2cad.viewer import serve
 from pc2cad.viewer.page import Slider, Variant, page
-from pc2cad.viewer.payload import payload
+from pc2cad.viewer.payload import page_of, payload
 from pc2cad.viewer.recompute import Recompute, SupersededError
 from pc2cad.viewer.serve import PortTakenError, server
+from pc2cad.viewer.worker import Download
 from tests import hostile_folder as hostile
 from tests.faulty_part import work
 
@@ -64,9 +66,34 @@ def test_the_payload_is_the_solid_and_what_is_known_of_it(template):
         )  # fmt: skip
     volume = np.linalg.det(np.concatenate(corners)).sum() / 6
     assert volume == pytest.approx(part.report.solid.volume, rel=1e-2)
+    solid = np.concatenate(corners)
+    flat = np.cross(solid[:, 1] - solid[:, 0], solid[:, 2] - solid[:, 0])
+    assert np.abs(flat.sum(axis=0)).max() < 1e-5 * part.report.solid.area  # closed
+    assert 0 < header["deflection"] < 0.002 * part.report.size
+    assert len(page_of(part)) < 2e6
     fates = {other["name"]: other["fate"] for other in header["others"]}
     assert fates == {s.name: s.fate for s in part.report.sides if s.fate != "face"}
     assert payload(part) == payload(part)
+
+
+def test_the_server_gives_files_of_the_part_that_is_shown():
+    with running() as found:
+        kind = "application/octet-stream"
+        assert ask(found, "part.step?p=1") == (200, kind, b".step {'p': '1'}")
+        assert ask(found, "part.stl") == (200, kind, b".stl {}")
+        for name in ("part.brep", "part.", "partstep", ".step", "part.step/"):
+            assert ask(found, name)[0] == 404, name
+
+
+@pytest.mark.slow
+def test_a_file_from_the_server_is_that_of_the_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    arguments = make_parser("view").parse_args(["view", "pyramid_cut", "--serve"])
+    with closing(Recompute(_Maker(arguments).answer, 60.0, 0)) as recompute:
+        found = {end: recompute(Download(end, {"p": "0.3"})) for end in (".step", ".stl")}
+    assert main(["build", "pyramid_cut", "-s", "p=0.3", "-o", "a.step", "-o", "a.stl"]) == 0
+    assert {end: Path(f"a{end}").read_bytes() for end in found} == found
 
 
 def test_points_of_the_box_come_along_when_asked_for():
@@ -143,6 +170,8 @@ def test_wrong_arguments_are_named_and_leave_nothing(
 
 
 def build(values, stale):
+    if isinstance(values, Download):
+        return f"{values.ending} {dict(values.values)}".encode()
     if "bad" in values:
         raise NotASolidError("the map folds")
     return json.dumps(dict(values)).encode()

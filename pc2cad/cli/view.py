@@ -21,9 +21,11 @@ from pc2cad.cli.output import Progress, say, shown
 from pc2cad.errors import InputError, PointCadError, named
 
 if TYPE_CHECKING:
+    from pc2cad.part import Part
     from pc2cad.templates.ranges import Axis
     from pc2cad.templates.template import Parameter
     from pc2cad.viewer.page import Slider, Variant
+    from pc2cad.viewer.worker import Question
 
 #: a page holds every combination of its sliders' values
 MOST_VARIANTS = 64
@@ -78,13 +80,22 @@ class _Maker:
     def __reduce__(self) -> tuple[type[_Maker], tuple[argparse.Namespace]]:
         return _Maker, (self._arguments,)  # templates hold functions, which do not pickle
 
-    def payload(self, values: Mapping[str, str]) -> bytes:
-        """Return the payload at these values; raise PointCadError for what is no solid."""
-        from pc2cad.compiler import compile_solid
+    def answer(self, question: Question) -> bytes:
+        """Return the page's payload of some values, or a file; PointCadError for no solid."""
+        from pc2cad.export.model import ExportOptions
+        from pc2cad.export.registry import format_for
         from pc2cad.viewer.payload import payload
+        from pc2cad.viewer.worker import Download
 
-        equation = self.template.bind({**self.settings, **values})
-        return payload(compile_solid(equation, self._options), self._points)
+        if not isinstance(question, Download):
+            return payload(self._compiled(question), self._points)
+        encode = format_for(f"part{question.ending}").encoder()
+        return encode(self._compiled(question.values).exportable(), ExportOptions())
+
+    def _compiled(self, values: Mapping[str, str]) -> Part:
+        from pc2cad.compiler import compile_solid
+
+        return compile_solid(self.template.bind({**self.settings, **values}), self._options)
 
 
 def _write(maker: _Maker, arguments: argparse.Namespace) -> int:
@@ -124,7 +135,7 @@ def _variant(maker: _Maker, values: Mapping[str, str], alone: bool) -> Variant:
     from pc2cad.viewer.page import Variant
 
     try:
-        return Variant(maker.payload(values))
+        return Variant(maker.answer(values))
     except PointCadError as error:
         if alone:
             raise
@@ -134,17 +145,17 @@ def _variant(maker: _Maker, values: Mapping[str, str], alone: bool) -> Variant:
 def _serve(maker: _Maker, arguments: argparse.Namespace) -> int:
     from pc2cad.viewer.page import Variant, page
     from pc2cad.viewer.recompute import Recompute
-    from pc2cad.viewer.serve import server
+    from pc2cad.viewer.serve import FILES, server
 
     sliders = [_live(text, maker) for text in arguments.sliders] or [
         _offered(p, maker) for p in maker.template.parameters
     ]
     memory = arguments.memory_limit * 1024**3
-    with closing(Recompute(maker.payload, arguments.time_limit, memory)) as recompute:
+    with closing(Recompute(maker.answer, arguments.time_limit, memory)) as recompute:
         with Progress(arguments.quiet) as progress, named(arguments.template):
             progress("compile")
             first = Variant(recompute({}))
-        content = page(maker.template.title, sliders, [first], live=True)
+        content = page(maker.template.title, sliders, [first], live=True, files=FILES)
         with server(content, recompute, arguments.port) as running:
             if not arguments.quiet:
                 say(f"{running.address} (interrupt with Ctrl-C)", flush=True)

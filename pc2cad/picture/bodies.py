@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.brep.triangles import Triangles
 from pc2cad.errors import InputError
 from pc2cad.export.model import ExportOptions
 from pc2cad.export.surface import faces_in_order, smooth_normals, surface
@@ -15,14 +16,14 @@ from pc2cad.picture.scene import Colour, Label, Lines, Scene, Surface
 from pc2cad.picture.style import STEEL, Style
 
 
-def shown_faces(part: Part, turn: float, colour: Colour | None = None) -> Iterator[Surface]:
-    """Yield the faces in the report's order, in one colour or each in that of its body.
+def shown_mesh(part: Part, turn: float) -> Triangles:
+    """Return closed triangles of a part, chords turned by `turn` radians at most."""
+    return surface(part.exportable(), ExportOptions(angular_deflection=turn))
 
-    `turn` is the largest angle in radians between neighbouring chords.
-    """
-    exportable = part.exportable(colours=True)
-    mesh = surface(exportable, ExportOptions(angular_deflection=turn))
-    for number, face in enumerate(faces_in_order(exportable)):
+
+def shown_faces(part: Part, mesh: Triangles, colour: Colour | None = None) -> Iterator[Surface]:
+    """Yield the faces in the report's order, in one colour or each in its own or its body's."""
+    for number, face in enumerate(faces_in_order(part.exportable(colours=True))):
         own = mesh.triangles[mesh.faces == number]
         used, triangles = np.unique(own, return_inverse=True)
         triangles, points = triangles.reshape(own.shape), mesh.vertices[used]
@@ -39,7 +40,7 @@ def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
             "parameter lines, point sets and maps belong to one equation; draw a body by itself "
             f"(--body: {', '.join(part.bodies)})"
         )
-    faces = list(shown_faces(part, turn, None if style.colours else STEEL))
+    faces = list(shown_faces(part, shown_mesh(part, turn), None if style.colours else STEEL))
     offsets = [_offset(part, face, style.explode) for face in faces]
     moved = tuple(
         Surface(f.name, f.points + o, f.triangles, f.normals, f.colour)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -14,7 +15,14 @@ from typing import Any
 LIBRARY = {
     "three": "three.module.min.js",
     "three/addons/controls/OrbitControls.js": "OrbitControls.js",
+    **{
+        f"pc2cad/{name}": f"{name}.js"
+        for name in ("part", "stage", "views", "section", "measure", "panel")
+    },
 }
+
+#: what a file's name does without
+_WORD = re.compile(r"[^A-Za-z0-9]+")
 
 
 @dataclass(frozen=True)
@@ -39,11 +47,18 @@ class Variant:
     problem: str = ""
 
 
-def page(title: str, sliders: Sequence[Slider], variants: Sequence[Variant], live: bool) -> bytes:
+def page(
+    title: str,
+    sliders: Sequence[Slider],
+    variants: Sequence[Variant],
+    live: bool,
+    files: Sequence[str] = (),
+) -> bytes:
     """Return the page.
 
     `variants` are in the order of the sliders' values, the last slider fastest; a page that is
-    served live has one, for the values at which it opens.
+    served live has one, for the values at which it opens. `files` are the endings of the files that
+    its server writes.
     """
     scripts = [
         f'<script type="application/octet-stream" id="variant-{i}">{_text(variant.data)}</script>'
@@ -52,6 +67,8 @@ def page(title: str, sliders: Sequence[Slider], variants: Sequence[Variant], liv
     ]
     state = {
         "live": live,
+        "name": _WORD.sub("-", title).strip("-").lower()[:60] or "part",
+        "files": list(files),
         "sliders": [vars(slider) for slider in sliders],
         "problems": {i: v.problem for i, v in enumerate(variants) if v.data is None},
     }

@@ -7,7 +7,6 @@ import json
 import os
 import tempfile
 import webbrowser
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +16,15 @@ from pc2cad.arrays import AnyArray, Array
 from pc2cad.errors import InputError
 from pc2cad.export.colours import side_colour
 from pc2cad.part import Part
-from pc2cad.picture.bodies import shown_faces
+from pc2cad.picture.bodies import shown_faces, shown_mesh
 from pc2cad.picture.colours import viridis
 from pc2cad.picture.scene import Surface
 from pc2cad.picture.sides import Sides
 from pc2cad.report import FaceReport, Report
 from pc2cad.viewer.page import Variant, page
 
-#: angle in radians between neighbouring tangents of a page's grid
-TURN = 0.09
+#: largest angle in radians between neighbouring chords of a page's triangles
+TURN = 0.1
 
 
 def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
@@ -35,27 +34,26 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
     of four. The same part gives the same bytes. Raises InputError for the points of several bodies.
     """
     block = _Block()
+    mesh = shown_mesh(part, TURN)
     header: dict[str, Any] = {
         "title": part.title,
         "units": part.report.units,
         "parameters": dict(part.report.parameters),
         "facts": _facts(part.report),
+        "deflection": mesh.deflection,
     }
     if len(part.bodies) > 1:
         if points is not None:
             raise InputError("a point set belongs to one equation, and here are several bodies")
-        faces = shown_faces(part, TURN)
         header |= {"others": [], "points": None}
         edges = [edge.points for edge in part.edges]
     else:
         sides = Sides(part, TURN)
-        faces = _faces(sides)
         header["others"] = _others(part, sides, block)
         header["points"] = None if points is None else _points(sides, points, block)
         edges = [path for _, path in sides.creases(120)]
-    header["faces"] = [
-        _face(known, shown, block) for known, shown in zip(part.report.faces, faces, strict=True)
-    ]
+    pairs = zip(part.report.faces, shown_faces(part, mesh), strict=True)
+    header["faces"] = [_face(known, shown, block) for known, shown in pairs]
     header["edges"] = [block.add(path, "<f4") for path in edges]
     return block.packed(header)
 
@@ -90,21 +88,6 @@ class _Block:
         text += b" " * (-len(text) % 4)
         raw = len(text).to_bytes(4, "little") + text + bytes(self._data)
         return gzip.compress(raw, compresslevel=6, mtime=0)
-
-
-def _faces(sides: Sides) -> Iterator[Surface]:
-    """Yield the part's faces in the report's order."""
-    patches = list(sides.patches())
-    for index in range(len(sides.part.report.faces)):
-        own = [p for p in patches if p.index == index]
-        starts = np.cumsum([0, *(p.points.size // 3 for p in own)])
-        yield Surface(
-            own[0].name,
-            np.concatenate([p.points.reshape(-1, 3) for p in own]),
-            np.concatenate([p.triangles + start for p, start in zip(own, starts, strict=False)]),
-            np.concatenate([p.normals.reshape(-1, 3) for p in own]),
-            side_colour(own[0].cell),
-        )
 
 
 def _face(known: FaceReport, shown: Surface, block: _Block) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -18,14 +18,14 @@ from typing import Any, BinaryIO
 from pc2cad.errors import KernelError, PointCadError
 from pc2cad.trust.isolation import environment, interpreter, running
 from pc2cad.trust.processes import CrashedError, LimitReachedError, Watch, how_it_ended
-from pc2cad.viewer.worker import receive, send
+from pc2cad.viewer.worker import Question, receive, send
 
 #: seconds between two looks at the time and the memory
 LOOK = 0.2
 #: seconds that a part which nobody waits for any more has to be ended by itself: a new process has
 #: to load the kernel first
 GRACE = 2.0
-Make = Callable[[Mapping[str, str]], bytes]
+Make = Callable[[Any], bytes]
 Stale = Callable[[], bool]
 
 
@@ -45,12 +45,12 @@ class Recompute:
         self._make, self._seconds, self._memory = make, seconds, memory
         self._worker: _Worker | None = None
 
-    def __call__(self, values: Mapping[str, str], stale: Stale = lambda: False) -> bytes:
-        """Return the payload at these values; give it up some time after it has become `stale`."""
+    def __call__(self, question: Question, stale: Stale = lambda: False) -> bytes:
+        """Return the answer to a question; give it up some time after it has become `stale`."""
         worker = self._worker = self._worker or _Worker(self._make)
         watch = Watch(worker.process.pid, self._seconds, self._memory)
         unwanted = float("inf")
-        worker.ask(values)
+        worker.ask(question)
         while (answer := worker.answer(LOOK)) is None:
             if reason := watch.broken_limit():
                 self.close()

@@ -11,7 +11,7 @@ import secrets
 import select
 import socket
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from hmac import compare_digest
 from http import HTTPStatus
@@ -23,6 +23,7 @@ from urllib.parse import parse_qsl
 
 from pc2cad.errors import InputError, PointCadError
 from pc2cad.viewer.recompute import Stale, SupersededError
+from pc2cad.viewer.worker import Download, Question
 
 HOST: Final = "127.0.0.1"
 #: bytes of a request, of them in its address, lines of its head, and parameters in the address
@@ -39,8 +40,10 @@ MOST_CONNECTIONS: Final = 32
 OWN_SITES: Final = ("same-origin", "none")
 TEXT: Final = "text/plain; charset=utf-8"
 Answer = tuple[HTTPStatus, str, bytes]
-#: makes the payload of some parameter values, and is told when nobody waits for it any more
-Build = Callable[[Mapping[str, str], Stale], bytes]
+#: files that the page's buttons ask for
+FILES: Final = (".step", ".stl")
+#: answers a question, and is told when nobody waits for it any more
+Build = Callable[[Question, Stale], bytes]
 
 
 class PortTakenError(InputError):
@@ -117,7 +120,8 @@ class PageServer(ThreadingHTTPServer):
         name = place.removeprefix("/").partition("/")[2]
         if name == "":
             return HTTPStatus.OK, "text/html; charset=utf-8", self._page
-        if name != "part":
+        ending = name.removeprefix("part")
+        if name != "part" and (ending == name or ending not in FILES):
             return HTTPStatus.NOT_FOUND, TEXT, b"not here"
         try:
             values = dict(
@@ -126,7 +130,8 @@ class PageServer(ThreadingHTTPServer):
             with self._turns.turn() as overtaken:
                 if gone():
                     raise SupersededError("nobody waits for it")
-                data = self._build(values, lambda: overtaken() or gone())
+                question = Download(ending, values) if ending else values
+                data = self._build(question, lambda: overtaken() or gone())
         except SupersededError as error:
             return HTTPStatus.CONFLICT, TEXT, str(error).encode()
         except (PointCadError, ValueError) as error:

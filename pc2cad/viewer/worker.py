@@ -11,10 +11,24 @@ import os
 import pickle
 import signal
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 from pc2cad.errors import KernelError, PointCadError
 from pc2cad.trust.processes import end_with_parent
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file of the part at some values of its parameters; `ending` says which."""
+
+    ending: str
+    values: Mapping[str, str]
+
+
+#: values of parameters, for what the page shows of the part, or a file of it
+Question = Mapping[str, str] | Download
 
 
 def send(stream: BinaryIO, thing: Any) -> None:
@@ -45,9 +59,9 @@ def main() -> None:
     try:
         make = receive(questions)
         while True:
-            values = receive(questions)
+            question = receive(questions)
             try:
-                answer = make(values)
+                answer = make(question)
             except PointCadError as error:
                 answer = error
             except MemoryError:
