@@ -21,6 +21,7 @@ CALLS = {
     "build": (["pyramid", "-o", "p.step"], True),
     "check": (["pyramid"], True),
     "sensitivities": (["cone"], True),
+    "adjust": (["ball", "--vary", "R=1:5", "--until", "volume=200"], True),
     "study": (["pyramid_cut", "--vary", "p=.5", "-o", "s", "--workers", "1"], True),
     "mesh": (["pyramid", "-o", "m.vtu", "--cells", "2x2x2"], True),
     "render": (["pyramid", "-o", "r.png"], True),

@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
                 part = replace(part, report=weighed)
         files = _encode(part, equation, options, arguments, progress)
         progress("write")
-        _write(files)
+        write_all(files)
     if not arguments.quiet:
         for output in arguments.outputs:
             mass = "" if part.report.mass is None else f", mass {part.report.mass.mass:.10g}"
@@ -171,7 +171,7 @@ def _encode(
     return files
 
 
-def _write(files: dict[str, bytes]) -> None:
+def write_all(files: dict[str, bytes]) -> None:
     """Write the files in turn; an error says which of them are there."""
     from pc2cad.export.files import write_atomically
 

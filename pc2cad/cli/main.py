@@ -29,6 +29,7 @@ VERBS: Final = {
     "build": "compile a template into a solid and write it to files",
     "check": "compile a template and show what is known of the solid; write nothing",
     "sensitivities": "show how volume, area, centroid, mass and inertia change with parameters",
+    "adjust": "find parameters for which a solid has a wanted volume, mass or other figure",
     "study": "build many variants of a template, with a table of what became of each",
     "mesh": "mesh a template with hexahedra or tetrahedra for finite elements",
     "render": "compile a template and write pictures of it, PNG or SVG",
@@ -45,7 +46,8 @@ VERBS: Final = {
 
 #: verbs whose work is done by a process that is watched; `study` watches its own workers
 GUARDED: Final = (
-    "build", "check", "sensitivities", "mesh", "render", "view", "points", "spline", "verify",
+    "build", "check", "sensitivities", "adjust", "mesh", "render", "view", "points", "spline",
+    "verify",
 )  # fmt: skip
 
 

@@ -1,0 +1,367 @@
+"""Parameters for which a solid has a wanted volume, area, mass, centroid or inertia.
+
+Figures and their exact derivatives come from the equation (`integrals.sensitivity`), no kernel is
+asked. Goals alone are met by damped Newton steps within the ranges, the least or most of a figure
+under goals by sequential quadratic programming (SciPy's SLSQP).
+
+*Source:* J. Nocedal, S. Wright, Numerical Optimization (2006), chapters 10 and 18.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.checked import CheckedMap, Progress, Stages, check_map
+from pc2cad.domain.analysis import derive, sample_sides
+from pc2cad.errors import InputError, NotASolidError
+from pc2cad.integrals.inertia import Mass, densities, mass_of
+from pc2cad.integrals.mass_properties import MassProperties, integrate
+from pc2cad.integrals.sensitivity import sensitivity
+from pc2cad.solidity.orientation import find_orientation
+from pc2cad.templates.ranges import RangeError, read_axis, read_number, split_setting
+
+if TYPE_CHECKING:
+    from pc2cad.templates.template import Template
+
+#: what may be asked for: centroid by its coordinates, inertia about the centre of mass by axes
+FIGURES: Final = (
+    "volume", "area", "mass", "x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz",
+)  # fmt: skip
+#: relative miss of a goal that is none
+MET: Final = 1e-10
+#: relative miss at which Newton's steps end, and the shortest share of one that is tried
+SOLVED: Final = 1e-13
+SHORTEST: Final = 1e-4
+#: what SciPy wants limits to be apart
+TINY: Final = 1e-12
+#: maps that are looked at before it is given up
+MOST_EVALUATIONS: Final = 200
+_GOAL: Final = re.compile(r"\s*(\w+)\s*(<=|>=|=)(.*)\Z", re.S)
+
+
+class GoalsNotMetError(InputError):
+    """No values within the ranges give the solid what is asked of it."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A figure that is to be equal to, at most or at least some value."""
+
+    figure: str
+    relation: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.figure} {self.relation} {self.value:.12g}"
+
+    def miss(self, found: float) -> float:
+        """Return by how much a figure misses the goal: found - value, 0 where it is met."""
+        gap = found - self.value
+        if self.relation == "<=":
+            return max(gap, 0.0)
+        return min(gap, 0.0) if self.relation == ">=" else gap
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """Values of the parameters that meet the goals, and what the solid is then."""
+
+    parameters: Mapping[str, float]
+    figures: Mapping[str, float]
+    goals: tuple[Goal, ...]
+    #: parameters that end at a limit of their range
+    at_limits: tuple[str, ...]
+    #: maps that were looked at on the way
+    evaluations: int
+    checked: CheckedMap
+
+
+def read_goal(text: str) -> Goal:
+    """Return the goal that ``volume=200``, ``mass<=3`` or ``z>=1/2`` states; raise InputError."""
+    found = _GOAL.match(text)
+    if not found:
+        raise InputError(
+            f"--until '{text[:80]}': write FIGURE=VALUE, FIGURE<=VALUE or FIGURE>=VALUE"
+        )
+    figure, relation, value = found.groups()
+    return Goal(_figure("--until", figure), relation, read_number(f"--until {figure}", value))
+
+
+def _figure(option: str, name: str) -> str:
+    if name not in FIGURES:
+        raise InputError(f"{option}: '{name[:80]}' is none of {', '.join(FIGURES)}")
+    return name
+
+
+def read_ranges(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return the ranges that ``r=0.2:3`` states by parameter; raise RangeError."""
+    ranges: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        name, given = split_setting("--vary", text)
+        axis = read_axis(name, given)
+        if axis.range is None:
+            raise RangeError(f"--vary '{text[:80]}': write NAME=LOW:HIGH")
+        if name in ranges:
+            raise RangeError(f"--vary {name[:80]}: the parameter is varied twice")
+        ranges[name] = axis.range
+    return ranges
+
+
+def adjust(
+    template: Template,
+    vary: Mapping[str, tuple[float, float]],
+    until: Sequence[Goal] = (),
+    *,
+    minimise: str | None = None,
+    maximise: str | None = None,
+    values: Mapping[str, Any] | None = None,
+    density: float | Mapping[str, float] = 1.0,
+    progress: Progress | None = None,
+) -> Adjusted:
+    """Return values of some parameters within ranges that meet goals, from the present ones on.
+
+    Without `minimise` or `maximise`, of many such values those that a few Newton steps reach.
+    Local methods: a better place elsewhere in the ranges is not excluded. Raises GoalsNotMetError
+    with the nearest values, InputError, and NotASolidError where the result is no solid.
+    """
+    if minimise and maximise:
+        raise InputError("what is to be least and what is to be most cannot be asked for at once")
+    if not (until or minimise or maximise):
+        raise InputError("say what is wanted: a goal (--until), or what is to be least or most")
+    if not vary:
+        raise InputError("say which parameters may change, and from where to where (--vary)")
+    wanted, sign = minimise or maximise, -1.0 if maximise else 1.0
+    problem = _Problem(template, dict(vary), tuple(until), dict(values or {}), density, progress)
+    best: Array | None = None
+    for start in problem.starts():
+        found = (
+            _least(problem, _figure("--minimise", wanted), sign, start) if wanted
+            else _root(problem, start)
+        )  # fmt: skip
+        if found is not None and (best is None or problem.misses(found) < problem.misses(best)):
+            best = found
+        if best is not None and problem.misses(best) <= MET:
+            return problem.result(best)
+    raise problem.unmet(best)
+
+
+class _Problem:
+    """Figures and derivatives at places of the ranges, each worked out once."""
+
+    def __init__(
+        self,
+        template: Template,
+        vary: Mapping[str, tuple[float, float]],
+        goals: tuple[Goal, ...],
+        values: Mapping[str, Any],
+        density: float | Mapping[str, float],
+        progress: Progress | None,
+    ) -> None:
+        self.template, self.vary, self.goals = template, vary, goals
+        self.fixed, self.density, self.progress = values, density, progress
+        both = [name for name in vary if name in values]
+        if both:
+            raise InputError(f"{both[0]} is set (-s) and varied (--vary)")
+        bound = template.bind(values).parameters
+        for name in vary:
+            if name not in bound:
+                raise InputError(
+                    f"--vary: {template.name} has no parameter '{name[:80]}' "
+                    f"(it has: {', '.join(bound) or 'none'})"
+                )
+            for limit in vary[name]:
+                template.values({**values, name: limit})  # within min and max
+        self.names = tuple(vary)
+        self.low, self.high = (np.array([vary[n][k] for n in self.names]) for k in (0, 1))
+        self.now = np.array([bound[name] for name in self.names])
+        self._known: dict[tuple[float, ...], tuple[dict[str, float], dict[str, Array]] | None] = {}
+        self.refused = ""
+
+    @property
+    def evaluations(self) -> int:
+        """Maps that were looked at."""
+        return len(self._known)
+
+    def starts(self) -> list[Array]:
+        """Return where to begin, as shares of the ranges: the present values, then others."""
+        share = (self.now - self.low) / (self.high - self.low)
+        return [np.clip(share, 0.02, 0.98), np.full(len(share), 0.5),
+                np.full(len(share), 0.1), np.full(len(share), 0.9)]  # fmt: skip
+
+    def settings(self, share: Array) -> dict[str, float]:
+        """Return the parameters at a place of the ranges."""
+        places = self.low + (self.high - self.low) * share
+        rows = zip(self.names, np.clip(places, self.low, self.high).tolist(), strict=True)
+        return dict(rows)
+
+    def figures(self, share: Array) -> tuple[dict[str, float], dict[str, Array]] | None:
+        """Return figures and gradients (by shares) at a place; None where there is no solid."""
+        key = tuple(np.asarray(share).tolist())
+        if key not in self._known:
+            if len(self._known) >= MOST_EVALUATIONS:
+                return None
+            if self.progress is not None:
+                self.progress(f"evaluation {len(self._known) + 1}")
+            self._known[key] = self._worked_out(share)
+        return self._known[key]
+
+    def _worked_out(self, share: Array) -> tuple[dict[str, float], dict[str, Array]] | None:
+        equation = self.template.bind({**self.fixed, **self.settings(share)})
+        given = densities(self.density, equation)
+        try:
+            sides = sample_sides(equation)
+            sign = find_orientation(sides.map).sign
+            analysis = derive(sides)
+            geometry = integrate(analysis)
+        except NotASolidError as error:
+            self.refused = str(error)
+            return None
+        mass = mass_of(analysis, geometry, given)
+        figures = _figures(geometry, mass)
+        moved = [
+            sensitivity(analysis, sign, geometry, mass, given, equation.variation(name))
+            for name in self.names
+        ]
+        rows = [
+            {"volume": s.volume, "area": s.area, "mass": s.mass, **_named(s.centroid, s.inertia)}
+            for s in moved
+        ]
+        width = self.high - self.low
+        slopes = {f: np.array([row[f] for row in rows]) * width for f in FIGURES}
+        return figures, slopes
+
+    def scale(self, goal: Goal) -> float:
+        """Return what a miss of a goal is held against."""
+        seen = [abs(known[0][goal.figure]) for known in self._known.values() if known is not None]
+        return abs(goal.value) or max(seen, default=1.0) or 1.0
+
+    def misses(self, share: Array) -> float:
+        """Return the largest relative miss of a goal."""
+        found = self.figures(share)
+        if found is None:
+            return float("inf")
+        return max((abs(g.miss(found[0][g.figure])) / self.scale(g) for g in self.goals), default=0)
+
+    def linear(self, share: Array) -> tuple[Array, Array] | None:
+        """Return relative misses of the goals and their slopes by shares; None: no solid there."""
+        found = self.figures(share)
+        if found is None:
+            return None
+        gaps, rows = [], []
+        for goal in self.goals:
+            gap, size = goal.miss(found[0][goal.figure]), self.scale(goal)
+            gaps.append(gap / size)
+            rows.append(found[1][goal.figure] / size * (gap != 0.0))
+        return np.array(gaps), np.array(rows)
+
+    def result(self, share: Array) -> Adjusted:
+        settings = self.settings(share)
+        checked = check_map(
+            self.template.bind({**self.fixed, **settings}), stages=Stages(self.progress)
+        )
+        ends = np.minimum(np.abs(share), np.abs(1 - share)) <= 1e-9
+        at_limits = tuple(name for name, end in zip(self.names, ends, strict=True) if end)
+        return Adjusted(
+            settings, _figures(checked.mass, checked.mass_properties(self.density)),
+            self.goals, at_limits, self.evaluations, checked,
+        )  # fmt: skip
+
+    def unmet(self, share: Array | None) -> GoalsNotMetError:
+        """Return the error that says what is not reached, and the nearest that was seen."""
+        ranges = ", ".join(f"{n} from {a:.6g} to {b:.6g}" for n, (a, b) in self.vary.items())
+        found = None if share is None else self.figures(share)
+        if found is None or share is None:
+            why = f" ({self.refused})" if self.refused else ""
+            return GoalsNotMetError(f"no solid was found with {ranges}{why}")
+        missed = [g for g in self.goals if abs(g.miss(found[0][g.figure])) > MET * self.scale(g)]
+        settings = ", ".join(f"{n} = {x:.6g}" for n, x in self.settings(share).items())
+        told = "; ".join(f"{g} is not met, {g.figure} is {found[0][g.figure]:.6g}" for g in missed)
+        return GoalsNotMetError(f"with {ranges} the nearest solid found has {settings}: {told}")
+
+
+def _figures(geometry: MassProperties, mass: Mass) -> dict[str, float]:
+    return {
+        "volume": geometry.volume, "area": geometry.area, "mass": mass.mass,
+        **_named(geometry.centroid, mass.inertia),
+    }  # fmt: skip
+
+
+def _named(centroid: Sequence[float], inertia: Sequence[Sequence[float]]) -> dict[str, float]:
+    pairs = {"I" + "xyz"[i] + "xyz"[j]: inertia[i][j] for i in range(3) for j in range(i, 3)}
+    return {**dict(zip("xyz", centroid, strict=True)), **pairs}
+
+
+def _root(problem: _Problem, start: Array) -> Array | None:
+    """Return the place that Newton steps from a start reach, or None: no solid there.
+
+    A step solves the linear problem within the ranges, and is halved until the misses shrink.
+    """
+    from scipy.optimize import lsq_linear
+
+    here = problem.linear(start)
+    share = start
+    while here is not None:
+        gaps, slopes = here
+        if np.abs(gaps).max() <= SOLVED:
+            break
+        inside = np.stack((-share - TINY, 1 - share + TINY))
+        step = lsq_linear(slopes, -gaps, tuple(inside), method="bvls", tol=1e-15).x
+        length, better = 1.0, None
+        while better is None and length > SHORTEST:
+            there = np.clip(share + length * step, 0.0, 1.0)
+            found = problem.linear(there)
+            hoped = gaps @ gaps - np.sum((gaps + slopes @ (there - share)) ** 2)
+            if found is not None and gaps @ gaps - found[0] @ found[0] > max(hoped, 0.0) / 8:
+                better = there, found
+            length /= 2
+        if better is None:
+            break
+        share, here = better
+    return None if here is None else share
+
+
+def _least(problem: _Problem, wanted: str, sign: float, start: Array) -> Array | None:
+    """Return the place with the least figure that meets the goals, or None: no solid at first."""
+    from scipy.optimize import minimize
+
+    first = problem.figures(start)
+    if first is None:
+        return None
+    size = abs(first[0][wanted]) or 1.0
+
+    def figure(share: Array) -> float:
+        found = problem.figures(share)
+        return float("inf") if found is None else sign * found[0][wanted] / size
+
+    def slope(share: Array) -> Array:
+        found = problem.figures(share)
+        return np.zeros(len(share)) if found is None else sign * found[1][wanted] / size
+
+    conditions = [_condition(problem, goal) for goal in problem.goals]
+    done = minimize(
+        figure, start, jac=slope, method="SLSQP", bounds=[(0.0, 1.0)] * len(start),
+        constraints=conditions, options={"ftol": 1e-14, "maxiter": 60},
+    )  # fmt: skip
+    share: Array = np.clip(done.x, 0.0, 1.0)
+    return share
+
+
+def _condition(problem: _Problem, goal: Goal) -> dict[str, Any]:
+    """Return a goal as SLSQP takes it: what is to vanish, or not to be negative."""
+    size, turn = problem.scale(goal), -1.0 if goal.relation == "<=" else 1.0
+
+    def gap(share: Array) -> float:
+        found = problem.figures(share)
+        return -1.0 if found is None else turn * (found[0][goal.figure] - goal.value) / size
+
+    def slope(share: Array) -> Array:
+        found = problem.figures(share)
+        return np.zeros(len(share)) if found is None else turn * found[1][goal.figure] / size
+
+    return {"type": "eq" if goal.relation == "=" else "ineq", "fun": gap, "jac": slope}
