@@ -117,7 +117,7 @@ def _verdict(path: str, found: Verification) -> Iterator[str]:
     if found.verified:
         yield (
             f"{shown(path)}: verified, no face further than {found.deviation:.2g} {units} from its "
-            f"side ({found.evidence}, borders sampled; {found.tolerance:.2g} allowed)"
+            f"side ({found.evidence}; {found.tolerance:.2g} allowed)"
         )
     else:
         yield f"{shown(path)}: not this solid"
@@ -127,13 +127,13 @@ def _verdict(path: str, found: Verification) -> Iterator[str]:
         if len(found.differences) > 2:
             yield f"  and {len(found.differences) - 1} more; --json lists all"
     if found.matches:
-        yield f"\nFaces (distances in {units}; of borders sampled)"
+        yield f"\nFaces (distances in {units})"
         yield table(
-            [("side", "carrier", "surface", "", "border")]
+            [("side", "carrier", "surface", "", "border", "")]
             + [
                 (one_line(m.name), m.face.face.carrier.lower(), f"{m.reach:.1e}",
                  m.nearness.rests_on,
-                 "-" if m.equal_parameters else f"{m.border.distance:.1e}")
+                 f"{m.border_reach:.1e}", m.edges.rests_on)
                 for m in found.matches
             ]
         )  # fmt: skip

@@ -2,7 +2,7 @@
 
 Every face is held against the side of its name and every side needs its face; border, area, unit,
 stated properties, volume, area and centroid follow. Distances of surfaces are proved where that
-can be had (`nearness`), else *sampled*: the largest seen; those of borders are sampled.
+can be had (`nearness`, `borders`), else *sampled*: the largest seen.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from pc2cad.templates.shipped import find_template
 from pc2cad.templates.template import Template
 from pc2cad.topology.cells import Cell
 from pc2cad.verify.balls import ReplayError
+from pc2cad.verify.borders import Borders
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.nearness import nearness
 from pc2cad.verify.receipt import StepFile, describe, read_step
 from pc2cad.verify.replay import Spline, StepText, surface_of
-from pc2cad.verify.sides import Match, Sides, coarse, compare, goes_on
+from pc2cad.verify.sides import Match, Sides, coarse, compare, goes_on, weakest
 
 #: of the part's size and of its thickness 2V/A: the tolerance where none is given
 OF_SIZE, OF_THICKNESS = 1e-7, 1e-6
@@ -70,10 +71,8 @@ class Verification:
 
     @property
     def evidence(self) -> Evidence:
-        """What the distances of all surfaces rest on: the weakest of them."""
-        found = {match.nearness.rests_on for match in self.matches}
-        kinds: tuple[Evidence, ...] = ("sampled", "bounded", "exact")
-        return next((kind for kind in kinds if kind in found), "sampled")
+        """What the distances of all faces and edges rest on: the weakest of them."""
+        return weakest(match.evidence for match in self.matches)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data for JSON."""
@@ -91,7 +90,8 @@ class Verification:
                     "rests_on": match.nearness.rests_on,
                     "bound": _bound_of(match),
                     "deviation": _finite(match.surface.distance),
-                    "border": _finite(match.border.distance),
+                    "border": _finite(match.border_reach),
+                    "border_rests_on": match.edges.rests_on,
                     "place": match.surface.place,
                     "equal_parameters": match.equal_parameters,
                 }
@@ -250,6 +250,10 @@ class _Judge:
     def _text(self) -> StepText:
         return StepText(self._file.data)
 
+    @cached_property
+    def _borders(self) -> Borders:
+        return Borders(self._sides, self._tolerance)
+
     def _proved(self, match: Match) -> Match:
         """Return a match with a bound of its distance, where one can be had."""
         seen = match.surface.distance
@@ -264,7 +268,7 @@ class _Judge:
             return match
         patches = [RestrictedMap(self._analysis, patch) for patch in match.patches]
         found = nearness(patches, surface, match.turn, seen, self._tolerance, claims=self._claims)
-        return replace(match, nearness=found)
+        return replace(match, nearness=found, edges=self._borders.nearness(match))
 
     def _name(self, face: JudgedFace, groups: Mapping[str, Sequence[Cell]]) -> str:
         """Return the side that a face is named after, or is nearest to."""

@@ -62,7 +62,7 @@ def _face(match: Match) -> dict[str, Any]:
         "carrier": match.face.face.carrier,
         "rests_on": match.nearness.rests_on,
         "distance": match.reach,
-        "border": {"distance": match.border.distance, "rests_on": "sampled"},
+        "border": {"distance": match.border_reach, "rests_on": match.edges.rests_on},
         "replay": list(match.nearness.claims),
     }
 

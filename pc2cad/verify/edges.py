@@ -31,6 +31,8 @@ class Edge:
     steps: Array
     #: largest distance of an end of the curve from its vertex
     gap: float
+    #: what it is cut from
+    curve: Curve
 
     @property
     def length(self) -> float:
@@ -93,7 +95,7 @@ class EdgeReader:
         steps = sign * weights[:, None] * slopes
         if not (np.isfinite(samples).all() and np.isfinite(steps).all()):
             raise StepDefectError(f"the edge {ref} has places that are not finite")
-        return Edge(ref, start, end, samples, places, steps, gap)
+        return Edge(ref, start, end, samples, places, steps, gap, curve)
 
     def loop(self, ref: Any) -> Loop:
         """Return a FACE_BOUND as a loop that runs around the face's normal."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -46,6 +46,10 @@ class Nearness:
     distance: float
     #: what `replay` needs to find the bound again, one per patch; empty where it cannot
     claims: tuple[dict[str, Any], ...] = ()
+
+
+#: before anything is proved
+SEEN: Final = Nearness("sampled", 0.0)
 
 
 def nearness(

@@ -72,6 +72,9 @@ def parse_step(data: bytes) -> StepFile:
     """Judge the bytes of a file; raise StepUnreadableError where they are none."""
     records = Records(parse_exchange(data))
     findings = Findings()
+    findings.defects += [
+        f"{ref} has coordinates that are no numbers" for ref in records.without_numbers()[:5]
+    ]
     solids = []
     found = solid_records(records)
     if not found:

@@ -64,6 +64,17 @@ class Records:
         keys = sorted({key for word in keywords for key in self._by_keyword.get(word, ())})
         return [Record(Ref(key), self._instances[key]) for key in keys]
 
+    def without_numbers(self) -> list[Ref]:
+        """Return the points and directions whose coordinates are no numbers, used or not."""
+        found = []
+        for word in ("CARTESIAN_POINT", "DIRECTION"):
+            for key in self._by_keyword.get(word, ()):
+                values = self._instances[key][word]
+                row = values[-1] if values else None
+                if not isinstance(row, tuple) or any(type(x) not in (int, float) for x in row):
+                    found.append(Ref(key))
+        return found
+
     def get(self, ref: Any, *keywords: str) -> Record:
         """Return the record behind a reference, of one of the given keywords if any are given."""
         if not isinstance(ref, Ref):

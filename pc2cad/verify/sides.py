@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import Final, TypeAlias
+from typing import TypeAlias, get_args
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
+from pc2cad.geometry.carriers import Evidence
 from pc2cad.topology.cells import Cell, directions_of
 from pc2cad.verify.faces import JudgedFace
-from pc2cad.verify.nearness import Nearness
+from pc2cad.verify.nearness import SEEN, Nearness
 from pc2cad.verify.splines import SplineSurface, closest, distinct, nearest
 
 #: whether the axes are swapped, and which of a surface's own run backwards
@@ -30,8 +31,11 @@ _ROUGH = np.array([0.0, 0.0937, 0.2641, 0.4178, 0.5923, 0.7319, 0.9212, 1.0])
 #: relative difference of areas that quadrature leaves open
 _AREA = 1e-6
 
-#: before anything is proved
-SEEN: Final = Nearness("sampled", 0.0)
+
+def weakest(evidence: Iterable[Evidence]) -> Evidence:
+    """Return the weakest of several kinds of evidence."""
+    found, kinds = set(evidence), get_args(Evidence)
+    return max(found, key=kinds.index, default="sampled")
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ class Match:
     turn: Turn | None
     #: how far the side is from the surface, and what that rests on
     nearness: Nearness = SEEN
+    #: and the side's edges from those of the face
+    edges: Nearness = SEEN
 
     @property
     def equal_parameters(self) -> bool:
@@ -70,7 +76,17 @@ class Match:
     @property
     def distance(self) -> float:
         """The largest distance seen or bounded."""
-        return max(self.reach, self.border.distance)
+        return max(self.reach, self.border_reach)
+
+    @property
+    def border_reach(self) -> float:
+        """The largest distance of the edges: a bound where there is one, else what was seen."""
+        return max(self.border.distance, self.edges.distance)
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the distances of surface and edges rest on: the weaker of both."""
+        return weakest([self.nearness.rests_on, self.edges.rests_on])
 
     @property
     def reach(self) -> float:
@@ -127,6 +143,13 @@ class Sides:
         faces = {face.patch: face for face in self.analysis.complex.faces}
         uses = [use for patch in patches for use in faces[patch].uses]
         return list(dict.fromkeys(use.cell for use in uses if use.edge is not None))
+
+    def rim(self, patches: Sequence[Cell]) -> list[Cell]:
+        """Return the edges round patches, without seams and what two of the patches share."""
+        faces = {face.patch: face for face in self.analysis.complex.faces}
+        uses = [use for patch in patches for use in faces[patch].uses if use.edge is not None]
+        often = Counter(use.edge for use in uses)
+        return [use.cell for use in uses if often[use.edge] == 1]
 
 
 def compare(
