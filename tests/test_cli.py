@@ -274,6 +274,12 @@ def test_a_bar_for_what_takes_long(tmp_path):
     assert "2 of 3 variants" in shown
 
 
+def test_what_cannot_draw_a_bar_says_so_in_a_line_that_goes_away(tmp_path):
+    shown = on_a_terminal("p.first('loading the kernel'); p('analyse')", tmp_path)
+    assert shown == "loading the kernel …\r\x1b[2KFalse\n"
+    assert on_a_terminal("p.first('loading the kernel')", tmp_path) == shown
+
+
 def test_no_bar_for_what_is_quick_or_piped(tmp_path):
     assert on_a_terminal("p('quick')", tmp_path) == "False\n"
     done = subprocess.run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -306,3 +307,19 @@ def test_python_has_the_names_of_the_language() -> None:
     }  # fmt: skip
     for text, found in points.items():
         assert read_expression(text, NAMES).coordinates == found.coordinates, text
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("sin(30deg)", "30*pi/180"),
+        ("sin(30°)", "30*pi/180"),
+        ("sin(radians(30))", "30*pi/180"),
+        ("degrees(u)", "30*pi/180"),
+        ("math.sin(u)", "write sin(…) instead of math.sin(…)"),
+        ("2*np.cos(u)", "write cos(…) instead of np.cos(…)"),
+    ],
+)
+def test_habits_of_other_languages_get_a_hint(text, hint):
+    with pytest.raises(InputError, match=re.escape(hint)):
+        read_expression(text, NAMES)

@@ -187,13 +187,18 @@ def pointSolid(
     combine: CombineMode = True,
     clean: bool = True,
     prefix: str = "",
+    *,
+    tolerance: float | None = None,
+    degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
     **parameters: Any,
 ) -> cq.Workplane:
-    """Put a point solid at every stack point; see `pc2cad.cadquery.placed`.
-
-    Its `tolerance`, `degree`, `max_degree` and `profile` may be given among the parameters.
-    """
-    return placed(source, domain, combine=combine, clean=clean, prefix=prefix, **parameters)(self)
+    """Put a point solid at every stack point; see `pc2cad.cadquery.placed`."""
+    return placed(
+        source, domain, combine=combine, clean=clean, prefix=prefix, tolerance=tolerance,
+        degree=degree, max_degree=max_degree, profile=profile, **parameters,
+    )(self)  # fmt: skip
 
 
 def channelSolid(
@@ -203,10 +208,18 @@ def channelSolid(
     combine: CombineMode = True,
     clean: bool = True,
     prefix: str = "",
+    *,
+    tolerance: float | None = None,
+    degree: int | None = None,
+    max_degree: int | None = None,
+    profile: str = "compact",
     **parameters: Any,
 ) -> cq.Workplane:
     """Put a channel at every stack point; see `pc2cad.cadquery.channel_solid` and `placed`."""
-    return pointSolid(self, _channel(channel), domain, combine, clean, prefix, **parameters)
+    return pointSolid(
+        self, _channel(channel), domain, combine, clean, prefix, tolerance=tolerance,
+        degree=degree, max_degree=max_degree, profile=profile, **parameters,
+    )  # fmt: skip
 
 
 def pointParts(self: cq.Workplane) -> tuple[Part, ...]:

@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     _check_outputs(arguments, path)
     with Progress(arguments.quiet) as progress:
-        progress("load the kernel")
+        progress.first("loading the kernel")
         from pc2cad.compiler import compile_solid
 
         with named(arguments.template):

@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     equation = bind(template, arguments)
     options, density = read_options(arguments), read_densities(arguments.densities)
     with Progress() as progress:
-        progress("load the kernel")
+        progress.first("loading the kernel")
         from pc2cad.compiler import compile_solid
 
         with named(arguments.template):

@@ -101,6 +101,22 @@ class Progress:
         self._lock = Lock()
         self._due = time.monotonic() + PATIENCE
         self._bar: Any = None
+        self._line = False
+
+    def first(self, stage: str) -> None:
+        """Say at once, in plain text, what begins: nothing else can be drawn while it lasts."""
+        if self._active:
+            with self._lock, suppress(OSError, ValueError):
+                self._stream.write(f"{one_line(stage)} …")
+                self._stream.flush()
+                self._line = True
+
+    def _wipe(self) -> None:
+        if self._line:
+            self._line = False
+            with suppress(OSError, ValueError):
+                self._stream.write("\r\x1b[2K")
+                self._stream.flush()
 
     def update(self, state: str, finished: int, total: int) -> None:
         """Show how far a long stage is."""
@@ -113,6 +129,7 @@ class Progress:
         if not self._active:
             return
         with self._lock:
+            self._wipe()
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
@@ -133,6 +150,7 @@ class Progress:
         traceback: TracebackType | None,
     ) -> None:
         with self._lock:
+            self._wipe()
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
@@ -147,6 +165,7 @@ class Progress:
 
     def _draw(self, text: str, finished: int = 0, total: int | None = None) -> None:
         """Show a stage; the bar moves to and fro where nothing is counted."""
+        self._wipe()
         with suppress(OSError, ValueError):
             if self._bar is None:
                 self._bar = _bar(self._stream)

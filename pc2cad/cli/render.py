@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
         check_target(output)
     check_different(arguments.outputs, path)
     with Progress(arguments.quiet) as progress:
-        progress("load the kernel")
+        progress.first("loading the kernel")
         from pc2cad.compiler import compile_solid
         from pc2cad.picture.drawing import drawing
         from pc2cad.picture.image import camera_for, write_picture

@@ -25,6 +25,7 @@ from pc2cad.equation.names import Named as Named
 from pc2cad.equation.names import nearest as nearest
 from pc2cad.equation.points import Combination, Value, kind_of
 from pc2cad.equation.syntax import (
+    RADIANS,
     WORDS,
     BinaryNode,
     CallNode,
@@ -193,6 +194,8 @@ class _Reader:
                                    node.column)  # fmt: skip
         if name in WORDS:
             raise UnknownNameError(f"{name} stands between conditions", node.column)
+        if name.lower() in ("deg", "rad", "degree", "degrees", "radians", "deg2rad", "rad2deg"):
+            raise UnknownNameError(f"unknown function '{name}'; {RADIANS}", node.column)
         hint = nearest(name, [*FUNCTION_NAMES, *self._curves])
         raise UnknownNameError(f"unknown function '{name}'{hint}", node.column)
 

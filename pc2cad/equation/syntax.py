@@ -18,6 +18,10 @@ MOST_TOKENS: Final = 2000
 DEEPEST_NESTING: Final = 60
 LONGEST_NUMBER: Final = 40
 LONGEST_NAME: Final = 64
+#: what writes who thinks in degrees
+RADIANS: Final = "angles are in radians: 30 degrees are 30*pi/180"
+#: modules whose functions are meant by their names here
+_MODULES: Final = ("math", "cmath", "np", "numpy", "sp", "sympy", "pc")
 
 
 class ExpressionSyntaxError(InputError):
@@ -151,6 +155,11 @@ def _tokens(text: str) -> list[_Token]:
 def _check_number(piece: str, following: str, column: int) -> None:
     if len(piece) > LONGEST_NUMBER:
         raise ExpressionSyntaxError(f"a number is longer than {LONGEST_NUMBER} characters", column)
+    if following.lower() == "d":
+        raise ExpressionSyntaxError(
+            f"'{piece}{following}' is neither a number nor a name; {RADIANS}, "
+            f"and '{piece}*{following}…' is a product", column,
+        )  # fmt: skip
     if following.isalpha() or following == "_":
         raise ExpressionSyntaxError(
             f"'{piece}{following}' is neither a number nor a name; "
@@ -167,6 +176,8 @@ def _unknown_character(character: str) -> str:
         "&": "; conditions are joined by 'and'", "|": "; conditions are joined by 'or'",
         "!": "; a condition is turned round by 'not'", "%": "; a remainder is mod(x, m)",
     }  # fmt: skip
+    if character in "°º˚":
+        return f"{shown} has no meaning here; {RADIANS}"
     if not character.isascii():
         return f"the character {shown} is not ASCII; write names and operators in plain letters"
     return f"the character {shown} has no meaning here{hints.get(character, '')}"
@@ -250,6 +261,11 @@ class _Parser:
             point = self._take()
             part = self._take()
             if part.text not in ("x", "y", "z"):
+                if isinstance(node, NameNode) and node.name in _MODULES:
+                    raise ExpressionSyntaxError(
+                        f"functions stand alone: write {part.text}(…) instead of "
+                        f"{node.name}.{part.text}(…)", node.column,
+                    )  # fmt: skip
                 raise ExpressionSyntaxError(
                     f"a point has the coordinates .x, .y and .z, not .{part.text}", point.column
                 )
