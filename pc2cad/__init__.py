@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from pc2cad.expression.sympy_bridge import from_sympy as from_sympy
     from pc2cad.expression.sympy_bridge import to_sympy as to_sympy
     from pc2cad.part import Part as Part
+    from pc2cad.studies.adjust import adjust as adjust
     from pc2cad.studies.study import study as study
     from pc2cad.templates.file import read_template as read_template
     from pc2cad.templates.importers.airfoil import import_airfoil as import_airfoil
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Part": "pc2cad.part",
+    "adjust": "pc2cad.studies.adjust",
     "compile_equation": "pc2cad.compiler",
     "compile_part": "pc2cad.compiler",
     "from_sympy": "pc2cad.expression.sympy_bridge",

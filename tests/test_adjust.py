@@ -87,6 +87,8 @@ def test_what_is_not_well_put_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=words):
             block(goals, **vary)
+    with pytest.raises(InputError, match="pipe_cross has several bodies"):
+        pc.adjust("pipe_cross", {"r": (1, 2)}, ["volume=1"])
     for text in ("weight=3", "volume", "volume=x", "volume==3"):
         with pytest.raises((InputError, RangeError)):
             read_goal(text)

@@ -142,6 +142,25 @@ z = "q*w"
         checked.sensitivity("z")
 
 
+def test_sides_that_part_are_named() -> None:
+    """A section of three waves closes; of three and a bit it does not."""
+    text = """
+title = "A rod with waves"
+[parameters]
+n = 3
+r = 2
+[solid]
+x = "w*(r + sin(2*pi*n*u)/5)*cos(2*pi*u)"
+y = "w*(r + sin(2*pi*n*u)/5)*sin(2*pi*u)"
+z = "v"
+"""
+    found = parse_template(text, "waves")
+    assert isinstance(found, Template)
+    checked = check_map(found.bind())
+    assert checked.sensitivity("n").parting == ("u=0 and u=1",)
+    assert checked.sensitivity("r").parting == ()
+
+
 def test_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sensitivities", "ball", "-s", "R=3", "--density", "2", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

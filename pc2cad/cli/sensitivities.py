@@ -48,6 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
     head = f"{equation.name}: {equation.title}" if equation.title else equation.name
     say(one_line(head))
     say(_table(found, equation.units))
+    for s in found:
+        for sides in s.parting:
+            say(f"  {s.parameter}: {sides} coincide, and part as it changes: no solid of one "
+                "piece with the same sides lies beside this value")  # fmt: skip
     for name, sentence in refused.items():
         say(f"  {name}: {one_line(sentence)}")
     return 0
@@ -101,7 +105,7 @@ def _plain(
     rows: dict[str, Any] = {
         "name": equation.name, "units": equation.units, "parameters": dict(equation.parameters),
     }  # fmt: skip
-    for figure in (*FIGURES, "volume_by_flux", "relative_error", "how"):
+    for figure in (*FIGURES, "volume_by_flux", "relative_error", "how", "parting"):
         rows[figure] = {s.parameter: getattr(s, figure) for s in found}
         rows[figure] |= dict.fromkeys(refused)
     return {**rows, "refused": refused}

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.map import open_grid
 from pc2cad.domain.velocity import (
     DifferenceVelocity,
     NotDifferentiableError,
@@ -28,7 +29,7 @@ from pc2cad.domain.velocity import (
 from pc2cad.equation.variation import Variation
 from pc2cad.integrals.inertia import Mass, Vector
 from pc2cad.integrals.mass_properties import MassProperties
-from pc2cad.integrals.quadrature import Panels, Samples, single
+from pc2cad.integrals.quadrature import Panels, Samples, gauss, single
 from pc2cad.integrals.rules import (
     Density,
     by_layer,
@@ -65,6 +66,8 @@ class Sensitivity:
     relative_error: float
     #: where ∂M/∂p comes from
     how: str
+    #: sides that coincide at this value and at no other near it, as the end of a full turn does
+    parting: tuple[str, ...]
     _analysis: Analysis = field(repr=False, compare=False)
     _velocity: SymbolicVelocity | DifferenceVelocity = field(repr=False, compare=False)
 
@@ -136,7 +139,8 @@ def sensitivity(
     return Sensitivity(
         variation.name, variation.value, volume, area, (x, y, z),
         float(weights @ rows[:, 0]), (tuple(a), tuple(b), tuple(c)),
-        float(flux) if np.isfinite(flux) else None, error, moving.how, analysis, moving,
+        float(flux) if np.isfinite(flux) else None, error, moving.how, _parting(forms),
+        analysis, moving,
     )  # fmt: skip
 
 
@@ -240,6 +244,36 @@ def _flux(forms: _Forms, rules: list[Panels]) -> tuple[float, float]:
             flux += value if limit else -value
             size += abs(value)
     return flux, size
+
+
+def _parting(forms: _Forms) -> tuple[str, ...]:
+    """Return pairs of sides that are one place, and whose velocities are not the same."""
+    boundary, found = forms.analysis.boundary, []
+    for side in boundary.sides:
+        if side.partner is None or side.symmetry is None or side.partner < side.patch:
+            continue
+        here, there = (_on_side(forms, patch) for patch in (side.patch, side.partner))
+        if side.symmetry.reverse_s:
+            there = there[::-1]
+        if side.symmetry.reverse_t:
+            there = there[:, ::-1]
+        if side.symmetry.swap:
+            there = there.transpose(1, 0, 2)
+        gap = float(np.nanmax(np.abs(here - there), initial=0.0)) / forms.analysis.scale.size
+        if gap > max(AGREES, EXPLAINED * forms.moving.doubt()) * forms.rate:
+            found.append(f"{boundary.name(side.patch)} and {boundary.name(side.partner)}")
+    return tuple(found)
+
+
+def _on_side(forms: _Forms, patch: Cell) -> Array:
+    """Return velocities on a patch, (7, 7, 3), along its own s and t."""
+    nodes = (gauss(7)[0] + 1) / 2
+    places, keep = [], []
+    for d in range(3):
+        low, high = forms.analysis.span(d, patch[d])
+        places.append(low + (high - low) * nodes if patch[d] % 2 else np.array([low]))
+        keep.append(slice(None) if patch[d] % 2 else 0)
+    return np.asarray(forms.moving.frame(*open_grid(*places))[0][tuple(keep)])
 
 
 def _area(forms: _Forms) -> tuple[float, float]:

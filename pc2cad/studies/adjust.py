@@ -9,10 +9,11 @@ under goals by sequential quadratic programming (SciPy's SLSQP).
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,10 +25,9 @@ from pc2cad.integrals.inertia import Mass, densities, mass_of
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.integrals.sensitivity import sensitivity
 from pc2cad.solidity.orientation import find_orientation
+from pc2cad.templates.file import read_template
 from pc2cad.templates.ranges import RangeError, read_axis, read_number, split_setting
-
-if TYPE_CHECKING:
-    from pc2cad.templates.template import Template
+from pc2cad.templates.template import Header, Template
 
 #: what may be asked for: centroid by its coordinates, inertia about the centre of mass by axes
 FIGURES: Final = (
@@ -114,9 +114,9 @@ def read_ranges(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def adjust(
-    template: Template,
+    template: Template | str | os.PathLike[str],
     vary: Mapping[str, tuple[float, float]],
-    until: Sequence[Goal] = (),
+    until: Sequence[Goal | str] = (),
     *,
     minimise: str | None = None,
     maximise: str | None = None,
@@ -125,6 +125,8 @@ def adjust(
     progress: Progress | None = None,
 ) -> Adjusted:
     """Return values of some parameters within ranges that meet goals, from the present ones on.
+
+        pc.adjust("ball", {"R": (0.2, 5)}, ["volume=200"]).parameters["R"]
 
     Without `minimise` or `maximise`, of many such values those that a few Newton steps reach.
     Local methods: a better place elsewhere in the ranges is not excluded. Raises GoalsNotMetError
@@ -137,7 +139,9 @@ def adjust(
     if not vary:
         raise InputError("say which parameters may change, and from where to where (--vary)")
     wanted, sign = minimise or maximise, -1.0 if maximise else 1.0
-    problem = _Problem(template, dict(vary), tuple(until), dict(values or {}), density, progress)
+    goals = tuple(read_goal(goal) if isinstance(goal, str) else goal for goal in until)
+    whole = _whole(template)
+    problem = _Problem(whole, dict(vary), goals, dict(values or {}), density, progress)
     best: Array | None = None
     for start in problem.starts():
         found = (
@@ -149,6 +153,14 @@ def adjust(
         if best is not None and problem.misses(best) <= MET:
             return problem.result(best)
     raise problem.unmet(best)
+
+
+def _whole(template: Template | str | os.PathLike[str]) -> Template:
+    """Return the template of one solid that is given or named."""
+    found = template if isinstance(template, Header) else read_template(template)
+    if not isinstance(found, Template):
+        raise InputError(f"{found.name} has several bodies; give one of them, template.body(name)")
+    return found
 
 
 class _Problem:
