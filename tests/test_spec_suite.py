@@ -203,6 +203,15 @@ def test_deviation_stays_below_the_tolerance(solid):
 
 
 @every_solid
+def test_the_map_is_proved_to_cover_nothing_twice(solid):
+    report = part_of(solid.template).report
+    assert report.own.determinant == "proved"
+    assert report.injectivity == "proved", report.own.overlap_open
+    # but for what is nearer to the boundary than faces deviate
+    assert report.overlap_depth <= report.deviation + 1e-9 * report.size
+
+
+@every_solid
 def test_sides(solid):
     part = part_of(solid.template)
     fates = {
