@@ -120,11 +120,13 @@ def check_map(
     options: CompileOptions = DEFAULTS,
     stages: Stages | None = None,
     accept: Accept | None = None,
+    faces: bool = False,
 ) -> CheckedMap:
     """Return what is known of a point equation whose image is a solid; raise NotASolidError.
 
     What cannot be had is refused before the dear stages: a tolerance that double precision does not
     hold (ToleranceNotReachedError), and integrals that `accept`, the receiver's word, refuses.
+    Where `faces` are made of the map, it is they that are proved to meet nowhere (`embed`).
     """
     run = stages or Stages()
     limits = run("limits", lambda: find_limits(equation))
@@ -141,7 +143,7 @@ def check_map(
     mass = run("integrate", lambda: integrate(analysis))
     if accept is not None:
         accept(mass)
-    solidity = run("solidity", lambda: check_solidity(analysis, orientation.sign))
+    solidity = run("solidity", lambda: check_solidity(analysis, orientation.sign, faces))
     return CheckedMap(analysis, orientation, (*limits, *depths), mass, solidity)
 
 

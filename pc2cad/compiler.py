@@ -48,7 +48,8 @@ def compile_solid(
     from pc2cad.validation import check_thickness
 
     stages = Stages(progress)
-    return compile_checked(check_map(equation, options, stages, check_thickness), options, stages)
+    checked = check_map(equation, options, stages, check_thickness, faces=True)
+    return compile_checked(checked, options, stages)
 
 
 def compile_checked(
@@ -174,7 +175,7 @@ def mesh_equation(
         require("gmsh", "tetrahedra")
         from pc2cad.validation import check_thickness
 
-        checked = check_map(equation, options, stages, check_thickness)
+        checked = check_map(equation, options, stages, check_thickness, faces=True)
         return mesh_solid(compile_checked(checked, options, stages), wanted, stages)
     return mesh_volume(check_map(equation, stages=stages), wanted, stages)
 

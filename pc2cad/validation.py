@@ -43,6 +43,7 @@ from pc2cad.report import (
     SideReport,
 )
 from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
+from pc2cad.solidity.embedding.proof import TOUCHING
 from pc2cad.solidity.embedding.verdict import Embedding
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of
 from pc2cad.topology.complex import BoundaryComplex, SideFate
@@ -270,7 +271,11 @@ def _own(
         ),
         determinant=checked.orientation.verdict.value,
         images=checked.solidity.images,
-        contact_clearance=checked.solidity.apart,
+        contact_clearance=(
+            min(checked.solidity.apart, TOUCHING * model.size)
+            if embedding.proved
+            else checked.solidity.apart
+        ),
         injectivity="sampled" if open_ else "proved",
         overlap_depth=(
             checked.solidity.apart

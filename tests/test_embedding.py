@@ -104,6 +104,9 @@ def test_a_needle_that_pierces_the_next_turn_is_refused(width, height):
     with pytest.raises(OverlappingMapError, match="covers itself") as caught:
         pc.compile_part(ramp(width, height))
     x, y, z = map(float, re.search(r"both lie at \((.*?)\)", str(caught.value))[1].split(","))
+    told = float(re.search(r"itself, ([\d.e-]+) mm deep or more", str(caught.value))[1])
+    # what comes out on top of the next turn leaves half of its thickness on either side
+    assert told == pytest.approx(min(float(height) - 1.5, 0.25), rel=0.1)
     turn = 4 * math.pi * 0.2113
     middle = 2.5317 * np.array([math.cos(turn), math.sin(turn)])
     assert np.hypot(*(np.array([x, y]) - middle)) < 0.35
@@ -140,17 +143,21 @@ def test_the_proof_does_not_depend_on_the_unit(place):
 
 
 SIZE = 9
-DEPTHS = [Fraction(1, 10) ** k * share for k in range(2, 8) for share in (3, 1)]
+SHARES = "1e-1 3e-2 1e-2 3e-3 1e-3 3e-4 1e-4 3e-5 1e-5 1e-6 3e-7 1e-7"
+DEPTHS = [Fraction(share) for share in SHARES.split()]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("depth", DEPTHS, ids=[f"{float(d):.0e}" for d in DEPTHS])
 def test_overlaps_of_every_depth_and_gaps_of_the_same_width(depth):
-    """As shares of the size: each is refused, and proved with a gap in its place."""
+    """As shares of the size: each is refused to its depth, and built with a gap in its place."""
     assert len(DEPTHS) == 12
-    with pytest.raises(OverlappingMapError):
+    with pytest.raises(OverlappingMapError, match="both lie at") as caught:
         pc.compile_part(spiral(-depth * SIZE))
-    assert embedding(spiral(depth * SIZE)).proved
+    told = float(re.search(r"itself, ([\d.e-]+) mm deep or more", str(caught.value))[1])
+    # of turns that share nearly all of the strip no place is deeper than half of it
+    assert told == pytest.approx(min(float(depth * SIZE), 0.25), rel=0.2)
+    assert pc.compile_part(spiral(depth * SIZE)).report.injectivity == "proved"
 
 
 def test_a_spiral_whose_turns_nearly_touch_is_proved():

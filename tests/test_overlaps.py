@@ -238,13 +238,12 @@ def test_walls_that_overlap_along_a_whole_turn(depth):
     assert contact(spiral) is not None
 
 
-def test_what_the_effort_leaves_open_is_said(monkeypatch):
+def test_what_the_effort_leaves_open_is_said():
     """A gap too thin for the pairs that may be followed is a warning with its depth and place."""
-    monkeypatch.setattr("pc2cad.solidity.self_intersection.MOST_PAIRS", 1000)
     radius = 2 + (2 + Fraction("1e-5")) * U + W
     t = 4 * pc.pi * U
     spiral = radius * pc.cos(t), radius * pc.sin(t), V + Fraction("0.3") * pc.sin(2 * pc.pi * U)
     analysis = analyse(point_equation(spiral))
-    found = check_injective(analysis, find_orientation(analysis.map).sign)
+    found = check_injective(analysis, find_orientation(analysis.map).sign, 1000)
     assert 1e-5 < found.apart < 0.1
     assert f"an overlap of up to {found.apart:.2g} mm is not excluded" in found.warning

@@ -68,34 +68,34 @@ class RestrictedMap:
 
     def __call__(self, *local: Array) -> Array:
         """Return M on the product of the local parameter arrays: shape (len, …, 3)."""
-        places = self._places(local)
+        places = self.places(*local)
         values = self.analysis.map.points(*open_grid(*(np.atleast_1d(x) for x in places)))
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
         return np.asarray(values[keep])
 
     def at(self, *local: Array) -> Array:
         """Return M at places given by broadcastable local parameters: shape broadcast + (3,)."""
-        return self.analysis.map.points(*self._places(local))
+        return self.analysis.map.points(*self.places(*local))
 
     def normals(self, *local: Array) -> Array:
         """Return M_s × M_t of a face on the product of parameter arrays: shape (len, len, 3)."""
         s, t = directions_of(self.cell)
-        grid = open_grid(*(np.atleast_1d(x) for x in self._places(local)))
+        grid = open_grid(*(np.atleast_1d(x) for x in self.places(*local)))
         along_s, along_t = self.analysis.map.tangents((s, t), *grid)
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
         return np.cross(along_s, along_t)[keep]
 
     def shown(self, *local: float) -> str:
         """Return a place as the equation's own parameters, for a message."""
-        return self.analysis.map.shown(float(x) for x in self._places(local))
+        return self.analysis.map.shown(float(x) for x in self.places(*local))
 
     def place(self, *local: float) -> tuple[float, float, float]:
         """Return a place as local coordinates of the box, each from 0 to 1."""
-        u, v, w = (float(x) for x in self._places(local))
+        u, v, w = (float(x) for x in self.places(*local))
         return u, v, w
 
-    def _places(self, local: Sequence[Array | float]) -> list[Array]:
-        """Return local coordinates of the map."""
+    def places(self, *local: Array | float) -> list[Array]:
+        """Return places as local coordinates of the box, not broadcast."""
         free = iter(local)
         spans = (self.analysis.span(d, position) for d, position in enumerate(self.cell))
         return [

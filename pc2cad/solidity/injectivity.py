@@ -28,7 +28,8 @@ from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
 from pc2cad.solidity.continuity import check_continuous
 from pc2cad.solidity.face_mesh import FaceMesh, cut
-from pc2cad.solidity.self_intersection import Clearance, Contact, find_contact
+from pc2cad.solidity.overlap_depth import overlap_depth, told_depth
+from pc2cad.solidity.self_intersection import MOST_PAIRS, Clearance, Contact, find_contact
 from pc2cad.solidity.winding_number import ray_frame, winding_numbers
 
 #: subdivisions of a contradicting cell before the contradiction is believed, and points at a time
@@ -65,14 +66,15 @@ class Injectivity:
     warning: str = ""
 
 
-def check_injective(analysis: Analysis, sign: int) -> Injectivity:
+def check_injective(analysis: Analysis, sign: int, most_pairs: int = MOST_PAIRS) -> Injectivity:
     """Return how injectivity was checked; raise a NotASolidError where it fails.
 
-    `sign` is that of det J: it says on which side of the boundary the image is.
+    `sign` is that of det J: it says on which side of the boundary the image is. `most_pairs` of
+    cells are followed at once.
     """
     face_meshes = cut(analysis)
     check_continuous(analysis, face_meshes)
-    found = find_contact(analysis, face_meshes)
+    found = find_contact(analysis, face_meshes, most_pairs=most_pairs)
     if isinstance(found, Contact):
         raise OverlappingMapError(_met(analysis, face_meshes, found))
     mesh = _Mesh(face_meshes, sign)
@@ -197,8 +199,10 @@ def _met(analysis: Analysis, face_meshes: Sequence[FaceMesh], contact: Contact) 
         for mesh in [m for m in face_meshes if m.function.cell[d] == cell][:1]
     ]
     seam = _missed_seam(analysis, *ends) if len(ends) == 2 else ""
+    functions = [face_meshes[face].function for face in contact.faces]
+    depth = overlap_depth(analysis, functions, contact.places)
     return (
-        f"the map covers itself, or touches: {places[0]} and {places[1]} both lie at ({point}); "
+        f"{told_depth(depth, analysis)}: {places[0]} and {places[1]} both lie at ({point}); "
         f"{seam or _advice(analysis)}"
     )
 

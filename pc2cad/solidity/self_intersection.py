@@ -43,6 +43,8 @@ from pc2cad.solidity.face_mesh import FaceMesh
 TOUCHING = 1e-9
 #: halvings of the cells, and pairs that are followed at once
 DEEPEST, MOST_PAIRS = 48, 400_000
+#: where the faces themselves are compared afterwards
+FEW_PAIRS = 20_000
 #: of those some are followed to the end first: in all, and at least of every two faces
 FIRST, FIRST_OF_FACES = 64, 16
 
@@ -68,11 +70,14 @@ class Clearance:
 
 
 def find_contact(
-    analysis: Analysis, face_meshes: Sequence[FaceMesh], share: float = TOUCHING
+    analysis: Analysis,
+    face_meshes: Sequence[FaceMesh],
+    share: float = TOUCHING,
+    most_pairs: int = MOST_PAIRS,
 ) -> Contact | Clearance:
     """Return a place where the boundary meets itself, or how deep that could be and not be seen.
 
-    `share` of the part's size is what counts as touching.
+    `share` of the part's size is what counts as touching; the effort ends with `most_pairs`.
     """
     opposite = opposite_faces(face_meshes)
     levels = build_levels(face_meshes, opposite)
@@ -93,7 +98,7 @@ def find_contact(
     pairs = pairs[~adjoining(face_meshes, leaf, pairs)]
     rounding = analysis.scale.sampling_noise
     touching = share * analysis.size + rounding
-    return _Descent(face_meshes, opposite, touching, rounding).follow(leaf, pairs)
+    return _Descent(face_meshes, opposite, touching, rounding, most_pairs).follow(leaf, pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +131,7 @@ class _Descent:
     #: lengths (model units): what counts as touching, and rounding
     touching: float
     rounding: float
+    most_pairs: int
 
     def follow(self, leaf: Level, pairs: Integers) -> Contact | Clearance:
         """Return a contact of paired cells, or how deep one may be that was not seen."""
@@ -144,7 +150,7 @@ class _Descent:
                     return contact
                 if all_parted:
                     break
-            if len(pairs) > MOST_PAIRS or depth + 1 == DEEPEST:
+            if len(pairs) > self.most_pairs or depth + 1 == DEEPEST:
                 deepest = int(depths.argmax())
                 return Clearance(float(depths[deepest]), self._contact(parts, pairs[deepest]))
             parts, pairs = self._finer(parts, pairs)

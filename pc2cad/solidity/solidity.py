@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from pc2cad.domain.analysis import Analysis
 from pc2cad.solidity.injectivity import check_injective
+from pc2cad.solidity.self_intersection import FEW_PAIRS, MOST_PAIRS
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,11 @@ class Solidity:
     warning: str = ""
 
 
-def check_solidity(analysis: Analysis, sign: int) -> Solidity:
-    """Return the evidence; raise NotASolidError (a subclass) where the image is no solid."""
-    injective = check_injective(analysis, sign)
+def check_solidity(analysis: Analysis, sign: int, faces: bool = False) -> Solidity:
+    """Return the evidence; raise NotASolidError (a subclass) where the image is no solid.
+
+    Where `faces` are made of the map and compared themselves, what is no quick refusal is left to
+    them (`embedding`).
+    """
+    injective = check_injective(analysis, sign, FEW_PAIRS if faces else MOST_PAIRS)
     return Solidity(injective.images, injective.apart, injective.outer_shell, injective.warning)

@@ -7,7 +7,7 @@ the boundary than that, both wind equally often. Faces that meet nowhere wind on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +19,13 @@ from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.sheets import Sheet
 from pc2cad.solidity.embedding.proof import TOUCHING, Meeting, Outcome, prove
 from pc2cad.solidity.injectivity import OverlappingMapError
+from pc2cad.solidity.nearest_places import descended
+from pc2cad.solidity.overlap_depth import overlap_depth, told_depth
 
 #: places along each parameter where the search for a point of a face begins
 _START = 33
-#: steps of a search, a step for differences, and how far it may run from where it began
-_STEPS, _DIFFERENCE, _REACH = 60, 1e-6, 0.02
+#: how far a search for nearest places may run from where it began
+_REACH = 0.02
 #: places of the box nearer than this are one: two faces meet there along their edge
 _SAME_PLACE = 1e-3
 #: two faces are one where the equation has points nearer than this share of the size
@@ -140,8 +142,9 @@ def _refuse(
     distinct = float(np.abs(ends[0] - ends[1]).max()) > _SAME_PLACE
     gap = found.gap
     if reach == 0 or (distinct and gap <= _MEET * analysis.size):
+        depth = overlap_depth(analysis, found.functions, found.places)
         raise OverlappingMapError(
-            f"the map covers itself, or touches: {shown[0]} and {shown[1]} both lie at ({where}); "
+            f"{told_depth(depth, analysis)}: {shown[0]} and {shown[1]} both lie at ({where}); "
             "a larger pitch or distance between strands, a thinner wall or smaller section, or a "
             "shorter domain would part them"
         )
@@ -190,9 +193,7 @@ def _nearest(function: RestrictedMap, point: Array, other: Array | None = None) 
         square[np.ix_(*near)] = np.inf
     index = np.unravel_index(int(square.argmin()), square.shape)
     reach = 1.0 if other is None else 2 / _START
-    return _descended(
-        lambda x: function.at(x[..., 0], x[..., 1]) - point, nodes[list(index)], reach
-    )
+    return descended(lambda x: function.at(x[..., 0], x[..., 1]) - point, nodes[list(index)], reach)
 
 
 def _approached(
@@ -204,31 +205,6 @@ def _approached(
     def gap(x: Array) -> Array:
         return np.asarray(one.at(x[..., 0], x[..., 1]) - other.at(x[..., 2], x[..., 3]))
 
-    found = _descended(gap, np.concatenate(starts), _REACH)
+    found = descended(gap, np.concatenate(starts), _REACH)
     places = (float(found[0]), float(found[1])), (float(found[2]), float(found[3]))
     return places, float(np.linalg.norm(gap(found)))
-
-
-def _descended(gap: Callable[[Array], Array], start: Array, reach: float) -> Array:
-    """Return parameters where a vector is shortest, by Levenberg and Marquardt's steps."""
-    low, high = np.clip(start - reach, 0.0, 1.0), np.clip(start + reach, 0.0, 1.0)
-    place, damping = start.copy(), 1e-3
-    value = gap(place)
-    for _ in range(_STEPS):
-        steps = _DIFFERENCE * np.eye(len(place))
-        steps = np.where(place + _DIFFERENCE > 1, -steps, steps)
-        slopes = (gap(place + steps) - value) / steps.sum(axis=1)[:, None]
-        matrix, side = slopes @ slopes.T, slopes @ value
-        scale = np.diag(np.maximum(np.diag(matrix), 1e-30))
-        step = np.linalg.lstsq(matrix + damping * scale, -side, rcond=None)[0]
-        tried = np.clip(place + step, low, high)
-        there = gap(tried)
-        if there @ there < value @ value:
-            if np.abs(tried - place).max() < 1e-14:
-                break
-            place, value, damping = tried, there, damping / 10
-        else:
-            damping *= 10
-            if damping > 1e12:
-                break
-    return np.asarray(place)
