@@ -30,14 +30,14 @@ U, V, W = pc.parameters()
 PI = pc.pi
 COS, SIN = pc.cos(2 * PI * U), pc.sin(2 * PI * U)
 #: sign of det J (spec 6): negative for A1, A4-A8, A12-A16 and all channels, and where (u, v, w) run
-#: along, round, outwards (bellows), round, outwards, up (cam), or back, across, down (hull)
+#: along, round, outwards (bellows), round, outwards, up (cam, coil), or back, across, down (hull)
 NEGATIVE = {
     "oblique_prism", "ball", "half_ball", "ball_wedge", "hollow_ball", "ellipsoid", "cone",
     "cone_frustum", "hollow_cylinder", "turned_ring", "helical_channel", "channel_ellipse",
     "channel_sine", "channel_contour", "pyramid", "pyramid_cut", "pyramid_sum",
     "pyramid_truncated", "simplex_ball", "simplex_cone", "simplex_hyperboloid",
     "simplex_paraboloid", "duct", "figure_of_eight", "layered_pipe", "spring", "square_to_round",
-    "trefoil", "bellows", "disc_cam", "stellarator_wall", "wigley_hull",
+    "trefoil", "bellows", "coil", "disc_cam", "stellarator_wall", "wigley_hull",
 }  # fmt: skip
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
+from scipy.special import ellipe
 
 import pc2cad as pc
 from pc2cad.templates.shipped import template_paths
@@ -17,8 +20,19 @@ VOLUMES = {
     "naca_wing": ("naca_wing", {}, 4588608.96),
     "naca_wing without camber": ("naca_wing", {"m": 0, "sweep": 0}, 4588608.96),
 }  # fmt: skip
+#: Steiner: 12 (π (20² + 7·1.9²) - 5 · length + π 5²) less the bore; the trochoid's length is
+#: 4 (a + b) E(m), a = 20, b = 7 · 1.9, m = 4ab/(a + b)²
+GEROTOR = 12 * (
+    math.pi * (20**2 + 7 * 1.9**2) - 5 * 4 * 33.3 * ellipe(4 * 20 * 13.3 / 33.3**2)
+)  # its pins' and its bore's circles are equal
 #: bounded, and so to 1e-7
-FITTED = {"aspheric_lens": 1324.54724515318, "disc_cam": 16883.522122463994}
+FITTED = {
+    "aspheric_lens": 1324.54724515318,
+    "coil": 3015.928947447201,  # Pappus: 2π 3 turns, 4 × 2.5, mean radius 16
+    "disc_cam": 16883.522122463994,
+    "gear_tooth": 132.174175234791,
+    "gerotor": GEROTOR,
+}
 
 
 @pytest.mark.parametrize("name", VOLUMES)
@@ -39,3 +53,10 @@ def test_fitted_parts_have_it_to_their_bound(name: str) -> None:
 def test_the_lens_is_known_to_below_a_twentieth_of_a_wavelength() -> None:
     part = pc.compile_equation(pc.read_template(template_paths()["aspheric_lens"]).bind())
     assert 0 < part.report.deviation < 30e-6
+
+
+def test_a_helical_tooth_has_the_volume_of_a_spur_one() -> None:
+    template = pc.read_template(template_paths()["gear_tooth"])
+    part = pc.compile_equation(template.bind({"beta": 0.2617993877991494}))
+    assert part.report.solid.volume == pytest.approx(FITTED["gear_tooth"], rel=1e-7)
+    assert [face.evidence for face in part.report.faces].count("bounded") == 4
