@@ -27,7 +27,7 @@ from pc2cad.picture.colours import viridis
 from pc2cad.picture.drawing import drawing
 from pc2cad.picture.image import camera_for, encode
 from pc2cad.picture.maps import NoWallError, thicknesses
-from pc2cad.picture.overlay import Text, overlay, ticks
+from pc2cad.picture.overlay import TEXT_HEIGHT, Text, overlay, ticks
 from pc2cad.picture.scene import Scene
 from pc2cad.picture.sides import Sides
 from pc2cad.picture.style import Style
@@ -124,6 +124,21 @@ def test_names_of_hidden_and_collapsed_sides_say_so():
     above = camera_for(scene, (0.0, 0.0, 1.0))
     hidden = overlay(scene.labels, None, above, raster.depths(scene, above))
     assert "w=0 (behind)" in [shape.text for shape in hidden if isinstance(shape, Text)]
+
+
+def test_names_without_room_are_counted_and_none_lies_upon_another():
+    scene = drawing(part_of("pyramid"), Style(labels=True))
+    camera = camera_for(scene, VIEWS["iso"], (640, 520))
+    crowd = scene.labels * 20
+    *names, note = [s for s in overlay(crowd, None, camera, None) if isinstance(s, Text)]
+    assert 10 <= len(names) < len(crowd)
+    assert note.text == f"no room for the names of {len(crowd) - len(names)} seen"
+    for i, one in enumerate(names):
+        assert one.x >= 0
+        assert one.x + one.width <= 640
+        for other in names[:i]:
+            apart = one.x > other.x + other.width or other.x > one.x + one.width
+            assert apart or abs(one.y - other.y) >= TEXT_HEIGHT
 
 
 def test_svg_shows_nine_of_the_twelve_edges_of_a_cube():

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -16,6 +17,8 @@ TEXT_HEIGHT = 17
 LETTER = 0.56
 #: share of the picture's width that a colour scale takes
 BAR_SHARE = 0.2
+#: places that are tried for the name of a face that is seen, and of one that is hidden
+TRIES, TRIES_BEHIND = 10, 6
 #: pixels that a line may lie behind the face on which it is drawn
 HIDDEN = 3.0
 
@@ -87,9 +90,11 @@ def _around(pixels: Array, seen: Array, reach: int) -> Array:
 def overlay(
     labels: tuple[Label, ...], bar: Bar | None, camera: Camera, seen: Array | None
 ) -> list[Shape]:
-    """Return the shapes of names and colour scale; `seen` is the depth at each pixel."""
-    shapes: list[Shape] = []
-    taken: list[tuple[float, float, float]] = []
+    """Return the shapes of names and colour scale; `seen` is the depth at each pixel.
+
+    Faces that are seen are named first. What finds no room near its place is counted instead.
+    """
+    placed: list[tuple[bool, Text, float, float]] = []
     for label in labels:
         pixels, depth = camera.project(label.places)
         shown = np.ones(len(pixels), dtype=bool)
@@ -104,38 +109,58 @@ def overlay(
         middle = candidates.mean(axis=0)
         x, y = candidates[np.argmin(np.linalg.norm(candidates - middle, axis=1))]
         text = f"{label.text} (behind)" if hidden else label.text
-        shapes += _named(text, float(x), float(y), GREY if hidden else label.colour, camera, taken)
+        name = Text(text, 0, 0, GREY if hidden else label.colour, halo=True)
+        placed.append((hidden, name, float(x), float(y)))
+    shapes: list[Shape] = []
+    taken: list[tuple[float, float, float]] = []
+    left_out = [0, 0]
+    for hidden, name, x, y in sorted(placed, key=lambda each: each[0]):
+        found = _named(name, x, y, TRIES_BEHIND if hidden else TRIES, camera, taken)
+        left_out[hidden] += not found
+        shapes += found
+    if any(left_out):
+        shapes.append(_without_room(left_out, camera))
     return shapes + (_scale(bar, camera) if bar is not None else [])
 
 
+def _without_room(left_out: list[int], camera: Camera) -> Text:
+    """Return the line that says how many names are not there."""
+    kinds = zip(left_out, ("seen", "behind"), strict=True)
+    counts = " and ".join(f"{count} {kind}" for count, kind in kinds if count)
+    text = f"no room for the names of {counts}"
+    return Text(text, 8, camera.size[1] - TEXT_HEIGHT, GREY, halo=True)
+
+
 def _named(
-    text: str,
+    name: Text,
     x: float,
     y: float,
-    colour: Colour,
+    tries: int,
     camera: Camera,
     taken: list[tuple[float, float, float]],
 ) -> list[Shape]:
-    """Return a text beside its place with a leader, away from the texts before it."""
-    name = Text(text, 0, 0, colour)
+    """Return a text beside its place with a leader, away from those before it; none for no room."""
     width, height = camera.size
-    outwards = 1.0 if x >= width / 2 else -1.0
-    for step in range(40):
+    right, left_of = x + 26, x - 26 - name.width
+    sides = (right, left_of) if x >= width / 2 else (left_of, right)
+    for step, left in product(range(tries), sides):
         # up and down in turn, further out each time
         down = (1 if step % 2 else -1) * (20 + 0.6 * TEXT_HEIGHT * (step // 2))
-        left = x + 26 if outwards > 0 else x - 26 - name.width
-        left = min(max(left, 4.0), width - name.width - 4)
+        if not 4 <= left <= width - name.width - 4:
+            continue
         top = min(max(y + down, TEXT_HEIGHT), height - TEXT_HEIGHT)
         if all(
             abs(top - other) > 1.2 * TEXT_HEIGHT or left > end or left + name.width < start
             for start, end, other in taken
         ):
             break
+    else:
+        return []
     taken.append((left, left + name.width, top))
     near = min(max(x, left), left + name.width)
     return [
-        Stroke((x, y), (near, top), colour, dot=True),
-        Text(text, left, top, colour, halo=True),
+        Stroke((x, y), (near, top), name.colour, dot=True),
+        replace(name, x=left, y=top),
     ]
 
 
