@@ -5,8 +5,10 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
+import random
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -26,9 +28,10 @@ from pc2cad.verify.balls import FUNCTIONS, Jet, power, run
 from pc2cad.verify.certificate import NotVerifiedError, certificate
 from pc2cad.verify.receipt import parse_step
 from pc2cad.verify.replay import ReplayError, replay
+from pc2cad.verify.replay import main as replay_main
 
 Case = tuple[dict[str, Any], bytes]
-NAMES = ("bilinear_top", "cone", "torus_wedge", "ball_wedge", "hollow_cylinder")
+NAMES = ("bilinear_top", "cone", "ball_wedge")
 
 
 @pytest.fixture(scope="module")
@@ -198,6 +201,39 @@ def test_a_replay_loads_numpy_and_nothing_else(
         assert f"pc2cad.{room}" not in done.stdout
 
 
+def _broken(value: Any, chance: random.Random) -> Any:
+    """Change one thing somewhere in plain data."""
+    if isinstance(value, dict | list) and value and chance.random() < 0.9:
+        copied = copy.copy(value)
+        key: Any = (
+            chance.choice(list(value)) if isinstance(value, dict) else chance.randrange(len(value))
+        )
+        copied[key] = _broken(value[key], chance)
+        return copied
+    if isinstance(value, float):
+        return value * chance.choice([0.0, -1.0, 0.5, 1e300, float("nan")])
+    odd = [None, "", "1e999999999", [], {}, 0, -1, 10**30, "1/0", float("inf"), True, [[[]]]]
+    return chance.choice(odd)
+
+
+def test_broken_certificates_end_in_a_verdict(
+    cases: Callable[[str], Case], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    held, data = cases("ball_wedge")
+    (tmp_path / "f.step").write_bytes(data)
+    chance, codes = random.Random(7), Counter[int]()
+    for _ in range(20):
+        broken = {**held, "faces": _broken(held["faces"], chance)}
+        (tmp_path / "c.json").write_text(json.dumps(broken))
+        codes[replay_main([str(tmp_path / "c.json"), str(tmp_path / "f.step")])] += 1
+    assert set(codes) <= {0, 2, 6}
+    assert min(codes[2], codes[6]) > 1
+    for text in ("[]", "", "[" * 100_000, '{"format": 1}'):
+        (tmp_path / "c.json").write_text(text)
+        assert replay_main([str(tmp_path / "c.json"), str(tmp_path / "f.step")]) in (2, 6)
+    assert "Traceback" not in capsys.readouterr().err
+
+
 # -- balls ---------------------------------------------------------------------------------------
 
 ARGUMENTS = {"asin": 0.4, "acos": -0.3, "sqrt": 1.7, "log": 0.6}
@@ -227,7 +263,7 @@ def test_balls_hold_all_taylor_coefficients(name: str) -> None:
         found, true = FUNCTIONS[name](argument), TRUE[name]
     inside = half * (1.0 - 1e-12)
     with mpmath.workdps(60):
-        for place in middle + inside * np.array([-1.0, 1.0, *rng.uniform(-1.0, 1.0, 5)]):
+        for place in middle + inside * np.array([-1.0, 1.0, *rng.uniform(-1.0, 1.0, 2)]):
 
             def series(x: Any, place: float = float(place)) -> Any:
                 return true(place + sum(f * x ** (k + 1) for k, f in enumerate(inner)))

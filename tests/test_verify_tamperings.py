@@ -315,7 +315,14 @@ def found_wrong(name: str, kind: str, text: str, equation: PointEquation) -> boo
         return True
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    # one in four by default, from another group each
+    [
+        pytest.param(kind, marks=[pytest.mark.slow] * (k % 4 != 1 or k < 4))
+        for k, kind in enumerate(KINDS)
+    ],
+)
 def test_a_file_with_one_thing_wrong_is_not_verified(
     kind: str, texts: Callable[[str], tuple[str, PointEquation]]
 ) -> None:

@@ -6,6 +6,7 @@ certificate. Radii are rounded outwards; what is not known anywhere is infinite 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from math import pi
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 #: unit of rounding; what every step adds to a radius, relative to it; library functions' error
 UNIT, OUT, LIBRARY = 2.0**-53, 1.0 + 1e-12, 8 * 2.0**-53
+#: rows of a program; numbers in it are whole ones and fractions, of no more digits than these
+LONGEST: Final = 20_000
+_NUMBER: Final = re.compile(r"-?\d{1,1300}(?:/\d{1,1300})?")
 
 
 class ReplayError(Exception):
@@ -199,21 +203,29 @@ OPERATIONS: Final[dict[str, Callable[[Jet, Jet], Jet]]] = {
 }
 
 
+def _exact(text: str) -> Fraction:
+    if not _NUMBER.fullmatch(text):
+        raise ReplayError(f"{text[:40]!r} is read where a fraction is needed")
+    return Fraction(text)
+
+
 def run(program: Sequence[Sequence[Any]], s: Jet, t: Jet) -> list[Jet]:
     """Return the values of all rows of a program at two parameters."""
     values: list[Jet] = []
+    if len(program) > LONGEST:
+        raise ReplayError(f"a program of more than {LONGEST} rows")
     for op, *rest in program:
         if op == "number":
-            exact = Fraction(rest[0])
+            exact = _exact(rest[0])
             values.append(constant(float(exact), 0.0 if float(exact) == exact else UNIT))
         elif op == "constant":
             values.append(constant({"pi": pi, "e": float(np.e)}[rest[0]]))
         elif op == "symbol":
             values.append((s, t)[rest[0]])
         elif op == "power":
-            base, exponent = values[rest[0]], Fraction(rest[1])
-            if float(exponent) != exponent:
-                raise ReplayError(f"the exponent {exponent}, which is no binary fraction")
+            base, exponent = values[rest[0]], _exact(rest[1])
+            if float(exponent) != exponent or abs(exponent) > 1000:
+                raise ReplayError(f"the exponent {exponent}: no binary fraction, or too large")
             whole = exponent.denominator == 1
             found = _whole_power(base, int(exponent)) if whole else power(base, float(exponent))
             values.append(found)

@@ -27,6 +27,11 @@ from pc2cad.verify.balls import LIBRARY, OUT, UNIT, Array, Jet, ReplayError, con
 FORMAT: Final = "pc2cad certificate 1"
 #: most places of one face, and highest degree: a certificate that asks for more is not replayed
 LARGEST, HIGHEST = 4_000_000, 24
+#: what reading a certificate or a file may end in that is none
+UNREADABLE = (
+    OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError,
+    MemoryError,
+)  # fmt: skip
 
 
 class StepText:
@@ -373,7 +378,7 @@ def main(arguments: Sequence[str]) -> int:
     except ReplayError as error:
         sys.stderr.write(f"{arguments[0]}: does not hold: {error}\n")
         return 6
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+    except UNREADABLE as error:
         sys.stderr.write(f"{arguments[0]}: cannot be read: {type(error).__name__}: {error}\n")
         return 2
     sys.stdout.write("\n".join((f"{arguments[0]}: holds", *(f"  {line}" for line in found), "")))
