@@ -21,6 +21,7 @@ from pc2cad.domain.map import Mapping3
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
+from pc2cad.expression.breaks import find_breaks
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.end_roots import take_out_ends
 from pc2cad.expression.parameters import PARAMETERS
@@ -36,6 +37,8 @@ _SIXTH: Final = (3 / 4, -3 / 20, 1 / 60)
 STEP: Final = 0.01
 #: doubt at which no shorter step is tried
 SETTLED: Final = 1e-11
+#: distance of two places of a break that are one
+SAME: Final = 1e-9
 #: where the fastest point is looked for
 _LOOK: Final = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
 
@@ -106,6 +109,7 @@ def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | Dif
         bound = substitute(along, {variation.name: variation.bound})
         return SymbolicVelocity(_local(analysis, bound))
     step = _step(analysis, variation)
+    _check_breaks(analysis, variation, step)
     found = _differences(analysis, variation, step)
     for shorter in (step / 4, step / 16):
         if found.doubt() <= SETTLED:
@@ -113,6 +117,21 @@ def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | Dif
         # too long a step leaves higher derivatives in, too short a one rounding
         found = min(found, _differences(analysis, variation, shorter), key=lambda x: x.doubt())
     return found
+
+
+def _check_breaks(analysis: Analysis, variation: Variation, step: Fraction) -> None:
+    """Raise NotDifferentiableError where pieces of M begin elsewhere at another value."""
+    here, there = (
+        find_breaks(_local(analysis, _over_the_box(_at(variation, k * step))).coordinates)
+        for k in (0, 1)
+    )
+    for name, row, other in zip(PARAMETERS, here, there, strict=True):
+        a, b = ([x.position for x in places] for places in (row, other))
+        if len(a) != len(b) or any(abs(x - y) > SAME for x, y in zip(a, b, strict=True)):
+            raise NotDifferentiableError(
+                f"there is no derivative with respect to {variation.name} = {variation.value:.6g}: "
+                f"the pieces of M along {name} begin elsewhere as it changes"
+            )
 
 
 def _differences(analysis: Analysis, variation: Variation, step: Fraction) -> DifferenceVelocity:
@@ -137,14 +156,17 @@ def _step(analysis: Analysis, variation: Variation) -> Fraction:
     at = np.ix_(_LOOK, _LOOK, _LOOK)
     here = analysis.map.points(*at)
     step = Fraction(abs(variation.value) / 128 or 2.0**-7).limit_denominator(10**9)
+    # four steps away, a length has still its sign
+    longest = Fraction(abs(variation.value)) / 16 or Fraction(10**9)
     for _ in range(6):
         there = _local(analysis, _over_the_box(_at(variation, step))).points(*at)
         moved = float(np.abs(there - here).max()) / analysis.scale.size
         if moved == 0.0:
             return step
-        if STEP / 4 < moved < 4 * STEP:
+        if STEP / 4 < moved < 4 * STEP or (moved < STEP and step == longest):
             break
         step *= Fraction(min(max(STEP / moved, 1e-3), 10.0)).limit_denominator(1000)
+        step = min(step, longest)
     return step
 
 
