@@ -27,11 +27,15 @@ if TYPE_CHECKING:
     from pc2cad.compiler import compile_part as compile_part
     from pc2cad.compiler import mesh_part as mesh_part
     from pc2cad.compiler import spline_part as spline_part
+    from pc2cad.export.deck import Deck as Deck
+    from pc2cad.export.deck import Material as Material
+    from pc2cad.export.deck import write_deck as write_deck
     from pc2cad.export.mesh_files import write_mesh as write_mesh
     from pc2cad.export.point_files import write_points as write_points
     from pc2cad.export.spline_files import write_splines as write_splines
     from pc2cad.expression.sympy_bridge import from_sympy as from_sympy
     from pc2cad.expression.sympy_bridge import to_sympy as to_sympy
+    from pc2cad.mesh.results import read_results as read_results
     from pc2cad.part import Part as Part
     from pc2cad.studies.adjust import adjust as adjust
     from pc2cad.studies.study import study as study
@@ -44,6 +48,8 @@ if TYPE_CHECKING:
     from pc2cad.verify.receipt import receipt as receipt
 
 _HOMES = {
+    "Deck": "pc2cad.export.deck",
+    "Material": "pc2cad.export.deck",
     "Part": "pc2cad.part",
     "adjust": "pc2cad.studies.adjust",
     "compile_equation": "pc2cad.compiler",
@@ -54,12 +60,14 @@ _HOMES = {
     "import_template": "pc2cad.templates.importers.kinds",
     "import_vmec": "pc2cad.templates.importers.vmec",
     "mesh_part": "pc2cad.compiler",
+    "read_results": "pc2cad.mesh.results",
     "read_template": "pc2cad.templates.file",
     "receipt": "pc2cad.verify.receipt",
     "spline_part": "pc2cad.compiler",
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.expression.sympy_bridge",
     "verify_file": "pc2cad.verify.against",
+    "write_deck": "pc2cad.export.deck",
     "write_mesh": "pc2cad.export.mesh_files",
     "write_points": "pc2cad.export.point_files",
     "write_splines": "pc2cad.export.spline_files",

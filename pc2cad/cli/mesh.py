@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from pc2cad.cli.deck import add_deck, for_deck, read_deck
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
@@ -53,15 +54,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "tetrahedra there, or an O-grid of hexahedra alone (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--order", type=int, choices=(1, 2), default=1,
+        "--order", type=int, choices=(1, 2),
         help="order of the elements: 2 has curved ones with a node on every edge "
-        "(default: %(default)s)",
+        "(default: 1, in a job 2)",
     )  # fmt: skip
     parser.add_argument(
         "--grade", metavar="DIRECTION=RATIO", action="append", default=[],
         help="let cells grow along u, v or w: last over first (w=4), or middle over both ends "
         "(w=4,both) (repeatable)",
     )  # fmt: skip
+    add_deck(parser)
     add_options(parser)
     parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
@@ -72,13 +74,15 @@ def run(arguments: argparse.Namespace) -> int:
     template, path = load_one(arguments)
     equation = bind(template, arguments)
     wanted = read_options(arguments)
+    deck = read_deck(arguments)
     with Progress(arguments.quiet) as progress:
         progress("load NumPy and SciPy")
         from pc2cad.compiler import mesh_equation
+        from pc2cad.export.deck import write_deck
         from pc2cad.export.files import check_target, write_atomically
         from pc2cad.export.mesh_files import check_mesh_writable, write_mesh
 
-        options = _options(arguments)
+        options = for_deck(_options(arguments), deck, arguments)
         for output in arguments.outputs:
             check_mesh_writable(output)
         if arguments.report is not None:
@@ -89,7 +93,10 @@ def run(arguments: argparse.Namespace) -> int:
             mesh, report = mesh_equation(equation, options, progress, wanted)
         for output in arguments.outputs:
             progress(f"write {os.path.basename(output)}")
-            write_mesh(mesh, output)
+            if deck is not None and output.lower().endswith(".inp"):
+                write_deck(mesh, output, deck)
+            else:
+                write_mesh(mesh, output)
         if arguments.report is not None:
             text = json.dumps(report.to_dict(), indent=2, allow_nan=False)
             write_atomically(arguments.report, f"{text}\n".encode())
@@ -105,7 +112,7 @@ def _options(arguments: argparse.Namespace) -> MeshOptions:
     from pc2cad.mesh.meshing import MeshOptions
 
     return MeshOptions(
-        _cells(arguments.cells), read_length("--size", arguments.size), arguments.order,
+        _cells(arguments.cells), read_length("--size", arguments.size), arguments.order or 1,
         "tetrahedra" if arguments.tetrahedra else "hexahedra", _grading(arguments.grade),
         arguments.core,
     )  # fmt: skip

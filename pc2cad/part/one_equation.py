@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from pc2cad.equation.point_equation import PointEquation
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from pc2cad.integrals.inertia import Mass
     from pc2cad.integrals.sensitivity import Sensitivity
     from pc2cad.mesh.grid import Growth
+    from pc2cad.mesh.results import Results
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part import Body
     from pc2cad.representation.volume import VolumeModel
@@ -149,3 +152,15 @@ class OfOneEquation(ABC):
         from pc2cad.sampling.interior import locate
 
         return locate(self.body.checked, points)
+
+    def read_results(self, path: str | os.PathLike[str]) -> Results:
+        """Return what CalculiX found on a mesh of this part (.frd), with u, v, w of its nodes.
+
+        The file's coordinates have six digits: so have the parameters.
+
+        Raises InputError, with the line, where the file is none.
+        """
+        from pc2cad.mesh.results import read_results
+
+        found = read_results(path)
+        return replace(found, parameters=self.locate(found.points).parameters)

@@ -1,0 +1,144 @@
+"""Options of ``pc2cad mesh`` that make a job for a solver of the mesh."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from typing import TYPE_CHECKING, Any
+
+from pc2cad.errors import InputError, named
+
+if TYPE_CHECKING:
+    from pc2cad.export.deck import Deck, Material
+    from pc2cad.mesh.meshing import MeshOptions
+
+_ANALYSES = ("static", "frequency", "heat")
+_ELEMENTS = ("C3D20R", "C3D8I", "C3D20", "C3D8", "C3D10", "C3D4")
+#: options that say something of a job only
+_OPTIONS = ("material", "fix", "pressure", "temperature", "flux", "element", "modes")
+
+
+def add_deck(parser: argparse.ArgumentParser) -> None:
+    """Add what a job is made of."""
+    group = parser.add_argument_group("a job for CalculiX, in .inp files")
+    group.add_argument("--deck", choices=_ANALYSES, help="what the job finds")
+    group.add_argument(
+        "--material", metavar="[LAYER:]KEY=VALUE,…", action="append", default=[],
+        help="E, nu, rho, k of the part, or of a layer, in units that fit the part's: "
+        "E=210e3,nu=0.3,rho=7.85e-9 (repeatable)",
+    )  # fmt: skip
+    for name, what in (
+        ("fix", "SIDE[:AXES]  hold a side, along x, y and z or some of them"),
+        ("pressure", "SIDE:VALUE  press on a side, inwards"),
+        ("temperature", "SIDE:VALUE  hold a side at a temperature"),
+        ("flux", "SIDE:VALUE  let heat in through a side, per area"),
+    ):
+        group.add_argument(
+            f"--{name}", metavar=what.split("  ")[0], action="append", default=[],
+            help=f"{what.split('  ')[1]} (repeatable)",
+        )  # fmt: skip
+    group.add_argument(
+        "--element", choices=_ELEMENTS, help="elements of the job (default: C3D20R; of order 1 "
+        "C3D8I; of tetrahedra C3D10 and C3D4)",
+    )  # fmt: skip
+    group.add_argument("--modes", type=int, metavar="N", help="number of frequencies (default: 10)")
+
+
+def read_deck(arguments: argparse.Namespace) -> Deck | None:
+    """Return the job that is asked for; InputError where parts of it are amiss."""
+    if arguments.deck is None:
+        given = next((name for name in _OPTIONS if getattr(arguments, name)), None)
+        if given is not None:
+            raise InputError(f"--{given} belongs to a job: add --deck {_ANALYSES[0]}")
+        return None
+    from pc2cad.export.deck import Deck
+
+    if not any(output.lower().endswith(".inp") for output in arguments.outputs):
+        raise InputError("--deck is written into a file .inp: give one with -o")
+    element = arguments.element or _usual(arguments)
+    modes = {} if arguments.modes is None else {"modes": arguments.modes}
+    if modes and arguments.deck != "frequency":
+        raise InputError("--modes belongs to --deck frequency")
+    with named("--deck"):
+        return Deck(
+            arguments.deck, _materials(arguments.material), _sides(arguments.fix),
+            _values("pressure", arguments.pressure), _values("temperature", arguments.temperature),
+            _values("flux", arguments.flux), element, **modes,
+        )  # fmt: skip
+
+
+def for_deck(options: MeshOptions, deck: Deck | None, arguments: argparse.Namespace) -> MeshOptions:
+    """Return the options of a mesh with the elements that its job asks for."""
+    if deck is None:
+        return options
+    from dataclasses import replace
+
+    from pc2cad.export.deck import ELEMENTS
+
+    shape, order = ELEMENTS[deck.element]
+    tetrahedra = shape == "tetra"
+    if (arguments.tetrahedra and not tetrahedra) or arguments.order not in (None, order):
+        raise InputError(
+            f"--element {deck.element} has {'tetrahedra' if tetrahedra else 'hexahedra'} of order "
+            f"{order}: leave --order and --tetrahedra out"
+        )
+    return replace(options, order=order, shape="tetrahedra" if tetrahedra else "hexahedra")
+
+
+def _usual(arguments: argparse.Namespace) -> str:
+    order = arguments.order or 2
+    if arguments.tetrahedra:
+        return "C3D10" if order == 2 else "C3D4"
+    return "C3D20R" if order == 2 else "C3D8I"
+
+
+def _materials(texts: list[str]) -> dict[str, Material]:
+    from pc2cad.export.deck import Material
+
+    found: dict[str, Material] = {}
+    for text in texts:
+        layer, _, entries = text.rpartition(":")
+        values: dict[str, Any] = {}
+        for entry in entries.split(","):
+            match = re.fullmatch(r"\s*(E|nu|rho|k)\s*=\s*(\S+)\s*", entry)
+            if match is None or match[1] in values:
+                raise InputError(
+                    f"--material '{text[:40]}': write E, nu, rho or k and a number, each once, for "
+                    "example E=210e3,nu=0.3"
+                )
+            values[match[1]] = _number("material", match[2])
+        if layer in found:
+            raise InputError(f"--material: {layer or 'the part'} has two materials")
+        found[layer] = Material(**values)
+    return found
+
+
+def _sides(texts: list[str]) -> dict[str, str]:
+    found = {}
+    for text in texts:
+        side, colon, axes = text.rpartition(":")
+        # a side of several bodies has a colon of its own: tooth:u=1
+        if not colon or "=" in axes:
+            side, axes = text, "xyz"
+        found[side] = axes
+    return found
+
+
+def _values(option: str, texts: list[str]) -> dict[str, float]:
+    found = {}
+    for text in texts:
+        side, _, value = text.rpartition(":")
+        if not side:
+            raise InputError(f"--{option} '{text[:40]}': write a side and a value: w=0:1.5")
+        found[side] = _number(option, value)
+    return found
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise InputError(f"--{option}: '{text[:40]}' is no number")
+    return value

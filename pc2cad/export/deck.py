@@ -1,0 +1,192 @@
+"""Jobs for CalculiX: a mesh with materials, supports, loads and one step, as one .inp file.
+
+Pressures and fluxes are given face by face of the elements (``*DLOAD``, ``*DFLUX``): the program
+reads them on named surfaces and loads nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Literal, TextIO
+
+from pc2cad.errors import InputError
+from pc2cad.export.files import replacing
+from pc2cad.export.inp import TYPES, facets, put, put_rows, set_names
+from pc2cad.mesh.volume_mesh import VolumeMesh
+
+Analysis = Literal["static", "frequency", "heat"]
+#: element -> the shape that it is of, and its order
+ELEMENTS: dict[str, tuple[str, Literal[1, 2]]] = {
+    "C3D8": ("hexahedron", 1), "C3D8I": ("hexahedron", 1), "C3D20": ("hexahedron", 2),
+    "C3D20R": ("hexahedron", 2), "C3D4": ("tetra", 1), "C3D10": ("tetra", 2),
+}  # fmt: skip
+#: analysis -> what it must know of each material
+NEEDS: dict[Analysis, tuple[str, ...]] = {
+    "static": ("E", "nu"), "frequency": ("E", "nu", "rho"), "heat": ("k",),
+}  # fmt: skip
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Material:
+    """An isotropic material, in units that fit the part's (mm, N, MPa, tonne/mm^3, mW/(mm K))."""
+
+    #: Young's modulus and Poisson's ratio
+    E: float | None = None
+    nu: float | None = None
+    #: density
+    rho: float | None = None
+    #: conductivity
+    k: float | None = None
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if value is None:
+                continue
+            if entry.name == "nu":
+                if not -1 < value < 0.5:
+                    raise InputError(f"nu lies between -1 and 0.5, and is not {value:g}")
+            elif not 0 < value < float("inf"):
+                raise InputError(f"a material's {entry.name} is positive, and not {value:g}")
+
+
+@dataclass(frozen=True)
+class Deck:
+    """What a job asks: how the part is held and loaded, and what of."""
+
+    analysis: Analysis
+    #: layer -> its material; "" is that of the whole part, or of all other layers
+    materials: Mapping[str, Material]
+    #: side -> the directions in which its nodes are held, of "xyz"
+    fixed: Mapping[str, str] = field(default_factory=dict)
+    #: side -> pressure on it, positive inwards
+    pressures: Mapping[str, float] = field(default_factory=dict)
+    #: side -> its temperature
+    temperatures: Mapping[str, float] = field(default_factory=dict)
+    #: side -> heat that enters through it per area and time
+    fluxes: Mapping[str, float] = field(default_factory=dict)
+    #: how the elements that are hexahedra or tetrahedra are called, of `ELEMENTS`
+    element: str = "C3D20R"
+    #: number of frequencies
+    modes: int = 10
+
+    def __post_init__(self) -> None:
+        if self.element not in ELEMENTS:
+            raise InputError(f"elements are {', '.join(ELEMENTS)}, and not {self.element[:20]}")
+        if not 1 <= self.modes <= 1000:
+            raise InputError(f"a job asks for 1 to 1000 frequencies, and not {self.modes}")
+        loads = {
+            "fixed": "static frequency", "pressures": "static", "temperatures": "heat",
+            "fluxes": "heat",
+        }  # fmt: skip
+        for name, analyses in loads.items():
+            if getattr(self, name) and self.analysis not in analyses.split():
+                raise InputError(f"a job of {self.analysis} has no {name}")
+        self._check_held()
+        for name, material in self.materials.items():
+            missing = [key for key in NEEDS[self.analysis] if getattr(material, key) is None]
+            if missing:
+                of = f" of {name}" if name else ""
+                raise InputError(
+                    f"a job of {self.analysis} needs {', '.join(missing)}{of}: for example "
+                    f"{missing[0]}={'0.3' if missing[0] == 'nu' else '210e3'}"
+                )
+
+    def _check_held(self) -> None:
+        for side, axes in self.fixed.items():
+            if not axes or set(axes) - set(AXES):
+                raise InputError(f"{side} is held along x, y or z, and not '{axes[:20]}'")
+        free = [axis for axis in AXES if not any(axis in axes for axes in self.fixed.values())]
+        if self.analysis == "static" and free:
+            raise InputError(f"nothing holds the part along {' and '.join(free)}: fix a side")
+        if self.analysis == "heat" and not self.temperatures:
+            raise InputError("no side has a temperature: give one, from which others are counted")
+
+
+def write_deck(mesh: VolumeMesh, path: str | os.PathLike[str], deck: Deck) -> None:
+    """Write a job that CalculiX runs as it is (``ccx -i job``), whole or not at all.
+
+    Source: G. Dhondt, CalculiX CrunchiX user's manual 2.20, sections 6 and 7.
+
+    Raises InputError where the mesh has no such side, layer or elements, FileNotWrittenError.
+    """
+    types = _types(mesh, deck.element)
+    _check_names(mesh, deck)
+    with replacing(path) as temporary, open(temporary, "w", encoding="ascii", newline="\n") as out:
+        put(out, mesh, types)
+        out.writelines(f"{line}\n" for line in _materials(mesh, deck))
+        out.writelines(f"{line}\n" for line in _supports(mesh, deck))
+        _step(out, mesh, deck)
+
+
+def _types(mesh: VolumeMesh, element: str) -> dict[str, str]:
+    shape, order = ELEMENTS[element]
+    if shape not in mesh.blocks or mesh.order != order:
+        raise InputError(
+            f"{element} are elements of order {order} of the shape {shape}, and the mesh has "
+            f"{', '.join(mesh.blocks)} of order {mesh.order}"
+        )
+    return {kind: pair[order - 1] for kind, pair in TYPES.items()} | {shape: element}
+
+
+def _check_names(mesh: VolumeMesh, deck: Deck) -> None:
+    faces = {*deck.pressures, *deck.fluxes}
+    nodes = {*deck.fixed, *deck.temperatures}
+    for name in sorted(faces | nodes):
+        if name not in (mesh.sides if name in faces else mesh.node_sets):
+            raise InputError(f"no side is called '{name[:40]}': there are {', '.join(mesh.sides)}")
+    for name in deck.materials:
+        if name and name not in mesh.layers:
+            there = f"they are {', '.join(mesh.layers)}" if mesh.layers else "the part has none"
+            raise InputError(f"no layer is called '{name[:40]}': {there}")
+    for name in mesh.layers or [""]:
+        if name not in deck.materials and "" not in deck.materials:
+            raise InputError(f"layer {name} has no material" if name else "there is no material")
+
+
+def _materials(mesh: VolumeMesh, deck: Deck) -> Iterator[str]:
+    names = set_names(mesh)
+    for number, (name, material) in enumerate(deck.materials.items(), start=1):
+        yield f"*MATERIAL, NAME=material_{number}"
+        if deck.analysis == "heat":
+            yield f"*CONDUCTIVITY\n{material.k!r}"
+        else:
+            yield f"*ELASTIC\n{material.E!r}, {material.nu!r}"
+        if deck.analysis == "frequency":
+            yield f"*DENSITY\n{material.rho!r}"
+        own = [name] if name else [each for each in mesh.layers if each not in deck.materials]
+        for each in own if mesh.layers else [None]:
+            elements = "solid" if each is None else names[each]
+            yield f"*SOLID SECTION, ELSET={elements}, MATERIAL=material_{number}"
+
+
+def _supports(mesh: VolumeMesh, deck: Deck) -> Iterator[str]:
+    names = set_names(mesh)
+    if deck.fixed:
+        yield "*BOUNDARY"
+    for side, axes in deck.fixed.items():
+        for axis in sorted({1 + AXES.index(axis) for axis in axes}):
+            yield f"{names[side]}, {axis}, {axis}"
+    if deck.analysis == "heat":
+        yield "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nsolid, 0."
+
+
+def _step(out: TextIO, mesh: VolumeMesh, deck: Deck) -> None:
+    names = set_names(mesh)
+    procedure = {
+        "static": "*STATIC", "frequency": f"*FREQUENCY\n{deck.modes}",
+        "heat": "*HEAT TRANSFER, STEADY STATE",
+    }[deck.analysis]  # fmt: skip
+    out.write(f"*STEP\n{procedure}\n")
+    if deck.temperatures:
+        out.write("*BOUNDARY\n")
+        out.writelines(f"{names[s]}, 11, 11, {t!r}\n" for s, t in deck.temperatures.items())
+    for keyword, letter, loads in (("*DLOAD", "P", deck.pressures), ("*DFLUX", "S", deck.fluxes)):
+        for side, value in loads.items():
+            out.write(f"{keyword}\n")
+            put_rows(out, f"%d, {letter}%d, {value!r}\n", facets(mesh, side))
+    found = ("NT, RFL", "HFL") if deck.analysis == "heat" else ("U", "S")
+    out.write(f"*NODE FILE\n{found[0]}\n*EL FILE\n{found[1]}\n*END STEP\n")

@@ -1,0 +1,236 @@
+"""Jobs for CalculiX: what they say, what is refused, and what the solver finds with them."""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pc2cad as pc
+from pc2cad.cli.main import main
+from pc2cad.errors import InputError
+from pc2cad.mesh.results import Results, read_results
+
+QUARTER = """
+title = "Quarter of a thick tube"
+[domain]
+u = [0, "1/4"]
+[solid]
+x = "(1 + w)*cos(2*pi*u)"
+y = "(1 + w)*sin(2*pi*u)"
+z = "v/2"
+"""
+BAR = 'title = "Bar"\n[solid]\nx = "7*u"\ny = "v"\nz = "w"\n'
+PLANE_STRAIN = ["--fix", "u=0:y", "--fix", "u=0.25:x", "--fix", "v=0:z", "--fix", "v=1:z"]
+needs_ccx = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="CalculiX is not installed (apt-get install calculix-ccx)"
+)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("tube", QUARTER), ("bar", BAR)):
+        Path(f"{name}.toml").write_text(text)
+    return tmp_path
+
+
+def job(part: str, *arguments: str) -> str:
+    assert main(["mesh", part, "-o", "job.inp", "--quiet", *arguments]) == 0
+    return Path("job.inp").read_text()
+
+
+def solved(part: str, *arguments: str) -> Results:
+    job(part, *arguments)
+    done = subprocess.run(["ccx", "-i", "job"], capture_output=True, text=True, check=False)
+    assert "*ERROR" not in done.stdout, done.stdout[-2000:]
+    return read_results("job.frd")
+
+
+# -- what a job says -------------------------------------------------------------------------------
+
+
+def test_a_static_job_has_elements_supports_and_a_pressure_on_every_face(here: Path) -> None:
+    text = job(
+        "bar.toml", "--cells", "3x2x2", "--deck", "static", "--material", "E=210e3,nu=0.3",
+        "--fix", "u=0", "--fix", "v=0:y", "--pressure", "w=1:2.5",
+    )  # fmt: skip
+    assert "*ELEMENT, TYPE=C3D20R, ELSET=solid" in text
+    assert "*ELASTIC\n210000.0, 0.3\n*SOLID SECTION, ELSET=solid" in text
+    assert "*BOUNDARY\nu_0, 1, 1\nu_0, 2, 2\nu_0, 3, 3\nv_0, 2, 2\n*STEP\n*STATIC\n" in text
+    assert len(re.findall(r"(?m)^\d+, P2, 2\.5$", text)) == 6
+    assert text.endswith("*NODE FILE\nU\n*EL FILE\nS\n*END STEP\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "element"),
+    [((), "C3D20R"), (("--order", "1"), "C3D8I"), (("--element", "C3D20"), "C3D20")],
+)
+def test_elements_follow_from_what_is_said(
+    here: Path, arguments: tuple[str, ...], element: str
+) -> None:
+    frequency = ("--deck", "frequency", "--material", "E=1,nu=0,rho=1", "--modes", "3")
+    text = job("bar.toml", "--cells", "2x1x1", *frequency, *arguments)
+    assert f"TYPE={element}," in text
+    assert "*DENSITY\n1.0\n" in text
+    assert "*FREQUENCY\n3\n" in text
+
+
+def test_layers_have_materials_of_their_own() -> None:
+    u, v, w = pc.parameters()
+    mesh = pc.mesh_part((u, v, w), cells=(1, 1, 2), order=2)
+    steel, other = pc.Material(E=210e3, nu=0.3), pc.Material(E=70e3, nu=0.33)
+    with pytest.raises(InputError, match="no layer is called 'low': the part has none"):
+        pc.write_deck(mesh, "no.inp", pc.Deck("static", {"": steel, "low": other}, {"u=0": "xyz"}))
+    assert not Path("no.inp").exists()
+
+
+def test_materials_of_layers_are_sections_of_their_elements(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = job(
+        "layered_pipe", "--cells", "4x8x3", "--deck", "static", "--fix", "u=0",
+        "--material", "E=1e3,nu=0.3", "--material", "pipe:E=210e3,nu=0.3",
+    )  # fmt: skip
+    sections = re.findall(r"\*SOLID SECTION, ELSET=(\w+), MATERIAL=(\w+)", text)
+    assert sorted(sections) == [
+        ("inner", "material_1"), ("outer", "material_1"), ("pipe", "material_2"),
+    ]  # fmt: skip
+
+
+STATIC = ("--deck", "static", "--material", "E=1,nu=0.3")
+REFUSED = {
+    "nothing holds the part along x and y and z": STATIC,
+    "nothing holds the part along y": (*STATIC, "--fix", "u=0:xz"),
+    "no side is called 'u=7'": (*STATIC, "--fix", "u=0", "--pressure", "u=7:1"),
+    "held along x, y or z": (*STATIC, "--fix", "u=0:q"),
+    "needs rho": ("--deck", "frequency", "--material", "E=1,nu=0.3"),
+    "nu lies between": ("--deck", "static", "--material", "E=1,nu=0.5"),
+    "each once": ("--deck", "static", "--material", "E=1,E=2"),
+    "is no number": (*STATIC, "--fix", "u=0", "--pressure", "w=0:nan"),
+    "write a side and a value": (*STATIC, "--fix", "u=0", "--pressure", "1"),
+    "has no pressures": ("--deck", "heat", "--material", "k=1", "--pressure", "w=0:1"),
+    "no side has a temperature": ("--deck", "heat", "--material", "k=1"),
+    "belongs to a job": ("--fix", "u=0"),
+    "belongs to --deck frequency": (*STATIC, "--fix", "u=0", "--modes", "3"),
+    "there is no material": ("--deck", "static", "--fix", "u=0"),
+    "leave --order and --tetrahedra out": (*STATIC, "--fix", "u=0", "--element", "C3D8I",
+                                           "--order", "2"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_is_amiss_is_one_sentence_and_no_file(
+    here: Path, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["mesh", "bar.toml", "--cells", "1x1x1", "-o", "job.inp", *REFUSED[words]]) == 2
+    complaint = capsys.readouterr().err.splitlines()[-1]
+    assert words in complaint
+    assert not (here / "job.inp").exists()
+
+
+# -- results ---------------------------------------------------------------------------------------
+
+FRD = """    1C
+    2C                             2                                     1
+ -1         1 0.00000E+00 1.00000E+00 2.00000E+00
+ -1         3-1.00000E+00 0.50000E+00 2.50000E-03
+ -3
+    3C                             0                                     1
+ -3
+    1PSTEP                         1           1           1
+  100CL  101 0.250000000           2                     0    1           1
+ -4  DISP        4    1
+ -5  D1          1    2    1    0
+ -5  D2          1    2    2    0
+ -5  D3          1    2    3    0
+ -5  ALL         1    2    0    0    1ALL
+ -1         3 3.00000E+00-4.00000E+00 5.00000E-12
+ -3
+ 9999
+"""
+
+
+def test_results_are_read_by_columns(tmp_path: Path) -> None:
+    path = tmp_path / "a.frd"
+    path.write_text(FRD)
+    found = read_results(path)
+    assert found.points.tolist() == [[0, 1, 2], [-1, 0.5, 0.0025]]
+    (step,) = found.steps
+    assert (step.value, step.components["DISP"]) == (0.25, ("D1", "D2", "D3"))
+    assert step.fields["DISP"][1].tolist() == [3, -4, 5e-12]
+    assert np.isnan(step.fields["DISP"][0]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "has no nodes"),
+        ("solid\nfacet\n", "has no nodes"),
+        (FRD.replace("-4.00000E+00", "-4.0000xE+00"), "line 15 is none of a file .frd"),
+        (FRD.replace(" -1         3 3.0", " -1         7 3.0"), "of nodes that the file has not"),
+    ],
+)
+def test_what_is_no_file_of_results_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "a.frd"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_results(path)
+
+
+# -- solved ----------------------------------------------------------------------------------------
+
+
+@needs_ccx
+@pytest.mark.interop
+@pytest.mark.parametrize(("element", "most"), [("C3D20R", 2e-5), ("C3D20", 2e-5), ("C3D8I", 2e-2)])
+def test_a_thick_tube_widens_as_lame_says(here: Path, element: str, most: float) -> None:
+    """Timoshenko and Goodier, section 28: plane strain, inner pressure 1, radii 1 and 2."""
+    found = solved(
+        "tube.toml", "--deck", "static", "--material", "E=1000,nu=0.3", *PLANE_STRAIN,
+        "--pressure", "w=0:1", "--element", element, "--cells", "12x1x8",
+    )  # fmt: skip
+    radius = np.hypot(found.points[:, 0], found.points[:, 1])
+    moved = found.steps[-1].fields["DISP"]
+    inside = np.abs(radius - 1) < 1e-5
+    assert inside.sum() > 10
+    outwards = (moved[inside, :2] * found.points[inside, :2]).sum(axis=1)
+    assert outwards == pytest.approx(1.3 / 3000 * (0.4 + 4), rel=most)
+
+
+@needs_ccx
+@pytest.mark.interop
+def test_a_tube_has_the_temperature_of_a_logarithm(here: Path) -> None:
+    """Carslaw and Jaeger, section 7.2; and where the nodes are in the part."""
+    found = solved(
+        "tube.toml", "--deck", "heat", "--material", "k=50", "--temperature", "w=0:100",
+        "--temperature", "w=1:0", "--cells", "8x1x8",
+    )  # fmt: skip
+    part = pc.compile_equation(pc.read_template("tube.toml").bind())
+    places = part.read_results("job.frd").parameters
+    radius = np.hypot(found.points[:, 0], found.points[:, 1])
+    assert 1 + places[:, 2] == pytest.approx(radius, abs=1e-5)
+    warm = found.steps[-1].fields["NDTEMP"][:, 0]
+    assert warm == pytest.approx(100 * np.log(2 / radius) / math.log(2), abs=2e-3)
+
+
+@needs_ccx
+@pytest.mark.interop
+def test_a_bar_sounds_as_long_as_it_is(here: Path) -> None:
+    """Held at one end and sideways: sound of c = sqrt(E/rho), frequencies (2n - 1) c/(4 L)."""
+    sideways = [f"{side}:{axis}" for side, axis in zip(("v=0", "v=1", "w=0", "w=1"), "yyzz",
+                                                       strict=True)]  # fmt: skip
+    found = solved(
+        "bar.toml", "--deck", "frequency", "--material", "E=210e3,nu=0,rho=7.85e-9", "--modes", "3",
+        "--fix", "u=0", *(x for side in sideways for x in ("--fix", side)), "--cells", "28x1x1",
+    )  # fmt: skip
+    first = math.sqrt(210e3 / 7.85e-9) / (4 * 7)
+    assert [step.value for step in found.steps] == pytest.approx(
+        [first, 3 * first, 5 * first], rel=1e-4
+    )
