@@ -27,8 +27,7 @@ from pc2cad.verify.against import verification
 from pc2cad.verify.balls import FUNCTIONS, Jet, power, run
 from pc2cad.verify.certificate import NotVerifiedError, certificate
 from pc2cad.verify.receipt import parse_step
-from pc2cad.verify.replay import ReplayError, replay
-from pc2cad.verify.replay import main as replay_main
+from pc2cad.verify.replay import ReplayError, check, replay
 
 Case = tuple[dict[str, Any], bytes]
 NAMES = ("bilinear_top", "cone", "ball_wedge")
@@ -183,7 +182,7 @@ def test_a_replay_loads_numpy_and_nothing_else(
     (tmp_path / "c.json").write_text(json.dumps(held))
     (tmp_path / "f.step").write_bytes(data)
     code = (
-        "import sys; from pc2cad.verify.replay import main; assert main(sys.argv[1:]) == 0;"
+        "import sys; from pc2cad.verify.replay import check; assert check(sys.argv[1:])[0] == 0;"
         "print({m for m in sys.modules if m.startswith('pc2cad.') and '.' in m[7:]},"
         "{'scipy', 'sympy', 'OCP'} & set(sys.modules))"
     )
@@ -225,12 +224,12 @@ def test_broken_certificates_end_in_a_verdict(
     for _ in range(20):
         broken = {**held, "faces": _broken(held["faces"], chance)}
         (tmp_path / "c.json").write_text(json.dumps(broken))
-        codes[replay_main([str(tmp_path / "c.json"), str(tmp_path / "f.step")])] += 1
+        codes[check([tmp_path / "c.json", tmp_path / "f.step"])[0]] += 1
     assert set(codes) <= {0, 2, 6}
     assert min(codes[2], codes[6]) > 1
     for text in ("[]", "", "[" * 100_000, '{"format": 1}'):
         (tmp_path / "c.json").write_text(text)
-        assert replay_main([str(tmp_path / "c.json"), str(tmp_path / "f.step")]) in (2, 6)
+        assert check([tmp_path / "c.json", tmp_path / "f.step"])[0] in (2, 6)
     assert "Traceback" not in capsys.readouterr().err
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.cli.inputs import read_length, read_settings
-from pc2cad.cli.output import one_line, say, shown, table
+from pc2cad.cli.output import complain, one_line, say, shown, table
 from pc2cad.errors import InputError, named
 
 if TYPE_CHECKING:
@@ -102,14 +102,19 @@ def _certify(arguments: argparse.Namespace, found: Verification) -> None:
 def _replay(arguments: argparse.Namespace) -> int:
     """Hold a certificate against the file, and against the template where one is named."""
     from pc2cad.templates.shipped import find_template
-    from pc2cad.verify.replay import main
+    from pc2cad.verify.replay import check
 
     if arguments.settings or arguments.tolerance is not None or arguments.certificate is not None:
         raise InputError("--replay takes a file, and a template, but no other option")
     names = [arguments.replay, arguments.file]
     if arguments.template is not None:
         names.append(str(find_template(arguments.template)))
-    return main(names)
+    code, (first, *others) = check(names)
+    if code:
+        complain(f"{shown(arguments.replay)}: {first}")
+    else:
+        say("\n".join((f"{shown(arguments.replay)}: {first}", *others)))
+    return code
 
 
 def _verdict(path: str, found: Verification) -> Iterator[str]:

@@ -1,7 +1,5 @@
 """A certificate held against the bytes of its file and its template, by arithmetic alone.
 
-    python -m pc2cad.verify.replay CERTIFICATE FILE.step [TEMPLATE]
-
 NumPy and the standard library are all that this module uses; it may be copied and run by itself.
 The edges of every shell are counted in the file's text. For every face that the certificate holds
 a program of, the surface's numbers are read from that text, the program is run over the cells with
@@ -13,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from math import log, pi
@@ -367,23 +364,16 @@ def replay(certificate: dict[str, Any], file: bytes, template: bytes | None = No
     ]
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Replay a certificate: 0 where it holds, 6 where not, 2 where something cannot be read."""
-    if not 2 <= len(arguments) <= 3:
-        sys.stderr.write("usage: python -m pc2cad.verify.replay CERTIFICATE FILE [TEMPLATE]\n")
-        return 2
+def check(names: Sequence[str | Path]) -> tuple[int, list[str]]:
+    """Replay a certificate against a file and, where there is a third name, its template.
+
+    Returns 0 where it holds, 6 where not, 2 where something cannot be read, and what to say of it;
+    the words may be a stranger's, of the certificate.
+    """
     try:
-        first, *others = (Path(name).read_bytes() for name in arguments)
-        found = replay(json.loads(first), *others)
+        first, *others = (Path(name).read_bytes() for name in names)
+        return 0, ["holds", *(f"  {line}" for line in replay(json.loads(first), *others))]
     except ReplayError as error:
-        sys.stderr.write(f"{arguments[0]}: does not hold: {error}\n")
-        return 6
+        return 6, [f"does not hold: {error}"]
     except UNREADABLE as error:
-        sys.stderr.write(f"{arguments[0]}: cannot be read: {type(error).__name__}: {error}\n")
-        return 2
-    sys.stdout.write("\n".join((f"{arguments[0]}: holds", *(f"  {line}" for line in found), "")))
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+        return 2, [f"cannot be read: {type(error).__name__}: {error}"]
