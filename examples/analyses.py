@@ -8,9 +8,6 @@ CalculiX (``ccx``), scikit-fem or MFEM, and compares with a closed form. Prints 
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 from solvers import (
     ELASTIC,
@@ -248,10 +245,7 @@ def heat_in_scikit_fem(n: int = 12) -> Answer:
     from skfem.models.poisson import laplace
 
     part = mesh(_quarter_tube(), (2 * n, 1, n), order=1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "tube.msh"
-        pc.write_mesh(part, path)
-        grid = skfem.MeshHex.load(path)
+    grid = part.to_skfem()
     basis = skfem.Basis(grid, skfem.ElementHex1())
     stiffness = laplace.assemble(basis)
     hot, cold = basis.get_dofs("w=1").all(), basis.get_dofs("w=0").all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -95,6 +96,21 @@ class VolumeMesh:
                 shape = "quad" if len(kind.faces[face]) == 4 else "triangle"
                 found.setdefault(shape, []).append(self.blocks[facets.kind][rows][:, local])
         return {shape: np.concatenate(parts) for shape, parts in found.items()}
+
+    def to_meshio(self) -> Any:
+        """Return a `meshio.Mesh` with the sets of sides and layers; PackageMissingError."""
+        from pc2cad.mesh.objects import to_meshio
+
+        return to_meshio(self)
+
+    def to_skfem(self) -> Any:
+        """Return scikit-fem's mesh of hexahedra or tetrahedra of order 1, with names of sides.
+
+        Raises InputError where there are others, PackageMissingError.
+        """
+        from pc2cad.mesh.objects import to_skfem
+
+        return to_skfem(self)
 
     def area(self, side: str) -> float:
         """Return the area of a side's facets."""
