@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,18 @@ def test_the_sweep_without_a_boolean_is_the_same_solid():
     assert tolerance <= 1e-6
     assert examine(shape, volume).valid
     assert 1e-6 < deviation(TUBE, faces_of(shape), (0.0, 1.0)) < 1e-4
+
+
+def test_counts_of_work_that_grow_by_more_than_a_tenth_are_told() -> None:
+    from benchmarks.work import TABLE, TEMPLATES, grown
+
+    kept = json.loads(TABLE.read_text())
+    assert set(kept) == set(TEMPLATES)
+    assert grown(kept, kept) == []
+    slower = {**kept, "torus": {"calls": 5}}
+    slower["channel_ellipse"] = {**kept["channel_ellipse"], "cells": 2000, "poles": 1927}
+    assert grown(kept, slower) == [
+        f"channel_ellipse: cells {kept['channel_ellipse']['cells']} -> 2000 "
+        f"({2000 / kept['channel_ellipse']['cells'] - 1:+.0%})",
+        "torus: calls 5, and none is kept",
+    ]
