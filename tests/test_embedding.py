@@ -410,3 +410,10 @@ def test_sheared_blocks_are_proved_at_once(shear):
     found = embedding((U + shear * V + bent, V + shear * W, W + bent))
     assert found.proved, found.open
     assert found.cells < 100
+
+
+def test_long_walls_that_are_straight_one_way_are_compared():
+    """Many patches in a row, of degree 1 across: no second derivative bows them there."""
+    height = 2 + pc.sin(2 * pc.pi * 60 * U) / 50
+    found = embedding((30 * U, V, W * height))
+    assert found.proved, found.open

@@ -34,6 +34,10 @@ QUICK = ("bilinear_top", "cone_frustum", "simplex_torus")
 SLOW = sorted(set(template_paths()) - set(QUICK) - set(LONG))
 
 
+#: numbers of things: a closed form that sums over them holds for whole ones only
+WHOLE = {("gerotor", "pins")}
+
+
 @cache
 def every(name: str) -> tuple[Sensitivity, ...]:
     checked = checked_of(name)
@@ -47,6 +51,8 @@ def both_ways_and_closed_forms(name: str) -> None:
     for s in every(name):
         assert s.how == SYMBOLIC
         assert s.volume_by_flux == pytest.approx(s.volume, rel=1e-12, abs=1e-12 * mass.volume)
+        if (name, s.parameter) in WHOLE:
+            continue
         for figure, size in (("volume", mass.volume), ("area", mass.area)):
             for tree in stated.get((figure,), ()):
                 (along,) = substitute(derivatives((tree,), s.parameter), bound)

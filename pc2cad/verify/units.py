@@ -40,9 +40,11 @@ class Stated:
 def read_units(records: Records, context: Any) -> Units:
     """Return the units of a representation's context."""
     record = records.get(context, "GLOBAL_UNIT_ASSIGNED_CONTEXT")
-    (refs,) = record.parts["GLOBAL_UNIT_ASSIGNED_CONTEXT"]
+    refs = record.parts["GLOBAL_UNIT_ASSIGNED_CONTEXT"]
+    if len(refs) != 1:
+        raise StepDefectError(f"the context {context} has {len(refs)} lists of units, and not one")
     sizes = {}
-    for ref in sequence(refs):
+    for ref in sequence(refs[0]):
         unit = records.get(ref)
         for kind in ("LENGTH_UNIT", "PLANE_ANGLE_UNIT"):
             if kind in unit.parts:

@@ -21,7 +21,7 @@ from random import Random
 from pc2cad.cli.main import VERBS, main, make_parser
 
 #: exit codes that the command documents
-CODES = (0, 2, 3, 4, 5, 130, 141)
+CODES = (0, 2, 3, 4, 5, 6, 130, 141)
 CUBE = 'title = "c"\n[parameters]\np = {default = 1, min = 0.5, max = 2}\n[points]\nA = [0, 0, 0]\n'
 CUBE += '[solid]\nx = "p*u"\ny = "v"\nz = "w"\n'
 FLAT = 'title = "f"\n[solid]\nx = "u"\ny = "v"\nz = "u + v"\n'

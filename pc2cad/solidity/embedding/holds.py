@@ -88,6 +88,8 @@ def _corners(patches: Patches, poles: Array) -> Array:
 
 def _largest(values: Array, knots: Array, index: Integers, order: int) -> Array:
     """Return the largest of a derivative's poles for each patch, in the patch's own coordinate."""
+    if index.shape[1] <= order:  # of a straight line's second derivative there are no poles
+        return np.zeros((len(index), *values.shape[1:]))
     span = index[:, -1]
     length = (knots[span + 1] - knots[span]) ** order
     most = reduce(np.maximum, (values[k] for k in index[:, : index.shape[1] - order].T))
