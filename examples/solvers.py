@@ -17,6 +17,7 @@ import numpy as np
 import pc2cad as pc
 from pc2cad.compiler import mesh_equation, spline_equation
 from pc2cad.equation.point_equation import PointEquation
+from pc2cad.export.inp import facets
 from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.options import CompileOptions
@@ -94,9 +95,7 @@ def mesh(equation: PointEquation, cells: tuple[int, int, int], order: int = 2) -
 def pressure(part: VolumeMesh, side: str, value: float = 1.0) -> str:
     """Return the *DLOAD lines of a pressure on a side."""
     return "".join(
-        f"{part.first_element(facets.kind) + element + 1}, P{face + 1}, {value}\n"
-        for facets in part.sides[side]
-        for element, face in zip(facets.elements.tolist(), facets.faces.tolist(), strict=True)
+        f"{element}, P{face}, {value}\n" for element, face in facets(part, side).tolist()
     )
 
 

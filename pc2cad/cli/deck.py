@@ -44,6 +44,11 @@ def add_deck(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--modes", type=int, metavar="N", help="number of frequencies (default: 10)")
 
 
+def is_job(output: str) -> bool:
+    """Return whether a job is written into this file."""
+    return output.lower().endswith(".inp")
+
+
 def read_deck(arguments: argparse.Namespace) -> Deck | None:
     """Return the job that is asked for; InputError where parts of it are amiss."""
     if arguments.deck is None:
@@ -53,7 +58,7 @@ def read_deck(arguments: argparse.Namespace) -> Deck | None:
         return None
     from pc2cad.export.deck import Deck
 
-    if not any(output.lower().endswith(".inp") for output in arguments.outputs):
+    if not any(map(is_job, arguments.outputs)):
         raise InputError("--deck is written into a file .inp: give one with -o")
     element = arguments.element or _usual(arguments)
     modes = {} if arguments.modes is None else {"modes": arguments.modes}

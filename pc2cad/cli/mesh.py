@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from pc2cad.cli.deck import add_deck, for_deck, read_deck
+from pc2cad.cli.deck import add_deck, for_deck, is_job, read_deck
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
             mesh, report = mesh_equation(equation, options, progress, wanted)
         for output in arguments.outputs:
             progress(f"write {os.path.basename(output)}")
-            if deck is not None and output.lower().endswith(".inp"):
+            if deck is not None and is_job(output):
                 write_deck(mesh, output, deck)
             else:
                 write_mesh(mesh, output)
