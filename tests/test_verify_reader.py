@@ -166,7 +166,25 @@ def test_broken_texts_end_in_a_verdict(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_very_many_broken_texts_end_in_a_verdict(tmp_path: Path) -> None:
-    assert sum(fuzz(tmp_path, 100_000, 2)) == 100_000
+    assert sum(fuzz(tmp_path, 5_000, 2)) == 5_000
+
+
+@pytest.mark.parametrize(
+    ("whole", "broken"),
+    [
+        ("SI_UNIT($,.RADIAN.)", "SI_UNIT()"),
+        ("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT(.MILLI.)"),
+        ("GLOBAL_UNIT_ASSIGNED_CONTEXT((", "GLOBAL_UNIT_ASSIGNED_CONTEXT((),("),
+    ],
+)
+def test_partial_entities_without_their_parameters_are_named(
+    tmp_path: Path, whole: str, broken: str
+) -> None:
+    text = box(volume=6.0)
+    assert text.count(whole) == 1
+    found = describe(read_of(tmp_path / "broken.step", text.replace(whole, broken)))
+    assert found["sound"] is False
+    assert broken.split("(")[0].lower() in str(found).lower() or "lists of units" in str(found)
 
 
 @pytest.mark.slow

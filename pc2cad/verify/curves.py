@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -189,9 +190,14 @@ def domain_of(curve: Curve) -> tuple[float, float]:
     return float(low), float(high)
 
 
+@lru_cache(maxsize=32)
+def _unit_rule(points: int) -> tuple[Array, Array]:
+    return np.polynomial.legendre.leggauss(points)
+
+
 def gauss_rule(breaks: Array, points: int) -> tuple[Array, Array]:
     """Return Gauss nodes and weights on every interval between breaks."""
-    x, w = np.polynomial.legendre.leggauss(points)
+    x, w = _unit_rule(points)
     half = 0.5 * np.diff(breaks)[:, None]
     middle = 0.5 * (breaks[:-1] + breaks[1:])[:, None]
     return (middle + half * x).ravel(), (half * w).ravel()
@@ -274,9 +280,9 @@ def homogeneous(poles: Array, weights: Any, ref: Any) -> Array:
 
 def _read_spline(records: Records, record: Record, kind: str) -> SplineCurve:
     parts, ref = record.parts, record.ref
-    own = parts.get("B_SPLINE_CURVE_WITH_KNOTS", ())
+    own = record.part("B_SPLINE_CURVE_WITH_KNOTS")
     if "B_SPLINE_CURVE" in parts:
-        head, tail = parts["B_SPLINE_CURVE"], own
+        head, tail = record.part("B_SPLINE_CURVE", 2), own
     else:
         simple = record.values(6)
         head, tail = simple[1:], simple[6:]
@@ -290,7 +296,7 @@ def _read_spline(records: Records, record: Record, kind: str) -> SplineCurve:
     knots = check_knots(values, often, len(poles), degree)
     rational = "RATIONAL_B_SPLINE_CURVE" in parts
     if rational:
-        poles = homogeneous(poles, parts["RATIONAL_B_SPLINE_CURVE"][0], ref)
+        poles = homogeneous(poles, record.part("RATIONAL_B_SPLINE_CURVE", 1)[0], ref)
     return make_curve(knots, degree, poles, rational)
 
 

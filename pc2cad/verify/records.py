@@ -36,10 +36,14 @@ class Record:
         """Return the parameters of a simple instance, of which there are at least so many."""
         if len(self.parts) != 1:
             raise StepUnknownError(f"{self.ref} is a complex instance where a simple one is read")
-        (values,) = self.parts.values()
+        return self.part(self.keyword, least)
+
+    def part(self, keyword: str, least: int = 0) -> tuple[Any, ...]:
+        """Return the parameters of a partial entity, of which there are at least so many."""
+        values = self.parts.get(keyword, ())
         if len(values) < least:
             raise StepDefectError(
-                f"{self.keyword} {self.ref} has {len(values)} parameters, {least} are needed"
+                f"{keyword} {self.ref} has {len(values)} parameters, {least} are needed"
             )
         return values
 

@@ -259,7 +259,7 @@ def _extent(records: Records, edges: EdgeReader) -> tuple[Array, float]:
     """Return a reference point near the solid, and the solid's size."""
     places = [edge.samples for edge in edges.edges.values()]
     if not places:
-        points = [r.parts["CARTESIAN_POINT"][1] for r in records.all_of("CARTESIAN_POINT")]
+        points = [r.part("CARTESIAN_POINT", 2)[1] for r in records.all_of("CARTESIAN_POINT")]
         places = [np.array([point for point in points if len(point) == 3], dtype=float)]
     cloud = np.concatenate(places)
     low, high = cloud.min(axis=0), cloud.max(axis=0)

@@ -299,7 +299,7 @@ def _read_spline(records: Records, record: Record, kind: str) -> SplineSurface:
     """Return a simple or complex B-spline surface."""
     parts, ref = record.parts, record.ref
     if "B_SPLINE_SURFACE" in parts:
-        head, tail = parts["B_SPLINE_SURFACE"], parts.get("B_SPLINE_SURFACE_WITH_KNOTS", ())
+        head, tail = record.part("B_SPLINE_SURFACE", 3), record.part("B_SPLINE_SURFACE_WITH_KNOTS")
     else:
         simple = record.values(8)
         head, tail = simple[1:], simple[8:]
@@ -320,5 +320,5 @@ def _read_spline(records: Records, record: Record, kind: str) -> SplineSurface:
         knots.append(check_knots(values, often, count, degree))
     rational = "RATIONAL_B_SPLINE_SURFACE" in parts
     if rational:
-        poles = homogeneous(poles, parts["RATIONAL_B_SPLINE_SURFACE"][0], ref)
+        poles = homogeneous(poles, record.part("RATIONAL_B_SPLINE_SURFACE", 1)[0], ref)
     return make_surface((knots[0], knots[1]), degrees, poles, rational)

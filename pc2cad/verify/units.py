@@ -40,7 +40,7 @@ class Stated:
 def read_units(records: Records, context: Any) -> Units:
     """Return the units of a representation's context."""
     record = records.get(context, "GLOBAL_UNIT_ASSIGNED_CONTEXT")
-    refs = record.parts["GLOBAL_UNIT_ASSIGNED_CONTEXT"]
+    refs = record.part("GLOBAL_UNIT_ASSIGNED_CONTEXT")
     if len(refs) != 1:
         raise StepDefectError(f"the context {context} has {len(refs)} lists of units, and not one")
     sizes = {}
@@ -58,11 +58,10 @@ def read_units(records: Records, context: Any) -> Units:
 
 def _uncertainty(records: Records, context: Record, metres: float) -> float | None:
     found = None
-    for ref in sequence(context.parts.get("GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT", ((),))[0]):
-        parts = records.get(ref, "UNCERTAINTY_MEASURE_WITH_UNIT").parts
-        values = parts["UNCERTAINTY_MEASURE_WITH_UNIT"]
-        if len(values) < 2:
-            raise StepDefectError(f"the uncertainty {ref} has no unit")
+    keyword = "GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT"
+    for ref in sequence(context.part(keyword, 1)[0]) if keyword in context.parts else ():
+        measure = records.get(ref, "UNCERTAINTY_MEASURE_WITH_UNIT")
+        values = measure.part("UNCERTAINTY_MEASURE_WITH_UNIT", 2)
         unit = records.get(values[1])
         if "LENGTH_UNIT" in unit.parts:
             value = number(values[0]) * _scale(records, unit) / metres
@@ -76,12 +75,12 @@ def _scale(records: Records, record: Record, depth: int = 0) -> float:
     if depth > DEEPEST:
         raise StepDefectError(f"the unit {record.ref} is made of itself")
     if "SI_UNIT" in record.parts:
-        prefix = record.parts["SI_UNIT"][0]
+        prefix = record.part("SI_UNIT", 2)[0]
         if prefix is not None and str(prefix) not in _PREFIXES:
             raise StepDefectError(f"the unit {record.ref} has the prefix {prefix}")
         return _PREFIXES[str(prefix)] if prefix is not None else 1.0
     if "CONVERSION_BASED_UNIT" in record.parts:
-        measure = records.get(record.parts["CONVERSION_BASED_UNIT"][-1])
+        measure = records.get(record.part("CONVERSION_BASED_UNIT", 2)[-1])
         found = [values for values in measure.parts.values() if len(values) == 2]
         if len(found) != 1 or not number(found[0][0]) > 0.0:
             raise StepDefectError(f"the unit {record.ref} is converted by {measure.keyword}")
