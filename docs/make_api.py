@@ -11,6 +11,7 @@ from typing import Any
 
 import pc2cad
 from pc2cad import cadquery, part, report
+from pc2cad.checked import FieldFigures
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.integrals.inertia import Mass
 from pc2cad.integrals.sensitivity import Sensitivity
@@ -21,7 +22,7 @@ FILE = Path(__file__).parent / "api.md"
 CLASSES = (
     Template, BodiesTemplate, PointEquation, part.Part, part.Body, report.Report,
     report.EquationReport, report.FaceReport, report.EdgeReport, report.Integrals, Mass,
-    Sensitivity,
+    Sensitivity, FieldFigures,
 )  # fmt: skip
 PLUGIN = ("point_solid", "channel_solid", "placed", "pointSolid", "channelSolid", "pointParts")
 

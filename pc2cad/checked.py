@@ -13,19 +13,24 @@ Each stage takes the results before it and returns one frozen value.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from pc2cad.bounds.extremes import Extreme, largest_value, least_value
 from pc2cad.channels.depths import check_depth, find_depth
 from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
+from pc2cad.domain.fields import local_field
 from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
+from pc2cad.equation.fields import DENSITY
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.geometry.scale import Scale
+from pc2cad.integrals.fields import FieldIntegral, integrate_field, mass_by_field
 from pc2cad.integrals.inertia import Mass, densities, mass_of
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.integrals.sensitivity import Sensitivity, sensitivity
@@ -69,13 +74,31 @@ class CheckedMap:
         """Size and place of the solid."""
         return self.analysis.scale
 
-    def mass_properties(self, density: float | Mapping[str, float] = 1.0) -> Mass:
+    def mass_properties(self, density: float | str | Mapping[str, float] | None = None) -> Mass:
         """Return mass, centre of mass and inertia for a density, or one for each layer by name.
 
+        A text names the field that is the density; without any it is the field ``density``, or 1.
         The mass is in the density's own unit times units^3. Raises InputError for a density that is
-        not positive, and for names of no layer.
+        not positive, and for names of no layer or field.
         """
+        if density is None:
+            named = any(field.name == DENSITY for field in self.equation.fields)
+            density = DENSITY if named else 1.0
+        if isinstance(density, str):
+            return mass_by_field(self.analysis, self.mass, local_field(self.analysis, density))
         return mass_of(self.analysis, self.mass, densities(density, self.equation))
+
+    def field_figures(self, name: str) -> FieldFigures:
+        """Return integral, mean, least and largest value of a field; raise InputError."""
+        field = local_field(self.analysis, name)
+        whole = integrate_field(self.analysis, self.mass, field)
+        limits = [
+            sorted({0.0, *row, 1.0, *bounds})
+            for row, bounds in zip(field.breaks, self.analysis.bounds, strict=True)
+        ]
+        least = [least_value(tree, limits) for tree in field.trees]
+        largest = [largest_value(tree, limits) for tree in field.trees]
+        return FieldFigures(name, field.field.kind, whole, tuple(least), tuple(largest))
 
     def sensitivity(self, name: str, density: float | Mapping[str, float] = 1.0) -> Sensitivity:
         """Return d/dp of volume, area, centroid, mass and inertia for one parameter.
@@ -88,6 +111,38 @@ class CheckedMap:
         mass = mass_of(self.analysis, self.mass, given)
         sign = self.orientation.sign
         return sensitivity(self.analysis, sign, self.mass, mass, given, variation)
+
+
+@dataclass(frozen=True)
+class FieldFigures:
+    """What is known of a field over the whole solid, component by component."""
+
+    name: str
+    kind: str
+    whole: FieldIntegral
+    #: seen at places, and bounded by a proof where its `bound` is finite
+    least: tuple[Extreme, ...]
+    largest: tuple[Extreme, ...]
+
+    @property
+    def evidence(self) -> str:
+        """Whether least and largest values are bounded by a proof, or sampled."""
+        bounds = [extreme.bound for extreme in (*self.least, *self.largest)]
+        return "bounded" if all(math.isfinite(bound) for bound in bounds) else "sampled"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON; a bound that is not proved is None."""
+        return {
+            "kind": self.kind, "integral": list(self.whole.integral), "mean": list(self.whole.mean),
+            "error": self.whole.error, "source": self.whole.source, "evidence": self.evidence,
+            "least": [_extreme(e) for e in self.least],
+            "largest": [_extreme(e) for e in self.largest],
+        }  # fmt: skip
+
+
+def _extreme(extreme: Extreme) -> dict[str, float | None]:
+    bound = extreme.bound if math.isfinite(extreme.bound) else None
+    return {"seen": extreme.seen, "bound": bound}
 
 
 class Stages:

@@ -31,7 +31,9 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "domain": ("topology", "geometry", "equation", "expression"),
     "solidity": ("domain", "bounds", "topology", "geometry", "equation", "expression"),
     "integrals": ("domain", "topology", "geometry", "equation", "expression"),
-    "checked": ("integrals", "solidity", "domain", "channels", "geometry", "equation"),
+    "checked": (
+        "integrals", "solidity", "domain", "bounds", "channels", "geometry", "equation",
+    ),
     "representation": (
         "checked", "solidity", "domain", "bounds", "topology", "geometry", "expression",
     ),

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from pc2cad.cli.figures import with_figures
 from pc2cad.cli.inputs import (
     add_density,
     add_options,
@@ -97,10 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         with named(arguments.template):
             part = compile_solid(equation, wanted, progress)
-            if density is not None:
-                progress("weigh")
-                weighed = replace(part.report, mass=part.mass_properties(density))
-                part = replace(part, report=weighed)
+            part = replace(part, report=with_figures(part, part.report, density, progress))
         files = _encode(part, equation, options, arguments, progress)
         progress("write")
         write_all(files)

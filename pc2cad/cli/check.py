@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from pc2cad.cli.figures import with_figures
 from pc2cad.cli.inputs import (
     add_density,
     add_options,
@@ -55,9 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
             if arguments.triangles:
                 progress("mesh")
                 report = replace(report, triangles=part.triangle_integrals())
-            if density is not None:
-                progress("weigh")
-                report = replace(report, mass=part.mass_properties(density))
+            report = with_figures(part, report, density, progress)
     if arguments.json:
         say(json.dumps(report.to_dict(), indent=2, allow_nan=False))
     else:
@@ -87,6 +86,9 @@ def _paragraphs(report: Report, expected: Expectations, box: Array) -> Iterator[
     )  # fmt: skip
     if report.mass is not None:
         yield from _mass(report.mass, report.units)
+    if report.fields:
+        yield f"\nFields (integrals over the volume, {report.units}^3)"
+        yield _fields(report.fields)
     if report.own is not None:
         yield from _layers_and_limits(report.own, report.units)
     yield "\nEvidence"
@@ -234,6 +236,28 @@ def _mass(mass: Mass, units: str) -> Iterator[str]:
     )
     if mass.relative_error:
         yield f"  error estimate {mass.relative_error:.1e} (estimate, relative)"
+
+
+def _fields(fields: Mapping[str, Any]) -> str:
+    rows: list[tuple[str, ...]] = [("", "integral", "mean", "from", "to", "evidence")]
+    for name, found in fields.items():
+        several = len(found["integral"]) > 1
+        for k, axis in enumerate("xyz" if several else " "):
+            low, high = found["least"][k], found["largest"][k]
+            rows.append((
+                f"{name}.{axis}" if several else name, f"{found['integral'][k]:.12g}",
+                f"{found['mean'][k]:.10g}", f"{low['seen']:.10g}", f"{high['seen']:.10g}",
+                _field_evidence(low, high),
+            ))  # fmt: skip
+    return table(rows)
+
+
+def _field_evidence(low: Mapping[str, Any], high: Mapping[str, Any]) -> str:
+    """Return how far a proof leaves the least and the largest value open."""
+    if low["bound"] is None or high["bound"] is None:
+        return "sampled"
+    gap = max(low["seen"] - low["bound"], high["bound"] - high["seen"])
+    return f"bounded, within {max(gap, 0.0):.1e}"
 
 
 def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:

@@ -82,6 +82,20 @@ class Mapping3:
         (found,) = Program((self.parameters[direction],))({name: places})
         return np.array(np.broadcast_to(found, places.shape))
 
+    def local(self, direction: int, own: Array) -> Array:
+        """Return the local coordinates at which a parameter has values (n,): it ascends."""
+        ends = self.values(direction, [0.0, 1.0])
+        share = (own - ends[0]) / (ends[1] - ends[0])
+        off = np.abs(self.values(direction, share) - own).max(initial=0.0)
+        if off <= 4e-16 * np.abs(ends).max():
+            return np.asarray(share)
+        low, high = np.zeros_like(own), np.ones_like(own)
+        for _ in range(60):
+            middle = (low + high) / 2
+            below = self.values(direction, middle) < own
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return np.asarray((low + high) / 2)
+
     @cached_property
     def derivatives(self) -> tuple[tuple[Expr, ...], ...]:
         """Trees of M_u, M_v and M_w."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final
 
+from pc2cad.equation.fields import Field, FieldValue, checked_fields, make_field
 from pc2cad.equation.points import Combination, Kind, kind_of, point
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
@@ -74,6 +75,8 @@ class PointEquation:
     layers: tuple[str, ...] = ()
     #: the thickness of all layers below w, where that is known
     depth: Expr | None = None
+    #: what varies over the solid beside its shape
+    fields: tuple[Field, ...] = ()
     #: makes the equation again with other points, where it knows the names of its points
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False
@@ -94,6 +97,24 @@ class PointEquation:
         for layer in self.layers:
             if not isinstance(layer, str) or not is_label(layer):
                 raise LayersError(f"the name of a layer is {LABEL_RULE}; here is {layer!r:.80}")
+        checked_fields(self.fields)
+
+    def with_fields(self, **fields: FieldValue) -> PointEquation:
+        """Return the equation with more fields: text, expressions, vectors or points.
+
+        ``equation.with_fields(density="7.85e-6*(1 + z/10)", flow=pc.vector(0, 0, 1))`` in u, v, w
+        and x, y, z, the coordinates of the solid's point. Raises FieldError or InputError.
+        """
+        more = tuple(make_field(name, value) for name, value in fields.items())
+        return replace(self, fields=(*self.fields, *more))
+
+    def field(self, name: str) -> Field:
+        """Return the field of a name; raise InputError where there is none."""
+        found = checked_fields(self.fields)
+        if name not in found:
+            known = ", ".join(found) or "none"
+            raise InputError(f"{self.name} has no field '{name:.80}' (it has: {known})")
+        return found[name]
 
     def move(self, **points: Any) -> PointEquation:
         """Return the equation with points replaced by current points (the moving simplex).

@@ -77,6 +77,27 @@ def exact_second_moments(analysis: Analysis) -> tuple[tuple[Fraction, ...], ...]
     return tuple(tuple(table[i, j] for j in range(3)) for i in range(3))
 
 
+def exact_weighted(analysis: Analysis, trees: Sequence[Expr]) -> list[Fraction] | None:
+    """Return ∫ f dV for trees f of the local parameters, or None where one is no polynomial.
+
+    For maps that `exact_integrals` knows, unless quadrature is quicker.
+    """
+    found = _polynomials(analysis)
+    if found is None or not {node.op for node in walk(tuple(trees))} <= _POLYNOMIAL:
+        return None
+    sign = 1 if _integral(found.determinant) > 0 else -1
+    result = []
+    for tree in trees:
+        table = _table(tree)
+        if table is None or len(table) * len(found.determinant) > MOST_PRODUCTS:
+            return None
+        scale = lcm(*(c.denominator for c in table.values()))
+        whole = {powers: int(c * scale) for powers, c in table.items()}
+        total = _integral(_product(whole, found.determinant))
+        result.append(sign * total / scale / found.scale**3)
+    return result
+
+
 @dataclass(frozen=True)
 class _Polynomials:
     """A polynomial map times `scale`, so that coefficients are whole; its tangents and det J."""

@@ -77,25 +77,8 @@ class Sensitivity:
         Of the point that stays at the same share of the way from limit to limit.
         """
         own = np.asarray(parameters, dtype=float)
-        local = np.stack([_inverse(self._analysis, d, own[:, d]) for d in range(3)])
+        local = [self._analysis.map.local(d, own[:, d]) for d in range(3)]
         return self._velocity.frame(*local)[0]
-
-
-def _inverse(analysis: Analysis, direction: int, own: Array) -> Array:
-    """Return the local coordinate at which a parameter has a value, by halving: it ascends."""
-    low, high = np.zeros_like(own), np.ones_like(own)
-    ends = analysis.map.values(direction, [0.0, 1.0])
-    share = (own - ends[0]) / (ends[1] - ends[0])
-    if (
-        np.abs(analysis.map.values(direction, share) - own).max(initial=0.0)
-        <= 4e-16 * np.abs(ends).max()
-    ):
-        return np.asarray(share)
-    for _ in range(60):
-        middle = (low + high) / 2
-        below = analysis.map.values(direction, middle) < own
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return np.asarray((low + high) / 2)
 
 
 def sensitivity(

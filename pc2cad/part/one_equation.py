@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
+from pc2cad.arrays import Array
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.options import CompileOptions
 from pc2cad.topology.cells import SideKey
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
+    from pc2cad.checked import FieldFigures
     from pc2cad.integrals.inertia import Mass
     from pc2cad.integrals.sensitivity import Sensitivity
     from pc2cad.mesh.grid import Growth
@@ -128,13 +130,14 @@ class OfOneEquation(ABC):
         draw = sample_blue if method == "blue" else sample_uniform
         return draw(self.body.checked, count, seed)
 
-    def mass_properties(self, density: float | Mapping[str, float] = 1.0) -> Mass:
+    def mass_properties(self, density: float | str | Mapping[str, float] | None = None) -> Mass:
         """Return mass, centre of mass, inertia about it, principal moments and axes, and radii.
 
             part.mass_properties(density=7.85e-6).principal      # kg/mm^3 gives kg and kg mm^2
 
-        One density for all, or one for each layer by name. From the equation: closed form where M
-        is a rational polynomial, else with an error estimate. Raises InputError.
+        One density for all, one for each layer by name, or the name of the field that is it
+        (``density`` where there is one and nothing is given; else 1). From the equation: closed
+        form where M is a rational polynomial, else with an error estimate. Raises InputError.
         """
         return self.body.checked.mass_properties(density)
 
@@ -146,6 +149,27 @@ class OfOneEquation(ABC):
         Raises InputError for a name of no parameter, and NotDifferentiableError.
         """
         return self.body.checked.sensitivity(name, density)
+
+    def field(
+        self, name: str, points: ArrayLike | None = None, *, parameters: ArrayLike | None = None
+    ) -> Array:
+        """Return a field's values (n,), or (n, 3), at points in space or at u, v, w (n, 3 each).
+
+            part.field("temperature", [(1, 2, 0.5)])
+
+        For a point outside the solid it is the value at the nearest place. Raises InputError for a
+        name of no field, and FieldNotFiniteError.
+        """
+        from pc2cad.sampling.fields import field_values
+
+        return field_values(self.body.checked, name, points, parameters)
+
+    def field_figures(self, name: str) -> FieldFigures:
+        """Return integral, mean, least and largest value of a field, and how they are known.
+
+        Raises InputError for a name of no field, and where it has no finite integral.
+        """
+        return self.body.checked.field_figures(name)
 
     def locate(self, points: ArrayLike) -> Location:
         """Return for points (n, 3) whether they are inside, and the nearest (u, v, w)."""

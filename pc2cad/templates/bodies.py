@@ -31,7 +31,7 @@ from pc2cad.templates.template import Header, Moved, Template, TemplateError, ex
 MOST_BODIES: Final = 32
 Kind = Literal["union", "cut", "intersect"]
 KINDS: Final = ("union", "cut", "intersect")
-_BODY_TABLES: Final = ("domain", "let", "guide", "frame", "solid", "expect")
+_BODY_TABLES: Final = ("domain", "let", "guide", "frame", "solid", "fields", "expect")
 _SHARED: Final = ("parameters", "points", "data", "curves", "fourier", "tables", "let")
 
 
@@ -127,7 +127,7 @@ def read_bodies(name: str, file: str, data: dict[str, Any]) -> BodiesTemplate:
     tables = Tables(file, data)
     tables.check_keys(data, (*TEXTS, *TABLES, "bodies", "result"), "")
     rows = _rows(tables)
-    own = [key for key in ("domain", "guide", "frame", "solid") if key in data]
+    own = [key for key in ("domain", "guide", "frame", "solid", "fields") if key in data]
     if "layers" in data:
         tables.fail("[layers]", "a template of several bodies has no layers")
     if own:

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.channels.layers import depth
+from pc2cad.equation.fields import COORDINATES, check_field_name
 from pc2cad.equation.language import PARAMETER_NAMES, Listed, Named, read_expression
 from pc2cad.equation.point_equation import UNITS, Interval
 from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 TEXTS: Final = ("title", "about", "source", "units")
 TABLES: Final = (
     "parameters", "points", "domain", "data", "curves", "fourier", "tables", "guide", "frame",
-    "layers", "let", "solid", "expect",
+    "layers", "let", "solid", "fields", "expect",
 )  # fmt: skip
 _EXPECTED: Final = (
     "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
@@ -99,11 +100,13 @@ class Reader(Tables):
         points = self._points()
         found = self._entries(("guide", "frame", "layers"), domain)
         solid, M = self._solid()
+        fields = self._fields()
         return Template(
             name, **texts, parameters=parameters, points=points, curves=found.curves,
             data=found.data, guide=found.guide, frame=found.frame, carried=tuple(found.carried),
             layers=tuple(found.layers), lets=tuple(found.lets), domain=domain, solid=solid, M=M,
-            expected=self._expected(), _again=partial(read_tables, name, self.file, self.data),
+            fields=fields, expected=self._expected(),
+            _again=partial(read_tables, name, self.file, self.data),
             _given=(self._bound, self._moved), consumed=frozenset(self.consumed),
         )  # fmt: skip
 
@@ -299,6 +302,21 @@ class Reader(Tables):
             rows = (Definition(a, written(table[a]), t) for a, t in zip("xyz", trees, strict=True))
             return tuple(rows), point(*trees)
         return self.fail("[solid]", "needs either M or all of x, y and z")  # type: ignore[no-any-return]
+
+    def _fields(self) -> tuple[Definition, ...]:
+        """Read fields, each of which may mention those before it, and x, y, z of the solid."""
+        result = []
+        known: dict[str, Value] = {
+            axis: symbol(axis) for axis in COORDINATES if axis not in self.names
+        }
+        for name, raw in self.table("fields").items():
+            key = f"[fields] {shown(name)}"
+            text = isinstance(raw, str)
+            value = self.expression(key, raw, known) if text else self.scalar(key, raw)
+            attempt(self, key, partial(check_field_name, name))
+            self.define(key, name, value)
+            result.append(Definition(name, written(raw), value))
+        return tuple(result)
 
     def _check_count(self, key: str, tree: Expr) -> None:
         value = evaluate(tree, {})

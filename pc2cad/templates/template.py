@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pc2cad.equation.fields import make_field
 from pc2cad.equation.language import Listed, nearest, read_expression
 from pc2cad.equation.point_equation import (
     Expectations,
@@ -117,6 +118,8 @@ class Template(Header):
     #: M, or x, y and z, as written
     solid: tuple[Definition, ...]
     M: Combination
+    #: what varies over the solid beside its shape
+    fields: tuple[Definition, ...]
     #: name of the figure -> the tree that states it (three for the centroid)
     expected: Mapping[tuple[str, ...], tuple[Expr, ...]]
 
@@ -199,6 +202,7 @@ class Template(Header):
             frame=f"{self.frame.words}; guide: {self.guide.words}"
             if self.frame and self.guide
             else "",
+            fields=tuple(make_field(d.name, d.value) for d in self.fields),
             mover=mover,
         )
         if not self.layers:

@@ -1,0 +1,31 @@
+"""What a report says beside the solid's shape, where it is asked: its mass and its fields."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pc2cad.equation.fields import DENSITY
+
+if TYPE_CHECKING:
+    from pc2cad.part import Part
+    from pc2cad.report import Report
+
+
+def with_figures(
+    part: Part,
+    report: Report,
+    density: float | Mapping[str, float] | None,
+    progress: Callable[[str], None],
+) -> Report:
+    """Return the report with the mass, where a density is known, and with the figures of fields."""
+    fields = part.equation.fields if report.own is not None else ()
+    if density is not None or any(field.name == DENSITY for field in fields):
+        progress("weigh")
+        report = replace(report, mass=part.mass_properties(density))
+    if fields:
+        progress("fields")
+        found = {field.name: part.field_figures(field.name).to_dict() for field in fields}
+        report = replace(report, fields=found)
+    return report
