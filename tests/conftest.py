@@ -1,13 +1,20 @@
-"""In CI (which `.ci/run` says by CI=true) no test may be skipped for want of a program."""
+"""Which tests are slow, what each one takes, and that CI skips none.
+
+slow.txt lists the tests that take more than 0.7 s of CPU by themselves, beside those that say so
+with a mark. ``pytest --cpu FOLDER`` writes what each takes, with its children, in seconds.
+In CI (which `.ci/run` says by CI=true) no test may be skipped for want of a program.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 
+HERE = Path(__file__).parent
 #: what may be missing in CI: words of the reason to skip -> why it cannot be installed there
 MAY_BE_MISSING: dict[str, str] = {}
 
@@ -36,3 +43,52 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, Report]:
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, Report]:
     return strict((yield))
+
+
+# -- slow tests ------------------------------------------------------------------------------------
+
+
+#: ids of the list that no test of the collected files has
+GONE = pytest.StashKey[list[str]]()
+
+
+def listed() -> list[str]:
+    """Return the ids of the tests that are slow though they bear no mark."""
+    return (HERE / "slow.txt").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    slow = set(listed())
+    for item in items:
+        if item.nodeid in slow:
+            item.add_marker(pytest.mark.slow)
+    if not any("::" in argument for argument in config.args):
+        collected = {item.nodeid for item in items}
+        files = {name.split("::")[0] for name in collected}
+        gone = {name for name in slow - collected if name.split("::")[0] in files}
+        config.stash[GONE] = sorted(gone)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--cpu", metavar="FOLDER", help="write each test's seconds of CPU there")
+
+
+def spent() -> float:
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    begun = spent()
+    result = yield
+    if folder := item.config.getoption("--cpu"):
+        name = os.environ.get("PYTEST_XDIST_WORKER", "main")
+        with (Path(folder) / f"{name}.txt").open("a", encoding="utf-8") as file:
+            file.write(f"{spent() - begun:.2f} {item.nodeid}\n")
+    return result
+
+
+@pytest.fixture
+def gone(request: pytest.FixtureRequest) -> list[str]:
+    return request.config.stash.get(GONE, [])

@@ -71,13 +71,15 @@ def test_every_verb_refuses_every_bomb_soon(name, tmp_path, monkeypatch, capsys)
     assert {path.name for path in tmp_path.iterdir()} <= {"bomb.toml", "box.step", "o"}
 
 
+# they read alike: each bomb meets four of the twelve
 @pytest.mark.slow
 @pytest.mark.parametrize("verb", NEEDS)
-def test_the_whole_matrix(verb, tmp_path, monkeypatch, capsys) -> None:
+def test_every_verb_meets_a_third_of_the_bombs(verb, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    assert len(QUICK) > 40
+    bombs = QUICK[sorted(NEEDS).index(verb) % 3 :: 3]
+    assert len(bombs) > 13
     Path("box.step").write_text(box())
-    for name in QUICK:
+    for name in bombs:
         Path("bomb.toml").write_text(BOMBS[name]())
         begun = time.process_time()
         assert main(command(verb)) == 2, name

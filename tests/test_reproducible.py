@@ -52,16 +52,7 @@ def written(folder: Path, names: list[str], solids: str, meshes: str) -> list[di
 
 
 @pytest.mark.slow
-def test_files_are_the_same(tmp_path: Path) -> None:
-    first, second = written(tmp_path, ["channel_ellipse", "ball"], "step igs", "")
-    assert len(first) == 4
-    assert first == second
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["channel_sine", "duct", "trefoil", "channel_ellipse", "square_to_round"]
-)
+@pytest.mark.parametrize("name", ["channel_sine", "duct", "channel_ellipse"])
 def test_files_of_all_formats_are_the_same(tmp_path: Path, name: str) -> None:
     solids, meshes = "step brep igs stl ast 3mf glb vtp", "vtu inp msh vtk"
     first, second = written(tmp_path, [name, "ball"], solids, meshes)

@@ -106,11 +106,16 @@ def test_too_large_for_the_kernel(name, size):
 
 SHORT = 1e-3
 STRETCHES = [(1000, 1, 1), (SHORT, 1, 1)]
+#: forty seconds for what the other shapes show as well
+DEAR = ("duct", (SHORT, 1, 1))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stretch", STRETCHES, ids=str)
-@every_shape
+@pytest.mark.parametrize(
+    ("name", "stretch"),
+    [(name, stretch) for name in SHAPES for stretch in STRETCHES if (name, stretch) != DEAR],
+    ids=str,
+)
 def test_stretched_a_thousand_times_keeps_six_digits_of_volume(name, stretch):
     check(*compiled(name, 6.0, stretch=stretch), name)
 
