@@ -40,8 +40,8 @@ LAYERS: dict[str, tuple[str, ...]] = {
     # held against what the others made: nothing that represents, builds, validates or writes
     "verify": ("integrals", "domain", "bounds", "topology", "geometry", "templates", "equation",
                "expression"),
-    "mesh": ("checked", "integrals", "domain", "topology", "geometry"),
     "sampling": ("checked", "domain", "topology"),
+    "mesh": ("sampling", "checked", "integrals", "domain", "topology", "geometry", "expression"),
     "brep": ("representation", "topology", "geometry"),
     "validation": (
         "brep", "representation", "checked", "integrals", "solidity", "domain", "topology",

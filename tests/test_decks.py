@@ -52,6 +52,19 @@ def solved(part: str, *arguments: str) -> Results:
     return read_results("job.frd")
 
 
+FIELDS = """
+[fields]
+stiff = "1000*(1 + x/7)"
+heat = "100*z^2"
+way = "vector(1, 0, 0)"
+"""
+
+
+def graded_bar() -> str:
+    Path("graded.toml").write_text(BAR + FIELDS)
+    return "graded.toml"
+
+
 # -- what a job says -------------------------------------------------------------------------------
 
 
@@ -104,10 +117,34 @@ def test_materials_of_layers_are_sections_of_their_elements(
     ]  # fmt: skip
 
 
+def test_a_material_that_is_a_field_has_a_section_for_each_bin(here: Path) -> None:
+    """Seven cells in seven bins: the values are those in the middles of the cells."""
+    text = job(
+        graded_bar(), "--cells", "7x1x1", "--deck", "static", "--fix", "u=0", "--bins", "7",
+        "--material", "E=stiff,nu=0.3,alpha=1e-5", "--warm", "heat",
+    )  # fmt: skip
+    section = r"\*ELASTIC\n(\S+), 0\.3\n\*EXPANSION\n1e-05\n\*ELSET, ELSET=\w+\n(\d+)"
+    exact = [(1000 * (1 + (k + 0.5) / 7), k + 1) for k in range(7)]
+    found = [(float(E), int(n)) for E, n in re.findall(section, text)]
+    np.testing.assert_allclose(found, exact, rtol=1e-14)
+    assert text.count("*SOLID SECTION") == 7
+    assert "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nsolid, 0.\n" in text
+    block = text.partition("*TEMPERATURE\n")[2].partition("*")[0]
+    nodes = re.search(r"NSET=solid\n(.*?)\n\*", text, re.S)
+    assert nodes is not None
+    height = [float(line.split(",")[3]) for line in nodes[1].splitlines()]
+    warm = [float(line.split(",")[1]) for line in block.splitlines()]
+    assert len(warm) > 20
+    np.testing.assert_allclose(warm, 100 * np.array(height) ** 2, rtol=1e-13)
+
+
 STATIC = ("--deck", "static", "--material", "E=1,nu=0.3")
 REFUSED = {
     "nothing holds the part along x and y and z": STATIC,
     "nothing holds the part along y": (*STATIC, "--fix", "u=0:xz"),
+    "no field is called 'soft'": ("--deck", "static", "--material", "E=soft,nu=0", "--fix", "u=0"),
+    "needs alpha": (*STATIC, "--fix", "u=0", "--warm", "u"),
+    "into 1 to 1000 bins": (*STATIC, "--fix", "u=0", "--bins", "0"),
     "no side is called 'u=7'": (*STATIC, "--fix", "u=0", "--pressure", "u=7:1"),
     "held along x, y or z": (*STATIC, "--fix", "u=0:q"),
     "needs rho": ("--deck", "frequency", "--material", "E=1,nu=0.3"),
@@ -234,3 +271,34 @@ def test_a_bar_sounds_as_long_as_it_is(here: Path) -> None:
     assert [step.value for step in found.steps] == pytest.approx(
         [first, 3 * first, 5 * first], rel=1e-4
     )
+
+
+@pytest.mark.interop
+@needs_ccx
+def test_a_temperature_that_is_a_field_expands_a_held_block(here: Path) -> None:
+    """Held at all sides but the upper: du/dz = α T (1 + ν)/(1 - ν), T = 100 z²."""
+    sides = [("u=0", "x"), ("u=1", "x"), ("v=0", "y"), ("v=1", "y"), ("w=0", "z")]
+    found = solved(
+        graded_bar(), "--cells", "7x1x8", "--deck", "static", "--warm", "heat",
+        "--material", "E=210e3,nu=0.3,alpha=1e-5",
+        *(text for side, axis in sides for text in ("--fix", f"{side}:{axis}")),
+    )  # fmt: skip
+    z = found.points[:, 2]
+    exact = 1e-5 * 100 * z**3 / 3 * 1.3 / 0.7
+    np.testing.assert_allclose(found.steps[0].fields["DISP"][:, 2], exact, atol=2e-3 * exact.max())
+
+
+@pytest.mark.interop
+@needs_ccx
+def test_a_graded_bar_is_as_long_as_its_stiffness_says(here: Path) -> None:
+    """E = E₀ (1 + x/L), pulled by p: u = p L/E₀ ln(1 + x/L)."""
+    found = solved(
+        graded_bar(), "--cells", "28x1x1", "--deck", "static", "--bins", "28",
+        "--material", "E=stiff,nu=0", "--fix", "u=0", "--pressure", "u=1:-1",
+    )  # fmt: skip
+    x, moved = found.points[:, 0], found.steps[0].fields["DISP"][:, 0]
+    # between the ends of its cells, each of one stiffness, a bar is bent by h²/8 of u''
+    ends = np.abs(x * 4 - np.round(x * 4)) < 1e-4
+    assert ends.sum() == 29 * 8
+    exact = 7 / 1000 * np.log(1 + x[ends] / 7)
+    np.testing.assert_allclose(moved[ends], exact, atol=1e-4 * exact.max())

@@ -38,7 +38,7 @@ def _grid(path: Path) -> bool:
 
 def _gmsh(path: Path) -> bool:
     data = path.read_bytes()
-    return b"$Nodes" in data and data.rstrip().endswith(b"$EndElements")
+    return b"$Nodes" in data and data.rstrip().endswith(b"$EndElementData")
 
 
 def _deck(path: Path) -> bool:

@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pc2cad.errors import InputError, named
+from pc2cad.trust.names import is_identifier
 
 if TYPE_CHECKING:
     from pc2cad.export.deck import Deck, Material
@@ -15,7 +16,9 @@ if TYPE_CHECKING:
 _ANALYSES = ("static", "frequency", "heat")
 _ELEMENTS = ("C3D20R", "C3D8I", "C3D20", "C3D8", "C3D10", "C3D4")
 #: options that say something of a job only
-_OPTIONS = ("material", "fix", "pressure", "temperature", "flux", "element", "modes")
+_OPTIONS = (
+    "material", "fix", "pressure", "temperature", "flux", "warm", "bins", "element", "modes",
+)  # fmt: skip
 
 
 def add_deck(parser: argparse.ArgumentParser) -> None:
@@ -24,8 +27,8 @@ def add_deck(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--deck", choices=_ANALYSES, help="what the job finds")
     group.add_argument(
         "--material", metavar="[LAYER:]KEY=VALUE,…", action="append", default=[],
-        help="E, nu, rho, k of the part, or of a layer, in units that fit the part's: "
-        "E=210e3,nu=0.3,rho=7.85e-9 (repeatable)",
+        help="E, nu, rho, k, alpha of the part, or of a layer, in units that fit the part's: "
+        "E=210e3,nu=0.3,rho=7.85e-9; a field of the part by its name, E=stiffness (repeatable)",
     )  # fmt: skip
     for name, what in (
         ("fix", "SIDE[:AXES]  hold a side, along x, y and z or some of them"),
@@ -37,6 +40,14 @@ def add_deck(parser: argparse.ArgumentParser) -> None:
             f"--{name}", metavar=what.split("  ")[0], action="append", default=[],
             help=f"{what.split('  ')[1]} (repeatable)",
         )  # fmt: skip
+    group.add_argument(
+        "--warm", metavar="FIELD", help="the field that is the temperature at all nodes, where 0 "
+        "is free of stress; of --deck heat, that at the start",
+    )  # fmt: skip
+    group.add_argument(
+        "--bins", type=int, metavar="N",
+        help="sections for each property of a material that is a field (default: 20)",
+    )  # fmt: skip
     group.add_argument(
         "--element", choices=_ELEMENTS, help="elements of the job (default: C3D20R; of order 1 "
         "C3D8I; of tetrahedra C3D10 and C3D4)",
@@ -62,13 +73,15 @@ def read_deck(arguments: argparse.Namespace) -> Deck | None:
         raise InputError("--deck is written into a file .inp: give one with -o")
     element = arguments.element or _usual(arguments)
     modes = {} if arguments.modes is None else {"modes": arguments.modes}
+    bins = {} if arguments.bins is None else {"bins": arguments.bins}
     if modes and arguments.deck != "frequency":
         raise InputError("--modes belongs to --deck frequency")
     with named("--deck"):
         return Deck(
             arguments.deck, _materials(arguments.material), _sides(arguments.fix),
             _values("pressure", arguments.pressure), _values("temperature", arguments.temperature),
-            _values("flux", arguments.flux), element, **modes,
+            _values("flux", arguments.flux), element, warm=arguments.warm,
+            **modes, **bins,
         )  # fmt: skip
 
 
@@ -105,13 +118,14 @@ def _materials(texts: list[str]) -> dict[str, Material]:
         layer, _, entries = text.rpartition(":")
         values: dict[str, Any] = {}
         for entry in entries.split(","):
-            match = re.fullmatch(r"\s*(E|nu|rho|k)\s*=\s*(\S+)\s*", entry)
+            match = re.fullmatch(r"\s*(E|nu|rho|k|alpha)\s*=\s*(\S+)\s*", entry)
             if match is None or match[1] in values:
                 raise InputError(
-                    f"--material '{text[:40]}': write E, nu, rho or k and a number, each once, for "
-                    "example E=210e3,nu=0.3"
+                    f"--material '{text[:40]}': write E, nu, rho, k or alpha and a number or a "
+                    "field, each once, for example E=210e3,nu=0.3"
                 )
-            values[match[1]] = _number("material", match[2])
+            field = is_identifier(match[2]) and match[2].lower() not in ("nan", "inf", "infinity")
+            values[match[1]] = match[2] if field else _number("material", match[2])
         if layer in found:
             raise InputError(f"--material: {layer or 'the part'} has two materials")
         found[layer] = Material(**values)

@@ -46,9 +46,13 @@ class LocalField:
         found = [np.broadcast_to(value, shape) for value in self._program(known)]
         return np.stack(found, axis=-1)
 
-    def checked_at(self, places: Array) -> Array:
-        """Return the components (n, k) at local places (n, 3); raise FieldNotFiniteError."""
-        values = self.at(*places.T)
+    def checked_at(self, places: Array, points: Array | None = None) -> Array:
+        """Return the components (n, k) at local places (n, 3); raise FieldNotFiniteError.
+
+        `points` (n, 3) are M's there, where they are known already.
+        """
+        u, v, w = places.T
+        values = self.at(u, v, w, points)
         bad = np.flatnonzero(~np.isfinite(values).all(axis=-1))
         if len(bad):
             raise FieldNotFiniteError(

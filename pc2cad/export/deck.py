@@ -7,12 +7,13 @@ reads them on named surfaces and loads nothing.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal, TextIO
 
 from pc2cad.errors import InputError
 from pc2cad.export.files import replacing
+from pc2cad.export.graded import at_nodes, bins_of, scalar_column
 from pc2cad.export.inp import TYPES, facets, put, put_rows, set_names
 from pc2cad.mesh.volume_mesh import VolumeMesh
 
@@ -27,30 +28,43 @@ NEEDS: dict[Analysis, tuple[str, ...]] = {
     "static": ("E", "nu"), "frequency": ("E", "nu", "rho"), "heat": ("k",),
 }  # fmt: skip
 AXES = "xyz"
+#: what a message names for a value that is missing
+EXAMPLES = {"nu": "0.3", "rho": "7.85e-9", "k": "50", "alpha": "12e-6"}
 
 
 @dataclass(frozen=True)
 class Material:
-    """An isotropic material, in units that fit the part's (mm, N, MPa, tonne/mm^3, mW/(mm K))."""
+    """An isotropic material, in units that fit the part's (mm, N, MPa, tonne/mm^3, mW/(mm K)).
+
+    A text names the scalar field of the part that a property is.
+    """
 
     #: Young's modulus and Poisson's ratio
-    E: float | None = None
-    nu: float | None = None
+    E: float | str | None = None
+    nu: float | str | None = None
     #: density
-    rho: float | None = None
+    rho: float | str | None = None
     #: conductivity
-    k: float | None = None
+    k: float | str | None = None
+    #: thermal expansion, a strain per degree
+    alpha: float | str | None = None
 
     def __post_init__(self) -> None:
         for entry in fields(self):
             value = getattr(self, entry.name)
-            if value is None:
+            if value is None or isinstance(value, str):
                 continue
             if entry.name == "nu":
                 if not -1 < value < 0.5:
                     raise InputError(f"nu lies between -1 and 0.5, and is not {value:g}")
             elif not 0 < value < float("inf"):
                 raise InputError(f"a material's {entry.name} is positive, and not {value:g}")
+
+    @property
+    def graded(self) -> dict[str, str]:
+        """The properties that are fields, and their names."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, str)}
 
 
 @dataclass(frozen=True)
@@ -72,27 +86,36 @@ class Deck:
     element: str = "C3D20R"
     #: number of frequencies
     modes: int = 10
+    #: the field that is the temperature: all over, where 0 is free of stress, or of heat's start
+    warm: str | None = None
+    #: sections that a material is parted into for each property that is a field
+    bins: int = 20
 
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:
             raise InputError(f"elements are {', '.join(ELEMENTS)}, and not {self.element[:20]}")
         if not 1 <= self.modes <= 1000:
             raise InputError(f"a job asks for 1 to 1000 frequencies, and not {self.modes}")
+        if not 1 <= self.bins <= 1000:
+            raise InputError(f"a field is parted into 1 to 1000 bins, and not {self.bins}")
         loads = {
-            "fixed": "static frequency", "pressures": "static", "temperatures": "heat",
-            "fluxes": "heat",
+            "warm": "static heat", "fixed": "static frequency", "pressures": "static",
+            "temperatures": "heat", "fluxes": "heat",
         }  # fmt: skip
         for name, analyses in loads.items():
             if getattr(self, name) and self.analysis not in analyses.split():
                 raise InputError(f"a job of {self.analysis} has no {name}")
         self._check_held()
         for name, material in self.materials.items():
-            missing = [key for key in NEEDS[self.analysis] if getattr(material, key) is None]
+            needs = [*NEEDS[self.analysis]]
+            if self.analysis == "static" and self.warm:
+                needs.append("alpha")
+            missing = [key for key in needs if getattr(material, key) is None]
             if missing:
                 of = f" of {name}" if name else ""
                 raise InputError(
                     f"a job of {self.analysis} needs {', '.join(missing)}{of}: for example "
-                    f"{missing[0]}={'0.3' if missing[0] == 'nu' else '210e3'}"
+                    f"{missing[0]}={EXAMPLES.get(missing[0], '210e3')}"
                 )
 
     def _check_held(self) -> None:
@@ -138,6 +161,9 @@ def _check_names(mesh: VolumeMesh, deck: Deck) -> None:
     for name in sorted(faces | nodes):
         if name not in (mesh.sides if name in faces else mesh.node_sets):
             raise InputError(f"no side is called '{name[:40]}': there are {', '.join(mesh.sides)}")
+    for column in (deck.warm, *(f for m in deck.materials.values() for f in m.graded.values())):
+        if column is not None:
+            scalar_column(mesh, column)
     for name in deck.materials:
         if name and name not in mesh.layers:
             there = f"they are {', '.join(mesh.layers)}" if mesh.layers else "the part has none"
@@ -150,17 +176,44 @@ def _check_names(mesh: VolumeMesh, deck: Deck) -> None:
 def _materials(mesh: VolumeMesh, deck: Deck) -> Iterator[str]:
     names = set_names(mesh)
     for number, (name, material) in enumerate(deck.materials.items(), start=1):
-        yield f"*MATERIAL, NAME=material_{number}"
-        if deck.analysis == "heat":
-            yield f"*CONDUCTIVITY\n{material.k!r}"
-        else:
-            yield f"*ELASTIC\n{material.E!r}, {material.nu!r}"
-        if deck.analysis == "frequency":
-            yield f"*DENSITY\n{material.rho!r}"
         own = [name] if name else [each for each in mesh.layers if each not in deck.materials]
+        if material.graded:
+            yield from _graded(mesh, deck, material, own, number)
+            continue
+        yield from _material(deck, material, f"material_{number}")
         for each in own if mesh.layers else [None]:
             elements = "solid" if each is None else names[each]
             yield f"*SOLID SECTION, ELSET={elements}, MATERIAL=material_{number}"
+
+
+def _material(deck: Deck, material: Material, name: str) -> Iterator[str]:
+    yield f"*MATERIAL, NAME={name}"
+    if deck.analysis == "heat":
+        yield f"*CONDUCTIVITY\n{material.k!r}"
+    else:
+        yield f"*ELASTIC\n{material.E!r}, {material.nu!r}"
+    if deck.analysis == "frequency":
+        yield f"*DENSITY\n{material.rho!r}"
+    if deck.analysis == "static" and deck.warm:
+        yield f"*EXPANSION\n{material.alpha!r}"
+
+
+def _graded(
+    mesh: VolumeMesh, deck: Deck, material: Material, layers: Sequence[str], number: int
+) -> Iterator[str]:
+    """Give a section for each bin of a material that varies; its set has a name of no other."""
+    taken = {name.lower() for name in set_names(mesh).values()}
+    parts = bins_of(mesh, layers if mesh.layers else (), material.graded, deck.bins)
+    for k, part in enumerate(parts, start=1):
+        name = f"material_{number}_{k}"
+        while name in taken:
+            name += "_"
+        yield from _material(deck, replace(material, **part.values), name)
+        yield f"*ELSET, ELSET={name}"
+        numbers = part.elements.tolist()
+        for start in range(0, len(numbers), 12):
+            yield ", ".join(map(str, numbers[start : start + 12]))
+        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"
 
 
 def _supports(mesh: VolumeMesh, deck: Deck) -> Iterator[str]:
@@ -170,8 +223,16 @@ def _supports(mesh: VolumeMesh, deck: Deck) -> Iterator[str]:
     for side, axes in deck.fixed.items():
         for axis in sorted({1 + AXES.index(axis) for axis in axes}):
             yield f"{names[side]}, {axis}, {axis}"
-    if deck.analysis == "heat":
-        yield "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nsolid, 0."
+    if deck.analysis == "heat" or deck.warm:
+        yield "*INITIAL CONDITIONS, TYPE=TEMPERATURE"
+        start = deck.warm if deck.analysis == "heat" else None
+        yield from ["solid, 0."] if start is None else _warm(mesh, start)
+
+
+def _warm(mesh: VolumeMesh, field: str) -> Iterator[str]:
+    """Give the temperature of every node."""
+    for number, value in enumerate(at_nodes(mesh, field).tolist(), start=1):
+        yield f"{number}, {value!r}"
 
 
 def _step(out: TextIO, mesh: VolumeMesh, deck: Deck) -> None:
@@ -184,6 +245,9 @@ def _step(out: TextIO, mesh: VolumeMesh, deck: Deck) -> None:
     if deck.temperatures:
         out.write("*BOUNDARY\n")
         out.writelines(f"{names[s]}, 11, 11, {t!r}\n" for s, t in deck.temperatures.items())
+    if deck.warm and deck.analysis == "static":
+        out.write("*TEMPERATURE\n")
+        out.writelines(f"{line}\n" for line in _warm(mesh, deck.warm))
     for keyword, letter, loads in (("*DLOAD", "P", deck.pressures), ("*DFLUX", "S", deck.fluxes)):
         for side, value in loads.items():
             out.write(f"{keyword}\n")

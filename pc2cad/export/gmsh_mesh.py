@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
-from pc2cad.arrays import Integers
-from pc2cad.export.mesh_files import cell_blocks, reordered
+from pc2cad.arrays import Array, Integers
+from pc2cad.export.mesh_files import cell_blocks, cell_values, column_names, reordered
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import percent
 
@@ -61,6 +62,25 @@ def write(mesh: VolumeMesh, path: Path) -> None:
                 stream.write(head.tobytes() + numbers.tobytes())
                 first += len(part)
         stream.write(b"\n$EndElements\n")
+        for name, size in column_names(mesh).items():
+            assert mesh.columns is not None
+            _put_view(stream, "Node", name, size, [mesh.columns.at_nodes(name)])
+            _put_view(stream, "Element", name, size, list(cell_values(mesh, name)))
+
+
+def _put_view(stream: BinaryIO, of: str, name: str, size: int, parts: list[Array]) -> None:
+    """Write a column at time 0; a vector has three components, as gmsh has them."""
+    count = sum(map(len, parts))
+    head = f'${of}Data\n1\n"{name}"\n1\n0.0\n3\n0\n{size}\n{count}\n'
+    stream.write(head.encode())
+    first = 1
+    for part in parts:
+        rows = np.empty(len(part), dtype=[("number", "i4"), ("value", "f8", (size,))])
+        rows["number"] = np.arange(first, first + len(part))
+        rows["value"] = part
+        stream.write(rows.tobytes())
+        first += len(part)
+    stream.write(f"\n$End{of}Data\n".encode())
 
 
 def _quotable(name: str) -> str:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pc2cad.arrays import AnyArray, Integers
-from pc2cad.export.mesh_files import cell_blocks
+from pc2cad.arrays import AnyArray, Array, Integers
+from pc2cad.export.mesh_files import cell_blocks, cell_values, column_names
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import percent
@@ -62,6 +62,32 @@ def write(mesh: VolumeMesh, path: Path) -> None:
         _families(families.create_group("NOEUD"), groups)
         cells_by = {-k: [name] for k, name in enumerate(groups_of_cells, start=1)}
         _families(families.create_group("ELEME"), cells_by)
+        if column_names(mesh):
+            fields = file.create_group("CHA")
+            for name, size in column_names(mesh).items():
+                _field(fields, mesh, name, size)
+
+
+def _field(parent: Any, mesh: VolumeMesh, name: str, size: int) -> None:
+    """Write a column at the nodes and in the cells, both of one field at one time."""
+    assert mesh.columns is not None
+    labels = [name] if size == 1 else ["x", "y", "z"]
+    field, none = parent.create_group(name), np.bytes_("")
+    _attributes(
+        field, MAI=np.bytes_("mesh"), TYP=6, UNI=np.bytes_(" " * 16 * size), UNT=none, NCO=size,
+        NOM=np.bytes_("".join(f"{label[:16]:<16}" for label in labels)),
+    )  # fmt: skip
+    step = field.create_group(_STEP)
+    _attributes(step, NDT=-1, NOR=-1, PDT=0.0, RDT=-1, ROR=-1)
+    sections: dict[str, list[Array]] = {"NOE": [mesh.columns.at_nodes(name)]}
+    for block, values in zip(cell_blocks(mesh), cell_values(mesh, name), strict=True):
+        sections.setdefault(f"MAI.{_CODES[block.kind, mesh.order]}", []).append(values)
+    for section, parts in sections.items():
+        values, where = np.concatenate(parts), step.create_group(section)
+        _attributes(where, GAU=none, PFL=_NO_PROFILE)
+        profile = where.create_group(_NO_PROFILE.decode())
+        _attributes(profile, NBR=len(values), NGA=1, GAU=none)
+        profile.create_dataset("CO", data=values.T.ravel())
 
 
 def _sections(mesh: VolumeMesh, sides: int) -> list[tuple[str, Integers, Integers]]:

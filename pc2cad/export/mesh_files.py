@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from pc2cad.arrays import Integers
+from pc2cad.arrays import Array, Integers
 from pc2cad.errors import require
 from pc2cad.export.files import by_ending, check_target, replacing
 from pc2cad.mesh.elements import TYPES
@@ -134,6 +134,23 @@ def cell_blocks(mesh: VolumeMesh) -> list[CellBlock]:
             CellBlock(shape, nodes, number) for shape, nodes in mesh.facet_nodes(side).items()
         ]
     return blocks
+
+
+def column_names(mesh: VolumeMesh) -> Mapping[str, int]:
+    """Return the columns that files have beside sides and layers, and their components."""
+    return {} if mesh.columns is None else mesh.columns.sizes
+
+
+def cell_values(mesh: VolumeMesh, name: str) -> Iterator[Array]:
+    """Give a column within the cells, (cells, components), block by block as `cell_blocks`."""
+    assert mesh.columns is not None
+    for layer in mesh.layers.values():
+        for kind, numbers in layer.items():
+            yield mesh.columns.in_elements(name, kind)[numbers]
+    for kind in () if mesh.layers else mesh.blocks:
+        yield mesh.columns.in_elements(name, kind)
+    for side in mesh.whole_sides:
+        yield from mesh.columns.in_facets(name, side).values()
 
 
 def reordered(

@@ -8,7 +8,7 @@ from typing import BinaryIO
 import numpy as np
 
 from pc2cad.arrays import AnyArray
-from pc2cad.export.mesh_files import cell_blocks
+from pc2cad.export.mesh_files import cell_blocks, cell_values, column_names
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import percent
@@ -45,7 +45,22 @@ def write(mesh: VolumeMesh, path: Path) -> None:
             stream.write(f"\nSCALARS {name} int 1\nLOOKUP_TABLE default\n".encode())
             for block in blocks:
                 _put(stream, np.full(len(block.nodes), getattr(block, name)), ">i4")
+        for name, size in column_names(mesh).items():
+            stream.write(_heading(name, size))
+            for values in cell_values(mesh, name):
+                _put(stream, values, ">f8")
+        if mesh.columns is not None:
+            stream.write(f"\nPOINT_DATA {len(mesh.points)}".encode())
+            for name, size in mesh.columns.sizes.items():
+                stream.write(_heading(name, size))
+                _put(stream, mesh.columns.at_nodes(name), ">f8")
         stream.write(b"\n")
+
+
+def _heading(name: str, size: int) -> bytes:
+    table = "\nLOOKUP_TABLE default" if size == 1 else ""
+    kind = f"SCALARS {name} double 1" if size == 1 else f"VECTORS {name} double"
+    return f"\n{kind}{table}\n".encode()
 
 
 def _put(stream: BinaryIO, values: AnyArray, kind: str) -> None:

@@ -2,20 +2,22 @@
 
 Volume elements come first, then the facets of the sides as two-dimensional cells. The cell data
 ``side`` is 0 inside and the number of the side on its facets; field data of the side's name holds
-that number. So does ``layer`` for the elements of a part in layers.
+that number. So does ``layer`` for the elements of a part in layers. Both nodes and cells have u, v,
+w and the equation's fields.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from pc2cad.arrays import AnyArray
-from pc2cad.export.mesh_files import CellBlock, cell_blocks
+from pc2cad.export.mesh_files import CellBlock, cell_blocks, cell_values, column_names
 from pc2cad.export.vtk_cells import VTK_TYPES, nodes_for_vtk
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.trust.names import clean
@@ -61,7 +63,15 @@ def _columns(mesh: VolumeMesh, blocks: list[CellBlock]) -> dict[str, _Column]:
     }
     if mesh.layers:
         columns["layer"] = ("i4", 1, cells, constant(lambda b: b.layer))
+    for name, size in column_names(mesh).items():
+        columns[f"{name} of nodes"] = "f8", size, len(mesh.points), partial(_at_nodes, mesh, name)
+        columns[f"{name} of cells"] = "f8", size, cells, partial(cell_values, mesh, name)
     return columns
+
+
+def _at_nodes(mesh: VolumeMesh, name: str) -> Iterator[AnyArray]:
+    assert mesh.columns is not None
+    yield mesh.columns.at_nodes(name)
 
 
 def _head(mesh: VolumeMesh, columns: dict[str, _Column]) -> str:
@@ -85,7 +95,12 @@ def _head(mesh: VolumeMesh, columns: dict[str, _Column]) -> str:
         f'format="ascii">{k}</DataArray>\n'
         for k, name in named
     )
-    data = "\n".join(tag(name, name) for name in ("side", "layer") if name in columns)
+    more = column_names(mesh)
+    data = "\n".join(
+        [tag(name, name) for name in ("side", "layer") if name in columns]
+        + [tag(f"{name} of cells", name) for name in more]
+    )
+    of_nodes = "\n".join(tag(f"{name} of nodes", name) for name in more)
     order = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
     return f"""<?xml version="1.0"?>
 <VTKFile type="UnstructuredGrid" version="1.0" byte_order="{order}" header_type="UInt64">
@@ -99,6 +114,7 @@ def _head(mesh: VolumeMesh, columns: dict[str, _Column]) -> str:
 {tag("offsets", "offsets")}
 {tag("types", "types")}
 </Cells>
+<PointData>{of_nodes}</PointData>
 <CellData>{data}</CellData>
 </Piece>
 </UnstructuredGrid>

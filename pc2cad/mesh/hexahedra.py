@@ -20,7 +20,16 @@ from pc2cad.mesh.cutting import Cuts
 from pc2cad.mesh.degenerate_cells import Pattern, Piece, is_flat, ring_of, single
 from pc2cad.mesh.elements import HEXAHEDRON, TYPES
 from pc2cad.mesh.grid import Grid
-from pc2cad.mesh.node_merging import cell_nodes, glued_cells, joined, merged_nodes, side_cells
+from pc2cad.mesh.node_merging import (
+    cell_nodes,
+    chunks,
+    glued_cells,
+    joined,
+    merged_nodes,
+    replaced,
+    side_cells,
+    whole,
+)
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side, pieces_among
 from pc2cad.topology.cells import Cell, SideKey, normal_direction
 
@@ -39,7 +48,7 @@ def hexahedra(checked: CheckedMap, grid: Grid, order: int = 1) -> VolumeMesh:
 
     Raises CellCollapsesError where a cell collapses altogether.
     """
-    return _Assembly(checked, grid, order).mesh()
+    return Assembly(checked, grid, order).mesh()
 
 
 @dataclass
@@ -51,7 +60,7 @@ class _Split:
     parts: list[tuple[str, int, tuple[tuple[int, ...], ...]]] = field(default_factory=list)
 
 
-class _Assembly:
+class Assembly:
     """Works out one mesh; lives for one call of `hexahedra`."""
 
     def __init__(self, checked: CheckedMap, grid: Grid, order: int) -> None:
@@ -69,23 +78,31 @@ class _Assembly:
         self._merged = merged_nodes(self._fine, checked.analysis.boundary)
 
     def mesh(self) -> VolumeMesh:
+        """Return the mesh."""
         blocks, irregular = self._elements()
         moved, stands = self._merged
         numbers, count = self._number(blocks, moved, stands)
         points = self._points(numbers, moved, count)
         if len(moved):
             numbers[moved] = numbers[stands]
-        patches = self._analysis.boundary.faces
-        sides = {
-            self._analysis.boundary.key(face.patch): self._facets(face.patch, irregular)
-            for face in patches
-        }
+        boundary = self._analysis.boundary
+        sides = {boundary.key(f.patch): self._facets(f.patch, irregular) for f in boundary.faces}
         equation = self._analysis.equation
         return VolumeMesh(
             equation.name, equation.units, self._order, points, blocks,
             self._by_side(sides), self._node_sets(numbers, count),
-            self._layers(irregular), pieces_among(self._analysis.boundary),
+            self._layers(irregular), pieces_among(boundary),
         )  # fmt: skip
+
+    def indices(self) -> tuple[Integers, dict[str, Integers]]:
+        """Return the grid index of each node, and those of each element's corners, unmerged."""
+        blocks = self._elements()[0]
+        corners = {k: rows[:, : len(TYPES[k].corners)].copy() for k, rows in blocks.items()}
+        numbers, count = self._number(blocks, *self._merged)
+        own = np.flatnonzero(numbers >= 0)
+        nodes = np.empty(count, dtype=self._integer)
+        nodes[numbers[own]] = own
+        return nodes, corners
 
     # -- elements ------------------------------------------------------------------------------
 
@@ -114,7 +131,7 @@ class _Assembly:
                 counts[name] += len(cells)
                 blocks.setdefault(name, []).append(np.stack(columns, axis=1))
             self._splits.append(split)
-        of_type = {name: _whole(blocks[name]) for name in TYPES if name in blocks}
+        of_type = {name: whole(blocks[name]) for name in TYPES if name in blocks}
         return {name: block for name, block in of_type.items() if len(block)}, irregular
 
     def _made(
@@ -152,7 +169,7 @@ class _Assembly:
         counts = self._grid.cells
 
         def nodes(numbers: Integers) -> dict[int, list[int]]:
-            corners = _replace(self._corners(firsts[numbers]), *self._merged)
+            corners = replaced(self._corners(firsts[numbers]), *self._merged)
             return dict(zip(numbers.tolist(), corners.tolist(), strict=True))
 
         def beside(number: int) -> dict[int, list[int]]:
@@ -236,7 +253,7 @@ class _Assembly:
         found, rows = [none[0]], [none[1]]
         for start in range(0, len(candidates), _CHUNK):
             part = candidates[start : start + _CHUNK]
-            corners = _replace(self._corners(firsts[part]), *self._merged)
+            corners = replaced(self._corners(firsts[part]), *self._merged)
             ordered = np.sort(corners, axis=1)
             equal = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
             found.append(part[equal])
@@ -272,7 +289,7 @@ class _Assembly:
             used = np.ones(total, dtype=bool)
         else:
             used = np.zeros(total, dtype=bool)
-            for rows in _chunks(blocks):
+            for rows in chunks(blocks):
                 used[rows] = True
             used[stands[used[moved]]] = True
         used[moved] = False
@@ -281,7 +298,7 @@ class _Assembly:
         np.subtract(table, 1, out=table)
         table[~used] = -1
         table[moved] = table[stands]
-        for rows in _chunks(blocks):
+        for rows in chunks(blocks):
             np.take(table, rows, out=rows, mode="clip")
         table[moved] = -1
         return table, count
@@ -347,8 +364,8 @@ class _Assembly:
         """Name whole sides, and also their patches where creases make several."""
         sides: dict[str, tuple[Facets, ...]] = {}
         for key, facets in patches.items():
-            whole = key.whole.label
-            sides[whole] = sides.get(whole, ()) + facets
+            side = key.whole.label
+            sides[side] = sides.get(side, ()) + facets
         return {**sides, **{key.label: facets for key, facets in patches.items()}}
 
     def _layers(self, irregular: Integers) -> dict[str, dict[str, Integers]]:
@@ -375,24 +392,8 @@ class _Assembly:
         member = np.zeros(count, dtype=bool)
         found: dict[str, Integers] = {}
         for name, parts in sets.items():
-            nodes = _whole(parts)
+            nodes = whole(parts)
             member[nodes] = True
             found[name] = np.flatnonzero(member)
             member[nodes] = False
         return found
-
-
-def _replace(indices: Integers, moved: Integers, stands: Integers) -> Integers:
-    place = np.minimum(np.searchsorted(moved, indices), len(moved) - 1)
-    return np.where(moved[place] == indices, stands[place], indices)
-
-
-def _whole(parts: list[Integers]) -> Integers:
-    """Return arrays as one; a single one is not copied."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-
-def _chunks(blocks: dict[str, Integers]) -> Iterator[Integers]:
-    for block in blocks.values():
-        for start in range(0, len(block), _CHUNK):
-            yield block[start : start + _CHUNK]

@@ -5,15 +5,17 @@ Input: CheckedMap (no kernel is loaded), or a compiled part. Output: VolumeMesh 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from pc2cad.checked import CheckedMap, Stages
 from pc2cad.errors import InputError, require
 from pc2cad.mesh.closure import check_whole
+from pc2cad.mesh.columns import Columns
 from pc2cad.mesh.grid import Grading, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.ogrid import o_grid
+from pc2cad.mesh.places import FoundPlaces, GridPlaces, Places
 from pc2cad.mesh.quality import measure
 from pc2cad.mesh.report import MeshReport, by_side, report_on, side_areas
 from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -92,6 +94,10 @@ def mesh_volume(
     is_o_grid = options.core == "ogrid"
     fill = o_grid if is_o_grid else hexahedra
     mesh = run("mesh", lambda: fill(checked, grid, options.order))
+    found: Places = FoundPlaces(checked, mesh)
+    if not is_o_grid:
+        found = GridPlaces(checked, grid, options.order, mesh)
+    mesh = replace(mesh, columns=Columns(checked, mesh, found))
     quality = run("quality", lambda: measure(mesh))
     check_whole(mesh, quality.volume)
     cells = None if is_o_grid else grid.cells
@@ -117,6 +123,7 @@ def mesh_solid(
         lambda: tetrahedra(part.shape, part.kernel_sides, size, options.order,
                            name=equation.name, units=equation.units, layers=part.layers),
     )  # fmt: skip
+    mesh = replace(mesh, columns=Columns(part.checked, mesh, FoundPlaces(part.checked, mesh)))
     quality = run("quality", lambda: measure(mesh))
     check_whole(mesh, quality.volume)
     return mesh, report_on(mesh, quality, mass, by_side(part.side_areas.items()), None, run.times)

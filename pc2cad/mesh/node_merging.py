@@ -6,6 +6,8 @@ the analysis, and a grid whose lines are shared accordingly turns that into pair
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -14,6 +16,9 @@ from pc2cad.arrays import Integers
 from pc2cad.mesh.grid import Grid
 from pc2cad.topology.cells import Cell, normal_direction
 from pc2cad.topology.complex import BoundaryComplex, SideFate
+
+#: elements whose nodes are numbered at once: the arrays stay in the cache
+_CHUNK = 1 << 16
 
 
 def cell_nodes(grid: Grid, cell: Cell) -> Integers:
@@ -119,3 +124,21 @@ def joined(pairs: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
     representative = nodes[start][labels]
     moved = representative != nodes
     return nodes[moved], representative[moved]
+
+
+def replaced(indices: Integers, moved: Integers, stands: Integers) -> Integers:
+    """Return indices with those moved (ascending) replaced by what they stand for."""
+    place = np.minimum(np.searchsorted(moved, indices), len(moved) - 1)
+    return np.where(moved[place] == indices, stands[place], indices)
+
+
+def whole(parts: list[Integers]) -> Integers:
+    """Return arrays as one; a single one is not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def chunks(blocks: dict[str, Integers]) -> Iterator[Integers]:
+    """Give the rows of all tables, as many at once as stay in the cache."""
+    for block in blocks.values():
+        for start in range(0, len(block), _CHUNK):
+            yield block[start : start + _CHUNK]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pc2cad.arrays import Integers
+from pc2cad.arrays import Array, Integers
 from pc2cad.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ _NAMES = {
 def to_meshio(mesh: VolumeMesh) -> Any:
     """Return a `meshio.Mesh`: elements, then the facets of all sides.
 
-    Sides are `cell_sets` (of facets) and `point_sets`, layers `cell_sets` of elements.
+    Sides are `cell_sets` (of facets) and `point_sets`, layers `cell_sets` of elements; u, v, w and
+    fields are `point_data`.
 
     Raises InputError where there are wedges or pyramids of order 2, which meshio reads and has no
     objects of; PackageMissingError.
@@ -50,8 +51,15 @@ def to_meshio(mesh: VolumeMesh) -> Any:
     sets = {name: [there.get(i, none) for i in range(len(cells))] for name, there in own.items()}
     return meshio.Mesh(
         mesh.points, [(_NAMES[shape][mesh.order - 1], nodes) for shape, nodes in cells],
-        cell_sets=sets, point_sets=dict(mesh.node_sets),
+        point_data=_at_nodes(mesh), cell_sets=sets, point_sets=dict(mesh.node_sets),
     )  # fmt: skip
+
+
+def _at_nodes(mesh: VolumeMesh) -> dict[str, Array]:
+    if mesh.columns is None:
+        return {}
+    found = {name: mesh.columns.at_nodes(name) for name in mesh.columns.sizes}
+    return {name: rows if rows.shape[1] > 1 else rows[:, 0] for name, rows in found.items()}
 
 
 def to_skfem(mesh: VolumeMesh) -> Any:

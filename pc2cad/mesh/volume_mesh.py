@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from pc2cad.arrays.linear import product
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 from pc2cad.topology.cells import SideKey
 from pc2cad.topology.complex import BoundaryComplex
+
+if TYPE_CHECKING:
+    from pc2cad.mesh.columns import Columns
 
 #: facets integrated at once
 _CHUNK = 100_000
@@ -71,6 +74,8 @@ class VolumeMesh:
     layers: Mapping[str, Mapping[str, Integers]] = field(default_factory=dict)
     #: names of sets that are single patches of a creased side, which is a set as well
     pieces: frozenset[str] = frozenset()
+    #: u, v, w and the equation's fields at nodes and in elements, where the equation is known
+    columns: Columns | None = field(default=None, repr=False)
 
     @property
     def elements(self) -> int:
@@ -87,14 +92,20 @@ class VolumeMesh:
 
         Corners run anti-clockwise from outside, middles follow in the same order.
         """
+        return self.facet_rows(side, self.blocks, self.order)
+
+    def facet_rows(
+        self, side: str, blocks: Mapping[str, Integers], order: int
+    ) -> dict[str, Integers]:
+        """Return what stands for a side's facets in tables of elements of some order."""
         found: dict[str, list[Integers]] = {}
         for facets in self.sides[side]:
             kind = TYPES[facets.kind]
             for face in np.unique(facets.faces):
                 rows = facets.elements[facets.faces == face]
-                local = kind.face_nodes(int(face), self.order)
+                local = kind.face_nodes(int(face), order)
                 shape = "quad" if len(kind.faces[face]) == 4 else "triangle"
-                found.setdefault(shape, []).append(self.blocks[facets.kind][rows][:, local])
+                found.setdefault(shape, []).append(blocks[facets.kind][rows][:, local])
         return {shape: np.concatenate(parts) for shape, parts in found.items()}
 
     def to_meshio(self) -> Any:

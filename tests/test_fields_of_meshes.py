@@ -1,0 +1,138 @@
+"""Fields on meshes, as other libraries read them, against their expressions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import vtk
+from numpy.typing import ArrayLike
+from shipped import checked_of, part_of
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from pc2cad.checked import CheckedMap
+from pc2cad.export.mesh_files import write_mesh
+from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
+from pc2cad.mesh.volume_mesh import VolumeMesh
+
+#: a scalar and a vector, of the place and of parameters
+FIELDS = {"T": "x + 2*u", "q": "vector(v, w, x*y)"}
+
+
+def with_fields(name: str) -> CheckedMap:
+    known = checked_of(name)
+    equation = known.equation.with_fields(**FIELDS)
+    return replace(known, analysis=replace(known.analysis, equation=equation))
+
+
+def mesh_of(name: str, **options: object) -> VolumeMesh:
+    return mesh_volume(with_fields(name), MeshOptions(**options))[0]  # type: ignore[arg-type]
+
+
+def holds(points: ArrayLike, columns: dict[str, ArrayLike]) -> None:
+    """Hold columns at nodes against the expressions, to rounding."""
+    x, y, _ = np.asarray(points).T
+    u, v, w, T, q = (np.asarray(columns[name]) for name in ("u", "v", "w", "T", "q"))
+    np.testing.assert_allclose(T, x + 2 * u, rtol=0, atol=1e-14 * np.abs(x).max() + 1e-15)
+    np.testing.assert_allclose(q, np.stack([v, w, x * y], axis=1), rtol=0, atol=1e-14 * 4)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("ending", [".vtu", ".vtk"])
+def test_vtk_reads_fields_of_nodes_and_cells(tmp_path: Path, ending: str, order: int) -> None:
+    path = tmp_path / f"ball{ending}"
+    write_mesh(mesh_of("half_ball", cells=(12, 4, 4), order=order), path)
+    kind = {".vtu": "XMLUnstructuredGridReader", ".vtk": "UnstructuredGridReader"}[ending]
+    reader = getattr(vtk, f"vtk{kind}")()
+    if ending == ".vtk":
+        reader.ReadAllScalarsOn()
+        reader.ReadAllVectorsOn()
+    reader.SetFileName(str(path))
+    reader.Update()
+    grid = reader.GetOutput()
+    nodes, cells = (
+        {
+            data.GetArrayName(k): vtk_to_numpy(data.GetArray(k))
+            for k in range(data.GetNumberOfArrays())
+        }
+        for data in (grid.GetPointData(), grid.GetCellData())
+    )
+    assert {*nodes} == {*cells} - {"side"} == {"u", "v", "w", "T", "q"}
+    holds(vtk_to_numpy(grid.GetPoints().GetData()), nodes)
+    centres = vtk.vtkCellCenters()
+    centres.SetInputData(grid)
+    centres.Update()
+    x, y, _ = vtk_to_numpy(centres.GetOutput().GetPoints().GetData()).T
+    # a value within the cell: no further from its centre than half of a cell
+    assert np.abs(cells["T"] - 2 * cells["u"] - x).max() < 0.15
+    assert np.abs(cells["q"][:, 2] - x * y).max() < 0.2
+    # no cell is on the wrong side of the seam
+    turn = np.mod(np.arctan2(y, x) / (2 * np.pi) - cells["u"] + 0.5, 1) - 0.5
+    away = np.hypot(x, y) > 0.3
+    assert np.abs(turn[away]).max() < 0.03
+    assert cells["side"].max() == 2
+
+
+def test_meshio_reads_fields_from_med_and_objects(tmp_path: Path) -> None:
+    mesh = mesh_of("hollow_cylinder", cells=(12, 3, 2))
+    path = tmp_path / "pipe.med"
+    write_mesh(mesh, path)
+    read = meshio.read(path)
+    holds(read.points, read.point_data)
+    quads = next(k for k, block in enumerate(read.cells) if block.type == "quad")
+    solids = next(k for k, block in enumerate(read.cells) if block.type == "hexahedron")
+    for k in (quads, solids):
+        middles = read.points[read.cells[k].data].mean(axis=1)
+        gap = read.cell_data["T"][k] - 2 * read.cell_data["u"][k] - middles[:, 0]
+        assert np.abs(gap).max() < 0.15
+    holds(mesh.points, mesh.to_meshio().point_data)
+
+
+@pytest.mark.parametrize("kind", ["ogrid", "tetrahedra"])
+def test_other_meshes_have_fields(kind: str) -> None:
+    """Places are found from the points: x and y of fields are the nodes' own."""
+    if kind == "ogrid":
+        mesh = mesh_of("ball", cells=(8, 4, 2), core="ogrid")
+    else:
+        body = replace(part_of("hollow_cylinder").body, checked=with_fields("hollow_cylinder"))
+        mesh = mesh_solid(body, MeshOptions(size=1.0, shape="tetrahedra"))[0]
+    assert mesh.columns is not None
+    columns = {name: mesh.columns.at_nodes(name) for name in mesh.columns.sizes}
+    holds(
+        mesh.points, {n: rows if rows.shape[1] > 1 else rows[:, 0] for n, rows in columns.items()}
+    )
+    (block,) = mesh.blocks
+    inside = mesh.columns.in_elements("T", block) - 2 * mesh.columns.in_elements("u", block)
+    middles = mesh.points[mesh.blocks[block]].mean(axis=1)
+    # O-grids: straight elements hold their middles, and M is found there
+    size = 1e-9 if kind == "ogrid" else 0.2
+    assert np.abs(inside[:, 0] - middles[:, 0]).max() < size
+
+
+@pytest.mark.interop
+def test_gmsh_shows_fields(tmp_path: Path) -> None:
+    import gmsh
+
+    mesh = mesh_of("half_ball", cells=(9, 4, 3))
+    path = tmp_path / "ball.msh"
+    write_mesh(mesh, path)
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(path))
+        views = gmsh.view.getTags()
+        names = [gmsh.view.option.getString(tag, "Name") for tag in views]
+        data = {}
+        for name, tag in zip(names, views, strict=True):
+            kind, _, values, _, _ = gmsh.view.getModelData(tag, 0)
+            data[kind, name] = np.array(values)
+    finally:
+        gmsh.finalize()
+    assert names == ["u", "u", "v", "v", "w", "w", "T", "T", "q", "q"]
+    holds(mesh.points, {n: data["NodeData", n].squeeze() for n in ("u", "v", "w", "T", "q")})
+    assert len(data["ElementData", "T"]) == mesh.elements + sum(
+        len(rows) for side in mesh.whole_sides for rows in mesh.facet_nodes(side).values()
+    )
