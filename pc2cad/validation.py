@@ -330,7 +330,7 @@ def _edge(model: BoundaryModel, index: int) -> EdgeReport:
     edge, cell = model.edges[index], model.complex.edges[index].cell
     spline = edge.carrier if isinstance(edge.carrier, SplineCurve) else None
     return EdgeReport(
-        model.complex.name(cell), curve_kind(edge.carrier), edge.evidence, edge.deviation,
+        edge.name, curve_kind(edge.carrier), edge.evidence, edge.deviation,
         edge.sampled, _ranges(edge.open, cell), spline.degree if spline else 0,
         len(spline.poles) if spline else 0,
     )  # fmt: skip

@@ -221,7 +221,7 @@ def test_sines_of_r_count_only_where_the_file_says_so(written: Callable[[str], P
         (("comment", "\0"), "line 2: a zero byte"),
         (("comment", "x" * 5000), "line 2: the line is longer"),
         (("comment", "\n" * 30_000), "more than 20000 lines"),
-        (("comment", "\n".join(["!" * 3000] * 400)), "larger than 1024 kB"),
+        (("comment", "\n".join(["!" * 3000] * 400)), "larger than 1 MB"),
     ],
 )
 def test_hostile_files_are_refused_with_the_line(

@@ -1,4 +1,4 @@
-"""Names of the array types, and products whose last bits do not depend on threads."""
+"""Names of the array types, products whose last bits do not depend on threads, and places."""
 
 from __future__ import annotations
 

@@ -13,7 +13,6 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from threading import Lock, Timer
-from types import TracebackType
 from typing import Any, Final, TextIO
 
 from pc2cad.trust.names import visible
@@ -143,12 +142,7 @@ class Progress:
     def __enter__(self) -> Progress:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         with self._lock:
             self._wipe()
             if self._timer is not None:

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.scatter import scattered
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import ULP, Interval
@@ -31,7 +32,7 @@ ROUNDINGS: Final = 16
 #: parts of the unit interval over which functions are enclosed
 PARTS: Final = 32
 #: samples per parameter: both ends and irrational places
-PLACES: Final = np.sort(np.append(np.arange(1, 18) * ((5**0.5 - 1) / 2) % 1.0, (0.0, 1.0)))
+PLACES: Final = np.sort(np.append(scattered(17, 1, 0.0), (0.0, 1.0)))
 
 
 def rounding(seen: float, largest: float) -> float:

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.scatter import scattered
 
 #: places that are looked at, how many features are followed, how far apart (shares of the box)
 SCATTER: Final = 2048
@@ -26,8 +27,6 @@ CLIMB: Final = (0.05, 0.01, 0.002, 0.0004)
 ROUNDING: Final = 1e-12
 #: how much more is left on a feature than in half of all places: waves are seen from every line
 PEAKED: Final = 8.0
-#: steps of evenly spread places in three directions (Roberts' sequence)
-_SPREAD: Final = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 
 
 def find_features(values: Callable[[Array], Array], spans: Array) -> Array:
@@ -100,7 +99,7 @@ def _fit(
 
 @lru_cache(maxsize=1)
 def _scatter() -> Array:
-    share = (0.5 + np.outer(np.arange(1, SCATTER + 1), _SPREAD)) % 1.0
+    share = scattered(SCATTER, 3)
     share[::2] = (1 - np.cos(np.pi * share[::2])) / 2
     share.flags.writeable = False
     return share

@@ -13,6 +13,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import product
+from pc2cad.arrays.scatter import scattered
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.expression.narrow import narrow_limits
@@ -29,8 +30,8 @@ EXACT = 1e-15
 SLAB_POINTS = 300_000
 #: relative difference of two rules at which a third is tried
 DOUBTFUL = 1e-12
-#: places of the lines in the other two directions: irrational, evenly spread (Roberts' sequence)
-_LINES = (0.5 + np.outer(np.arange(1, 9), [0.7548776662466927, 0.5698402909980532])) % 1.0
+#: places of the lines in the other two directions
+_LINES = scattered(8, 2)
 #: nodes and weights per direction
 _Rules = list[tuple[Array, Array]]
 #: u, v and w (broadcastable) to integrands (…, k) and the size of the first one's terms (…)

@@ -244,13 +244,16 @@ class _Fits:
         """Return the carrier of an edge."""
         function, edge = self.work.cells.edges[index], self.work.cells.boundary.edges[index]
         ends = self.work.vertices[edge.start], self.work.vertices[edge.end]
+        made = partial(
+            ModelEdge, self.work.cells.boundary.key(edge.cell), start=edge.start, end=edge.end
+        )
         if not self.plan.bound[index]:
             simple = self.work.cells.simple(index)
             if simple is not None:
                 carrier = Line(*ends) if isinstance(simple, Line) else simple
                 if isinstance(simple, Arc):
                     carrier = self._meridian(index, simple) or carrier
-                return ModelEdge(carrier, edge.start, edge.end, "exact", 0.0)
+                return made(carrier, evidence="exact", deviation=0.0)
         parametrisation = self.parametrisations.parametrisation(
             FaceDirection(function, 0, self.plan.bound[index])
         )
@@ -258,7 +261,7 @@ class _Fits:
         if exact is not None and len(exact) <= 1 + self._highest(parametrisation):
             exact[0], exact[-1] = ends
             bezier = Line(*ends) if len(exact) == 2 else _bezier(exact)
-            return ModelEdge(bezier, edge.start, edge.end, "exact", 0.0)
+            return made(bezier, evidence="exact", deviation=0.0)
         poles, weights = fit_edge(
             function(parametrisation.places(parametrisation.space.sites)), parametrisation
         )
@@ -270,7 +273,7 @@ class _Fits:
             parametrisation.space.degree, parametrisation.space.knots, poles, weights
         )
         evidence: Evidence = "exact" if parametrisation.exact else "sampled"
-        return ModelEdge(curve, edge.start, edge.end, evidence, seen.largest, place=seen.place)
+        return made(curve, evidence=evidence, deviation=seen.largest, place=seen.place)
 
     def _meridian(self, index: int, arc: Arc) -> SplineCurve | None:
         """Return an arc in the parameter of a surface whose meridian it is, if that is a spline."""

@@ -14,6 +14,7 @@ from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 class ModelEdge:
     """An edge with its carrier; its parameter runs as the edge class's own direction."""
 
+    key: SideKey
     carrier: CurveCarrier
     start: int
     end: int
@@ -25,6 +26,11 @@ class ModelEdge:
     open: tuple[tuple[float, float], ...] = ()
     #: where it was seen, in the spline's parameter
     place: tuple[float, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What the edge of the box is called."""
+        return self.key.label
 
 
 #: a closed walk of (edge, forward) with the face on the left, seen against the plane's normal

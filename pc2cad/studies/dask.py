@@ -17,7 +17,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Any
 
 from pc2cad.errors import InputError, KernelError
@@ -265,10 +264,5 @@ class DaskEngine:
     def __enter__(self) -> DaskEngine:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         close(self._client, TOPIC, self._lost)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 import tomllib
 from fractions import Fraction
 from pathlib import Path
@@ -15,6 +14,7 @@ from pc2cad.templates.reader import read_tables
 from pc2cad.templates.scan import check_numbers, check_text, unquoted_expression
 from pc2cad.templates.shipped import find_template
 from pc2cad.templates.template import Template, TemplateError
+from pc2cad.trust.files import FileNotReadError, read_regular
 from pc2cad.trust.names import clean
 
 LARGEST_FILE: Final = 256 * 1024
@@ -58,17 +58,9 @@ def parse_template(text: str, name: str, file: str = "template") -> Template | B
 def read_template_text(path: Path) -> str:
     """Return the text of a template file; raise TemplateError where it is no such file."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise TemplateError(f"{path}: not a regular file")
-        with path.open("rb") as stream:
-            raw = stream.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise TemplateError(f"{path}: cannot be read: {reason}") from error
-    if len(raw) > LARGEST_FILE:
-        raise TemplateError(f"{path}: larger than {LARGEST_FILE // 1024} kB")
-    try:
-        return raw.decode("utf-8").replace("\r\n", "\n")
+        return read_regular(path, LARGEST_FILE).decode("utf-8").replace("\r\n", "\n")
+    except FileNotReadError as error:
+        raise TemplateError(f"{path}: {error}") from error
     except UnicodeDecodeError as error:
         raise TemplateError(f"{path}: not UTF-8 (byte {error.start})") from error
 

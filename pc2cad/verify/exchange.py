@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import os
 import re
-import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from pc2cad.trust.files import FileNotReadError, read_regular
 from pc2cad.verify.defects import StepUnreadableError
 
 #: bytes of a file, instances in it, lists within lists, characters of a number, and its size
@@ -88,18 +88,10 @@ def read_exchange(path: str | os.PathLike[str]) -> Exchange:
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
     """Return the bytes of a regular file of a bounded size."""
-    file = Path(path)
     try:
-        if not stat.S_ISREG(file.stat().st_mode):
-            raise StepUnreadableError(f"{file}: not a regular file")
-        with file.open("rb") as stream:
-            data = stream.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise StepUnreadableError(f"{file}: cannot be read: {reason}") from error
-    if len(data) > LARGEST_FILE:
-        raise StepUnreadableError(f"{file}: larger than {LARGEST_FILE >> 20} MB")
-    return data
+        return read_regular(Path(path), LARGEST_FILE)
+    except FileNotReadError as error:
+        raise StepUnreadableError(f"{os.fspath(path)}: {error}") from error
 
 
 def parse_exchange(data: bytes) -> Exchange:

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.scatter import scattered
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Arc,
@@ -197,7 +198,7 @@ def _arc_of(whole: Arc, points: Array, size: float) -> Arc | None:
 
 def irrational(count: int) -> Array:
     """Return ascending places in (0, 1), evenly spread and at the zeros of no wave."""
-    return np.sort(np.arange(1, count + 1) * ((5**0.5 - 1) / 2) % 1.0)
+    return np.sort(scattered(count, 1, 0.0).ravel())
 
 
 def fit(sample: Sampler, normals: Sampler, slack: float) -> Fitted | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from pc2cad.errors import InputError
+from pc2cad.trust.files import FileNotReadError, read_regular
 from pc2cad.trust.names import clean, visible
 
 LARGEST_FILE: Final = 1024 * 1024
@@ -61,18 +61,12 @@ def read_lines(path: str | os.PathLike[str]) -> Source:
 
     Bytes that are no UTF-8 are taken for what stands in comments, and replaced.
     """
-    file = Path(path)
     name = visible(str(path))[-200:]
     empty = Source(name, ())
     try:
-        if not stat.S_ISREG(file.stat().st_mode):
-            empty.fail(0, "not a regular file")
-        with file.open("rb") as stream:
-            raw = stream.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:
-        empty.fail(0, f"cannot be read: {getattr(error, 'strerror', None) or error}")
-    if len(raw) > LARGEST_FILE:
-        empty.fail(0, f"larger than {LARGEST_FILE // 1024} kB")
+        raw = read_regular(Path(path), LARGEST_FILE)
+    except FileNotReadError as error:
+        empty.fail(0, str(error))
     if b"\0" in raw:
         empty.fail(raw.count(b"\n", 0, raw.index(b"\0")) + 1, "a zero byte: this is no text file")
     lines = raw.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
