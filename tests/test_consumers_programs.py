@@ -26,7 +26,7 @@ from consumers.freecad_reader import freecad, read_in_freecad
 from consumers.gmsh_reader import read_all_in_gmsh
 from consumers.netgen_reader import read_in_netgen
 from consumers.step_edits import move, pole, read_instances, without_face
-from consumers.step_file import StepDefect, check_solids, check_step
+from consumers.step_file import check_solids, check_step
 from OCP.BRepGProp import BRepGProp
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
@@ -35,6 +35,7 @@ from shipped import LONG, part_of
 from pc2cad.export.kernel import subshapes
 from pc2cad.part import Part
 from pc2cad.templates.shipped import bodies_paths, template_paths
+from pc2cad.verify.defects import StepDefectError
 
 pytestmark = pytest.mark.interop
 
@@ -106,9 +107,9 @@ def test_a_reader_without_a_kernel(template, files):
 
 
 def test_the_reader_without_a_kernel_finds_what_is_wrong(files):
-    with pytest.raises(StepDefect, match="is open"):
+    with pytest.raises(StepDefectError, match="is open"):
         check_step(files / "torn.step")
-    with pytest.raises(StepDefect, match="states the volume"):
+    with pytest.raises(StepDefectError, match="states the volume"):
         check_step(files / "moved.step")
 
 

@@ -106,6 +106,8 @@ def judge_face(
         flat = surface.flat_frame() if isinstance(surface, SplineSurface) else None
         if flat is not None:
             return _judge_plane(face, flat, origin, limit)
+        if not any(loop.edges for loop in face.loops):
+            raise
         return _judge_trimmed(surface, face, origin, limit)
 
 

@@ -141,19 +141,19 @@ def closest(at: Along, sampling: Sampling, points: Array) -> Array:
     samples, low, high = sampling
     known = at(samples)[0]
     t = samples[nearest(known, points)]
-    best, least = t, np.full(len(points), np.inf)
+    best, least, moved = t, np.full(len(points), np.inf), np.inf
     for _ in range(MOST_STEPS):
         value, slope = at(t)
         distance = np.linalg.norm(points - value, axis=1)
         better = distance < least
         best, least = np.where(better, t, best), np.minimum(distance, least)
+        if moved <= 1e-12 * (high - low):
+            break
         speed = np.maximum((slope**2).sum(axis=1), 1e-300)
         step = ((points - value) * slope).sum(axis=1) / speed
         following = np.clip(t + step, low, high)
-        moved = np.abs(following - t).max(initial=0.0)
+        moved = float(np.abs(following - t).max(initial=0.0))
         t = following
-        if moved <= 1e-12 * (high - low):
-            break
     for end in (samples[0], samples[-1]):
         distance = np.linalg.norm(points - at(np.array([end]))[0], axis=1)
         snap = distance <= least + 1e-11 * (1e-3 + np.abs(points).max(initial=0.0))
