@@ -1,13 +1,17 @@
-"""Build every shipped template with the pc2cad that is installed: ``python packaged.py OUT.json``.
+"""Build every shipped template with the pc2cad that is installed.
+
+    python packaged.py OUT.json [--verify] [--as OTHER.json]
 
 Run outside the checkout by `.ci/run`, for each Python and each kernel. Each template's own [expect]
-is held, each STEP file is read back by the kernel, and volumes are written as JSON; a second file
-of volumes as last argument is compared with: equal to 1e-12, or to the tolerance where edges that
-the kernel has found between bodies bound a face.
+is held, each STEP file is read back by the kernel, and volumes are written as JSON. `--verify`
+holds every STEP file against its equation, without the kernel that wrote it, as ``pc2cad verify``
+does. `--as` compares with the volumes of another run: equal to 1e-12, or to the tolerance where
+edges that the kernel has found between bodies bound a face.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import tempfile
@@ -16,29 +20,40 @@ from pathlib import Path
 
 import pc2cad as pc
 from pc2cad.templates.shipped import bodies_paths, template_paths
+from pc2cad.verify.gate import require_verified
 
 #: the share by which two kernels may differ in a solid whose edges they have found themselves
 OWN_EDGES = 1e-8
 
 
-def main(out: str, other: str | None = None) -> int:
+def main(out: Path, verify: bool, other: Path | None) -> int:
     """Build all templates; return how many differ from the volumes of `other`."""
     package = Path(pc.__file__).parent
     if package == Path(__file__).parents[1] / "pc2cad":
         raise SystemExit(f"{package} is the checkout, not an installed package")
     paths = template_paths() | bodies_paths()
-    volumes = {}
+    volumes, faces, judged = {}, dict.fromkeys(("exact", "bounded", "sampled"), 0), 0.0
     with tempfile.TemporaryDirectory() as folder:
         for name, path in sorted(paths.items()):
-            part = pc.compile_equation(pc.read_template(path).bind())
-            part.write(Path(folder) / f"{name}.step")
+            equation, file = pc.read_template(path).bind(), Path(folder) / f"{name}.step"
+            part = pc.compile_equation(equation)
+            part.write(file)
             volumes[name] = part.report.solid.volume
-    Path(out).write_text(json.dumps(volumes, indent=0))
-    python, spent = sys.version.split()[0], time.process_time()
+            if verify:
+                begun = time.process_time()
+                found = require_verified(file.read_bytes(), equation, part.report.tolerance)
+                judged += time.process_time() - begun
+                for face in found.get("faces", ()):
+                    faces[face["rests_on"]] += 1
+    out.write_text(json.dumps(volumes, indent=0))
+    python, spent = sys.version.split()[0], time.process_time() - judged
     print(f"{len(volumes)} templates, Python {python}, {spent:.0f} s of CPU")  # noqa: T201
+    if verify:
+        told = ", ".join(f"{count} {word}" for word, count in faces.items())
+        print(f"all STEP files verified: faces {told}; {judged:.0f} s of CPU")  # noqa: T201
     if other is None:
         return 0
-    known = json.loads(Path(other).read_text())
+    known = json.loads(other.read_text())
     allowed = {name: OWN_EDGES if name in bodies_paths() else 1e-12 for name in paths}
     wrong = {
         name: (volume, known[name])
@@ -51,4 +66,8 @@ def main(out: str, other: str | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(min(1, main(*sys.argv[1:])))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--verify", action="store_true")
+    parser.add_argument("--as", dest="other", type=Path)
+    sys.exit(min(1, main(**vars(parser.parse_args()))))

@@ -117,7 +117,7 @@ CONTROLS: dict[str, tuple[str, Edit, str]] = {
     ),
     "flipped sphere": ("sphere", lambda t: _flip(t, "ADVANCED_FACE"), "inside out"),
     "flipped torus": ("torus", lambda t: _flip(t, "ADVANCED_FACE"), "runs clockwise"),
-    "flipped void": ("hollow", lambda t: _flip(t, "ORIENTED_CLOSED_SHELL"), "points out of the void|the void"),
+    "flipped void": ("hollow", lambda t: _flip(t, "ORIENTED_CLOSED_SHELL"), "the void"),
     "flipped edge": ("box", lambda t: _flip(t, "ORIENTED_EDGE", 5), "is not closed"),
     "flipped closed edge": (
         "cylinder",
