@@ -9,15 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.gp import gp_Pnt, gp_Trsf, gp_Vec
 from OCP.Standard import Standard_Failure
+from OCP.TopAbs import TopAbs_ShapeEnum
 
 from pc2cad import validation
 from pc2cad.brep import build as brep
 from pc2cad.brep import to_kernel
+from pc2cad.brep.same_numbers import same_numbers
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
 from pc2cad.errors import KernelError
-from pc2cad.export.kernel import census, check_read_back
+from pc2cad.export.kernel import census, check_read_back, subshapes
 from pc2cad.geometry.carriers import SplineCurve
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import template_paths
@@ -122,12 +126,8 @@ def test_a_solid_with_other_integrals_than_the_equation_is_refused(
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [
-        ({"volume": 10.0}, "reads back with the volume"),
-        ({"faces": 5}, "reads back with 4 faces"),
-        ({"tolerance": 1e-9}, "reads back with gaps"),
-    ],
-    ids=["volume", "faces", "tolerance"],
+    [({"faces": 5}, "reads back with 4 faces"), ({"tolerance": 1e-9}, "reads back with gaps")],
+    ids=["faces", "tolerance"],
 )
 def test_a_file_that_reads_back_as_another_solid_is_refused(
     change: dict[str, Any], words: str
@@ -137,3 +137,27 @@ def test_a_file_that_reads_back_as_another_solid_is_refused(
     check_read_back(part.solid, [good], "STEP text")
     with pytest.raises(KernelError, match=words):
         check_read_back(part.solid, [replace(good, **change)], "STEP text")
+
+
+def moved(solid: Any, by: float, scale: float = 1.0) -> Any:
+    """Return a copy of a solid, scaled about the origin and then moved along x."""
+    change = gp_Trsf()
+    change.SetScale(gp_Pnt(0, 0, 0), scale)
+    shift = gp_Trsf()
+    shift.SetTranslation(gp_Vec(by, 0, 0))
+    copy = BRepBuilderAPI_Transform(solid, shift.Multiplied(change), True).Shape()
+    return subshapes(copy, TopAbs_ShapeEnum.TopAbs_SOLID)[0]
+
+
+@pytest.mark.parametrize("name", ["pyramid", "channel_ellipse", "cone", "torus", "ball"])
+def test_solids_are_the_same_by_their_numbers_alone(name: str) -> None:
+    part = compile_equation(read_template(template_paths()[name]).bind({})).exportable()
+    assert same_numbers(part.solid, moved(part.solid, 0.0))
+    assert same_numbers(part.solid, moved(moved(part.solid, 0.5), -0.5))
+    assert not same_numbers(part.solid, moved(part.solid, 1e-9))
+    larger = moved(part.solid, 0.0, 1 + 1e-6)
+    assert not same_numbers(part.solid, larger)
+    with pytest.raises(KernelError, match="reads back with the volume"):
+        check_read_back(larger, census(part), "STEP text")
+    # another shape of the same volume in other numbers, as readers may make it
+    check_read_back(moved(part.solid, 1e-9), census(part), "STEP text")
