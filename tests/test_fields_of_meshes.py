@@ -14,9 +14,13 @@ from shipped import checked_of, part_of
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from pc2cad.checked import CheckedMap
+from pc2cad.cli.main import main
+from pc2cad.errors import InputError
 from pc2cad.export.mesh_files import write_mesh
+from pc2cad.export.spline_files import write_splines
 from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
 from pc2cad.mesh.volume_mesh import VolumeMesh
+from pc2cad.representation.volume import represent_volume
 
 #: a scalar and a vector, of the place and of parameters
 FIELDS = {"T": "x + 2*u", "q": "vector(v, w, x*y)"}
@@ -136,3 +140,57 @@ def test_gmsh_shows_fields(tmp_path: Path) -> None:
     assert len(data["ElementData", "T"]) == mesh.elements + sum(
         len(rows) for side in mesh.whole_sides for rows in mesh.facet_nodes(side).values()
     )
+
+
+@pytest.mark.parametrize("name", ["torus", pytest.param("channel_ellipse", marks=pytest.mark.slow)])
+def test_fields_share_the_space_of_the_spline(name: str) -> None:
+    """x, y, z are as near as M is, rational or fitted; what the space cannot hold is stated."""
+    known = checked_of(name)
+    equation = known.equation.with_fields(place="point(x, y, z)", warm="1 + z/10", wave="sin(9*x)")
+    checked = replace(known, analysis=replace(known.analysis, equation=equation))
+    model = represent_volume(checked)
+    place, warm, wave = model.fields
+    grid = [np.linspace(0, 1, 12)] * 3
+    for patch, own, one in zip(model.patches, place.volumes, warm.volumes, strict=True):
+        assert own.axes is patch.volume.axes
+        np.testing.assert_allclose(own(*grid), patch.volume(*grid), atol=1e-12)
+        height = 1 + patch.volume(*grid)[..., 2:] / 10
+        np.testing.assert_allclose(one(*grid), height, atol=1e-12)
+    assert place.deviation <= model.deviation + 1e-12
+    assert wave.deviation > 1e-3
+    assert wave.largest == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.interop
+def test_other_readers_evaluate_fields_of_splines(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """splinepy, and G+Smo's own reader, of geometry and field: 1 + z/10."""
+    splinepy = pytest.importorskip("splinepy")
+    monkeypatch.chdir(tmp_path)
+    Path("part.toml").write_text(
+        'title = "Bent block"\n[solid]\nx = "u"\ny = "v*(1 + u)"\nz = "w + u*v"\n'
+        '[fields]\nwarm = "1 + z/10"\n'
+    )
+    assert main(["spline", "part.toml", "-o", "part.xml", "--field", "warm=warm.xml"]) == 0
+    places = np.random.default_rng(2).random((100, 3))
+    (shape,), (warm,) = (
+        splinepy.io.gismo.load(f"{name}.xml")[0].patches for name in ("part", "warm")
+    )
+    found = warm.evaluate(places)[:, 0]
+    np.testing.assert_allclose(found, 1 + shape.evaluate(places)[:, 2] / 10, atol=1e-14)
+    pygismo = pytest.importorskip("pygismo")
+    patches = pygismo.core.gsMultiPatch()
+    pygismo.io.gsFileData("warm.xml").getFirst(patches)
+    assert patches.nPatches() == 1
+
+
+def test_a_field_of_splines_needs_its_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for text, words in (("a", "write a field and a file"), ("heat=h.xml", "no field 'heat'")):
+        assert main(["spline", "cone", "-o", str(tmp_path / "c.xml"), "--field", text]) != 0
+        assert words in capsys.readouterr().err
+    model = represent_volume(checked_of("cone"))
+    with pytest.raises(InputError, match="G\\+Smo"):
+        write_splines(model, tmp_path / "heat.g2", field="heat")

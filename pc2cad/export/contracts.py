@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     )
     from pc2cad.export.mesh_files import MeshModule
     from pc2cad.export.registry import SolidModule
-    from pc2cad.export.spline_files import SplineModule
+    from pc2cad.export.spline_files import FieldModule, SplineModule
 
     SOLIDS: tuple[SolidModule, ...] = (step, brep, iges, stl, stl_text, threemf, glb, vtp)
     MESHES: tuple[MeshModule, ...] = (vtu, inp, gmsh_mesh, vtk_legacy, med)
+    FIELDS: tuple[FieldModule, ...] = (gismo,)
     SPLINES: tuple[SplineModule, ...] = (gismo, mfem, irit, gotools)

@@ -1,17 +1,32 @@
-"""G+Smo multi-patch (.xml): tensor B-splines or NURBS with interfaces and labelled boundaries."""
+"""G+Smo multi-patch (.xml): tensor B-splines or NURBS with interfaces and labelled boundaries.
+
+A field has a file of its own, a multi-patch on the same bases: many readers take all patches of a
+file for one geometry.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
 
 from pc2cad.export.patches import Interface, interfaces, sides
 from pc2cad.export.spline_files import numbers, rows
-from pc2cad.representation.volume import Patch, VolumeModel
+from pc2cad.geometry.splines.trivariate import SplineVolume
+from pc2cad.representation.volume import VolumeModel
 from pc2cad.trust.names import clean
 
 
 def encode(model: VolumeModel) -> str:
     """Return the text of the file; boundary sides carry the names of the solid's sides."""
+    return _encoded(model, [patch.volume for patch in model.patches])
+
+
+def encode_field(model: VolumeModel, name: str) -> str:
+    """Return the text of a field's file; raise InputError where there is no such field."""
+    return _encoded(model, model.field(name).volumes)
+
+
+def _encoded(model: VolumeModel, volumes: Sequence[SplineVolume]) -> str:
     count = len(model.patches)
     joined = interfaces(model)
     taken = {(i.first, i.first_side) for i in joined} | {(i.second, i.second_side) for i in joined}
@@ -30,8 +45,8 @@ def encode(model: VolumeModel) -> str:
         listed = "\n".join(places)
         lines.append(f"<boundary name={quoteattr(clean(name))}>{listed}</boundary>")
     lines.append("</MultiPatch>")
-    for identifier, piece in enumerate(model.patches):
-        lines += _geometry(piece, identifier)
+    for identifier, volume in enumerate(volumes):
+        lines += _geometry(volume, identifier)
     lines.append("</xml>\n")
     return "\n".join(lines)
 
@@ -42,8 +57,7 @@ def _joint(i: Interface) -> str:
     return f"{i.first} {i.first_side + 1} {i.second} {i.second_side + 1} {axes} {forward}"
 
 
-def _geometry(patch: Patch, identifier: int) -> list[str]:
-    volume = patch.volume
+def _geometry(volume: SplineVolume, identifier: int) -> list[str]:
     kind = "BSpline" if volume.weights is None else "Nurbs"
     lines = [f'<Geometry type="Tensor{kind}3" id="{identifier}">']
     if volume.weights is not None:
@@ -60,5 +74,5 @@ def _geometry(patch: Patch, identifier: int) -> list[str]:
         weights = numbers(volume.weights.transpose(2, 1, 0).ravel())
         lines += [f"<weights>{weights}</weights>", "</Basis>"]
     poles = "\n".join(rows(volume, homogeneous=False, weight="nowhere"))
-    lines += [f'<coefs geoDim="3">\n{poles}\n</coefs>', "</Geometry>"]
+    lines += [f'<coefs geoDim="{volume.poles.shape[-1]}">\n{poles}\n</coefs>', "</Geometry>"]
     return lines

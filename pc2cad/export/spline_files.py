@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
+from pc2cad.errors import InputError
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.representation.volume import VolumeModel
@@ -18,6 +19,14 @@ class SplineModule(Protocol):
 
     def encode(self, model: VolumeModel, /) -> str:
         """Return the text of the file."""
+        ...
+
+
+class FieldModule(Protocol):
+    """What a module of a format has that holds fields on the splines' spaces."""
+
+    def encode_field(self, model: VolumeModel, name: str, /) -> str:
+        """Return the text of the file of one field."""
         ...
 
 
@@ -33,6 +42,8 @@ class SplineFormat:
     keeps: str
     #: a `SplineModule`
     module: str
+    #: whether it is a `FieldModule`, too
+    fields: bool = False
 
 
 SPLINE_FORMATS: tuple[SplineFormat, ...] = (
@@ -42,6 +53,7 @@ SPLINE_FORMATS: tuple[SplineFormat, ...] = (
         "https://gismo.github.io/",
         "interfaces between patches, glued sides too; labels of boundary sides",
         "pc2cad.export.gismo",
+        fields=True,
     ),
     SplineFormat(
         ".mesh",
@@ -78,11 +90,26 @@ def check_splines_writable(path: str | os.PathLike[str]) -> None:
     check_target(path)
 
 
-def write_splines(model: VolumeModel, path: str | os.PathLike[str]) -> None:
+def check_field_writable(path: str | os.PathLike[str]) -> None:
+    """Find out before a computation whether a field's spline can be written to `path`."""
+    if not spline_format(path).fields:
+        raise InputError(f"{os.fspath(path)}: the spline of a field is written as G+Smo's .xml")
+    check_target(path)
+
+
+def write_splines(
+    model: VolumeModel, path: str | os.PathLike[str], *, field: str | None = None
+) -> None:
     """Write a volume model in the format of the name's ending, whole or not at all.
 
-    Raises InputError for an unknown ending, FileNotWrittenError.
+    With the name of a `field`, that field on the same spaces instead (.xml). Raises InputError for
+    an unknown ending or field, FileNotWrittenError.
     """
+    if field is not None:
+        check_field_writable(path)
+        writer: FieldModule = importlib.import_module(spline_format(path).module)
+        write_atomically(path, writer.encode_field(model, field).encode())
+        return
     module: SplineModule = importlib.import_module(spline_format(path).module)
     write_atomically(path, module.encode(model).encode())
 
@@ -97,7 +124,7 @@ def rows(volume: SplineVolume, *, homogeneous: bool, weight: str = "last") -> li
 
     `weight` says where the weight of a rational spline stands: first, last, or nowhere.
     """
-    poles = volume.poles.transpose(2, 1, 0, 3).reshape(-1, 3)
+    poles = volume.poles.transpose(2, 1, 0, 3).reshape(-1, volume.poles.shape[-1])
     if volume.weights is None:
         return [numbers(row) for row in poles]
     weights = volume.weights.transpose(2, 1, 0).reshape(-1)

@@ -15,8 +15,10 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap, resolve_tolerance
+from pc2cad.domain.fields import local_field
+from pc2cad.domain.map import open_grid
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap
-from pc2cad.errors import ToleranceNotReachedError
+from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.geometry.splines.adaptive_knots import Sampler, adapt, beside, check_places
@@ -58,6 +60,18 @@ class Patch:
 
 
 @dataclass(frozen=True, eq=False)
+class SplineField:
+    """A field interpolated in the spaces that carry M, whatever these can hold of it."""
+
+    name: str
+    #: one for each patch: its poles have the field's components, its weights are the patch's
+    volumes: tuple[SplineVolume, ...]
+    #: largest difference seen between it and the field, of any component, and the field's largest
+    deviation: float
+    largest: float
+
+
+@dataclass(frozen=True, eq=False)
 class VolumeModel:
     """M as trivariate splines; lengths in `units`."""
 
@@ -74,6 +88,8 @@ class VolumeModel:
     #: the deviation, proved; sampled: deviation measured
     evidence: Evidence
     tolerance: float
+    #: the equation's fields on the same spaces
+    fields: tuple[SplineField, ...] = ()
 
     @property
     def deviation(self) -> float:
@@ -84,6 +100,14 @@ class VolumeModel:
     def rational(self) -> bool:
         """True where a patch has weights."""
         return any(patch.volume.weights is not None for patch in self.patches)
+
+    def field(self, name: str) -> SplineField:
+        """Return the field of a name; raise InputError where there is none."""
+        for field in self.fields:
+            if field.name == name:
+                return field
+        known = ", ".join(field.name for field in self.fields) or "none"
+        raise InputError(f"{self.name} has no field '{name:.80}' (it has: {known})")
 
     def volume(self) -> float:
         """Return the volume of all patches."""
@@ -125,7 +149,39 @@ def represent_volume(checked: CheckedMap, options: CompileOptions = DEFAULTS) ->
     return VolumeModel(
         analysis.equation.name, analysis.equation.units, checked.orientation.axes, patches,
         (u, v, w), analysis.boundary, evidence, tolerance,
+        tuple(_field(work, patches, field.name) for field in analysis.equation.fields),
     )  # fmt: skip
+
+
+def _field(work: _Work, patches: tuple[Patch, ...], name: str) -> SplineField:
+    """Return a field in the spaces of the patches; raise FieldNotFiniteError."""
+    analysis, directions = work.checked.analysis, work.checked.orientation.axes
+    field = local_field(analysis, name)
+    volumes, deviations, largest = [], [0.0], 0.0
+    for patch in patches:
+        spans = [analysis.span(d, patch.cell[d]) for d in range(3)]
+
+        def sample(x: Array, y: Array, z: Array, spans: list[tuple[float, float]] = spans) -> Array:
+            places = (x, y, z)
+            local = [a + (b - a) * places[directions.index(d)] for d, (a, b) in enumerate(spans)]
+            grid = np.broadcast_arrays(*open_grid(*local))
+            values = field.checked_at(np.stack([g.ravel() for g in grid], axis=1))
+            return np.transpose(values.reshape(*grid[0].shape, -1), (*directions, 3))
+
+        volume = fit_volume(sample, patch.volume.axes)
+        off, seen = _field_deviation(sample, volume)
+        deviations.append(off)
+        largest = max(largest, seen)
+        volumes.append(volume)
+    return SplineField(name, tuple(volumes), max(deviations), largest)
+
+
+def _field_deviation(sample: GridSampler, volume: SplineVolume) -> tuple[float, float]:
+    """Return the largest difference of a component over a grid off the sites, and the largest."""
+    x, y, z = (check_places(axis.space) for axis in volume.axes)
+    a, b, c = (axis.places(t) for axis, t in zip(volume.axes, (x, y, z), strict=True))
+    values = sample(a, b, c)
+    return float(np.abs(volume(x, y, z) - values).max()), float(np.abs(values).max())
 
 
 @dataclass(frozen=True, eq=False)

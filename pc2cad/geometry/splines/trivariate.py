@@ -14,7 +14,7 @@ from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.spline_basis import spline_values
 from pc2cad.geometry.splines.spline_space import SplineSpace
 
-#: values on the product of three parameter arrays: shape (len, len, len, 3)
+#: values on the product of three parameter arrays: shape (len, len, len, 3), of a field (…, k)
 GridSampler = Callable[[Array, Array, Array], Array]
 #: Gauss nodes beyond the polynomial's need where there are weights
 _RATIONAL_NODES = 10
@@ -24,8 +24,8 @@ _RATIONAL_NODES = 10
 class SplineVolume:
     """A clamped tensor-product spline on [0, 1]³, right-handed.
 
-    `poles` have the shape (n, m, k, 3), first index along the first axis; `weights` (n, m, k) are
-    positive, None for a polynomial one.
+    `poles` have the shape (n, m, k, 3), first index along the first axis (of a field, as many
+    components as it has); `weights` (n, m, k) are positive, None for a polynomial one.
     """
 
     axes: tuple[Parametrisation, Parametrisation, Parametrisation]
@@ -60,7 +60,7 @@ class SplineVolume:
         )
 
     def _project(self, values: Array) -> Array:
-        return values if self.weights is None else values[..., :3] / values[..., 3:]
+        return values if self.weights is None else values[..., :-1] / values[..., -1:]
 
     def split(self, axis: int, parts: int) -> list[SplineVolume]:
         """Return the same volume in pieces of equal numbers of knot spans, or of equal length.
