@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -218,14 +218,18 @@ def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
                 )  # fmt: skip
 
 
-def edge_functions(shape: NamedShape, edges: Iterable[NamedEdge]) -> Iterator[EdgeFunction]:
-    """Yield what edges hold, with the surfaces of their faces, relative to a place in the shape."""
+def edge_functions(
+    shape: NamedShape, edges: Sequence[NamedEdge], origin: Array | None = None
+) -> Iterator[EdgeFunction]:
+    """Yield what edges hold, with the surfaces of their faces, relative to a place.
+
+    It is `origin`, (3,), or the first edge's first point.
+    """
     surfaces: dict[int, SurfaceFunction] = {}
-    origin = np.zeros(0)
+    if origin is None:
+        origin = edges[0].points[0] if edges else np.zeros(3)
     for named in edges:
         first, last = BRep_Tool.Range_s(named.edge)
-        if not len(origin):
-            origin = named.points[0]
         traces = []
         for index in named.faces:
             face = shape.faces[index][0]

@@ -21,6 +21,7 @@ from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.csg.contacts import check_contacts
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
+from pc2cad.csg.own_edges import with_own_edges
 from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError, named
 from pc2cad.export.colours import body_colour
 from pc2cad.export.model import NamedFace
@@ -34,6 +35,9 @@ from pc2cad.validation import check_expectations
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Solid
 
+#: share of the kernel's tolerance, or of the part's, by which an edge may be off its faces, and of
+#: the size, below which none can be had
+NEAR, ROUNDING = 0.1, 1e-13
 #: share of a part's size that a tolerance of the kernel's may be
 LOOSEST = 0.01
 
@@ -107,7 +111,11 @@ class _Joining:
         self.idle: list[str] = []
         #: where copies of bodies lie, by their names
         self.placed: dict[str, Placement] = {}
-        self._reach = max(KERNEL_TOLERANCE, *(p.report.tolerance for p in parts.values()))
+        tolerances = [part.report.tolerance for part in parts.values()]
+        self._reach = max(KERNEL_TOLERANCE, *tolerances)
+        size = max(part.report.size for part in parts.values())
+        #: how near edges between bodies come to their faces
+        self._near = max(NEAR * min(KERNEL_TOLERANCE, *tolerances), ROUNDING * size)
 
     def join(self, tree: Tree) -> _Joined:
         """Return a body or a Boolean, with all that it is made of."""
@@ -198,6 +206,8 @@ class _Joining:
             )
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {_EMPTY[kind]}")
+        result = with_own_edges(result, self._near)
+        found = solid_integrals(result.shape)
         common = found.volume if kind == "intersect" else held
         relation = _relation(a, b, common, slack)
         if kind == "cut" and relation is Relation.APART:

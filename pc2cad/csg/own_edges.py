@@ -1,0 +1,151 @@
+"""Edges of our own where bodies meet, in place of the kernel's.
+
+The kernel's curves come within 1e-7 to 1e-2 of their faces. Each that is no line and no conic, and
+farther off than the target, is found anew from both surfaces (`csg.edge_curves`); the vertices at
+its ends go to the one place that all surfaces and edges there have in common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, edges_between
+from pc2cad.brep.replacing import Corner, copied, corners_of, ends_of, move, put
+from pc2cad.csg.edge_curves import DEGREE, CommonCurve, common_curve
+from pc2cad.geometry.carriers import SplineCurve, SplinePath
+from pc2cad.geometry.jets import EdgeFunction
+
+#: places along an edge at which its distance from its faces is looked at
+PLACES = 257
+#: steps of Gauss's and Newton's method
+STEPS = 20
+#: a vertex may move by so many times what the kernel is off there
+FAR = 10.0
+#: singular values that are less than this share of the largest are none: a vertex may lie anywhere
+#: along a closed edge
+RANK = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class _Coarse:
+    """An edge that is to be replaced."""
+
+    named: NamedEdge
+    function: EdgeFunction
+    off: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where a vertex goes, and where that is on each piece there."""
+
+    corner: Corner
+    point: Array
+    places: tuple[Array, ...]
+
+
+def with_own_edges(shape: NamedShape, target: float) -> NamedShape:
+    """Return a shape whose edges between bodies come within `target` (a length) of both faces.
+
+    What cannot be had, because faces are tangent or nearly so, stays the kernel's.
+    """
+    if not _coarse(shape, target):
+        return shape
+    shape = copied(shape)
+    coarse = _coarse(shape, target)
+    origin = coarse[0].named.points[0]
+    while coarse:
+        corners = corners_of(shape, [row.named for row in coarse], origin)
+        off = max(row.off for row in coarse)
+        places = [place for corner in corners if (place := _place(corner, off, target)) is not None]
+        curves = [_curve(row, places, target) for row in coarse]
+        if all(curve is not None for curve in curves):
+            for place in places:
+                move(place.corner, place.point, place.places, origin)
+            for row, curve in zip(coarse, curves, strict=True):
+                if curve is not None:
+                    _put(shape, row.named, curve, origin)
+            break
+        # vertices of an edge that stays stay as well
+        coarse = [row for row, curve in zip(coarse, curves, strict=True) if curve is not None]
+    return shape
+
+
+def _coarse(shape: NamedShape, target: float) -> list[_Coarse]:
+    """Return the edges between bodies that are splines and farther than `target` off a face."""
+    edges = [
+        edge for edge in edges_between(shape)
+        if edge.conic is None and _bodies(edge, 0).isdisjoint(_bodies(edge, 1))
+    ]  # fmt: skip
+    origin = edges[0].points[0] if edges else None
+    functions = edge_functions(shape, edges, origin)
+    found = [
+        _Coarse(edge, function, _off(function))
+        for edge, function in zip(edges, functions, strict=True)
+    ]
+    return [row for row in found if row.off > target]
+
+
+def _bodies(edge: NamedEdge, side: int) -> set[str]:
+    return {name.body for name in edge.names[side]}
+
+
+def _off(edge: EdgeFunction) -> float:
+    t = np.linspace(*edge.span, PLACES)
+    points = edge.curve.jet(t)[0]
+    largest = 0.0
+    for trace in edge.traces:
+        at = trace.path.jet(t)[0]
+        gaps = np.linalg.norm(points - trace.surface.jet(at[:, 0], at[:, 1])[0], axis=1)
+        largest = max(largest, float(gaps.max()))
+    return largest
+
+
+def _place(corner: Corner, off: float, target: float) -> _Place | None:
+    """Return the place that all pieces at a vertex have in common; None where there is none near.
+
+    Of several the nearest one: steps are the shortest that lead there.
+    """
+    point, at = corner.point, [start for _, start in corner.pieces]
+    widths = [len(start) for start in at]
+    columns = 3 + np.cumsum([0, *widths])
+    for _ in range(STEPS):
+        rows, rest = np.zeros((3 * len(at), columns[-1])), np.zeros(3 * len(at))
+        for k, ((jet, _), here) in enumerate(zip(corner.pieces, at, strict=True)):
+            there, along = jet(here[None])
+            rest[3 * k : 3 * k + 3] = there[0] - point
+            rows[3 * k : 3 * k + 3, :3] = -np.eye(3)
+            rows[3 * k : 3 * k + 3, columns[k] : columns[k + 1]] = np.stack(along, axis=2)[0]
+        lengths = np.linalg.norm(rows, axis=0)
+        if not (np.isfinite(rest).all() and lengths.min() > 0):
+            return None
+        step = np.linalg.lstsq(rows / lengths, -rest, rcond=RANK)[0] / lengths
+        point = point + step[:3]
+        at = [here + step[a:b] for here, a, b in zip(at, columns, columns[1:], strict=False)]
+    gap = max(
+        float(np.linalg.norm(jet(here[None])[0][0] - point))
+        for (jet, _), here in zip(corner.pieces, at, strict=True)
+    )
+    moved = float(np.linalg.norm(point - corner.point))
+    if not (gap <= target and moved <= FAR * max(off, corner.tolerance)):
+        return None
+    return _Place(corner, point, tuple(at))
+
+
+def _curve(row: _Coarse, places: Sequence[_Place], target: float) -> CommonCurve | None:
+    ends = []
+    for end in ends_of(row.named.edge):
+        ends += [place.point for place in places if place.corner.vertex.IsSame(end)]
+    if len(ends) != 2:
+        return None
+    return common_curve(row.function, (ends[0], ends[1]), target)
+
+
+def _put(shape: NamedShape, named: NamedEdge, curve: CommonCurve, origin: Array) -> None:
+    first, second = (SplinePath(DEGREE, curve.knots, path) for path in curve.paths)
+    poles = curve.poles + origin
+    put(shape, named, SplineCurve(DEGREE, curve.knots, poles), (first, second))

@@ -1,0 +1,163 @@
+"""Edges between bodies, found from both surfaces: near both, wherever the kernel's edge was."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+
+import pc2cad as pc
+from pc2cad.arrays import Array
+from pc2cad.csg.edge_curves import DEGREE, common_curve
+from pc2cad.geometry.jets import CurveFunction, EdgeFunction, Jet, Sizes, SurfaceFunction, Trace
+from pc2cad.geometry.splines.spline_basis import spline_values
+from pc2cad.templates.file import parse_template
+
+
+def no_sizes() -> Sizes:
+    raise NotImplementedError
+
+
+def upright(a: Array, b: Array) -> Jet:
+    """A cylinder of radius 1 about the z-axis."""
+    zero, one = np.zeros_like(a), np.ones_like(a)
+    return (
+        np.stack((np.cos(a), np.sin(a), b), axis=1),
+        np.stack((-np.sin(a), np.cos(a), zero), axis=1),
+        np.stack((zero, zero, one), axis=1),
+    )
+
+
+def lying(a: Array, b: Array) -> Jet:
+    """A cylinder of radius 2 about the x-axis."""
+    zero, one = np.zeros_like(a), np.ones_like(a)
+    return (
+        np.stack((b, 2 * np.sin(a), 2 * np.cos(a)), axis=1),
+        np.stack((zero, 2 * np.cos(a), -2 * np.sin(a)), axis=1),
+        np.stack((one, zero, zero), axis=1),
+    )
+
+
+def crooked(size: float, off: float) -> EdgeFunction:
+    """Return an edge of those, times a size, that wavers about where they meet, as its paths do."""
+
+    def curve(t: Array) -> tuple[Array, Array]:
+        x, y = np.cos(t), np.sin(t)
+        z = np.sqrt(4 - y**2)
+        waver = off * np.sin(9 * t)
+        point = np.stack((x + waver, y, z - waver), axis=1)
+        along = np.stack((-y + 9 * off * np.cos(9 * t), x, -y * x / z), axis=1)
+        return size * point, size * along
+
+    def above(t: Array) -> tuple[Array, Array]:
+        height = np.sqrt(4 - np.sin(t) ** 2) + off * np.cos(5 * t)
+        return np.stack((t, size * height), axis=1), np.zeros((len(t), 2))
+
+    def beside(t: Array) -> tuple[Array, Array]:
+        turn = np.arcsin(np.sin(t) / 2)
+        return np.stack((turn, size * np.cos(t)), axis=1), np.zeros((len(t), 2))
+
+    def scaled(jet) -> SurfaceFunction:
+        def at(a: Array, b: Array) -> Jet:
+            point, along_a, along_b = jet(a, b / size)
+            return size * point, size * along_a, along_b
+
+        return SurfaceFunction(at, (None, np.zeros(0)), (1, 1), no_sizes)
+
+    paths = [CurveFunction(path, None, 1, no_sizes) for path in (above, beside)]
+    traces = tuple(map(Trace, paths, (scaled(upright), scaled(lying))))
+    return EdgeFunction(CurveFunction(curve, None, 1, no_sizes), (0.2, 2.9), traces)
+
+
+@pytest.mark.parametrize(("size", "off"), [(1, 0), (0.01, 1e-2), (1e5, 1e-5)])
+def test_the_curve_is_on_both_surfaces_wherever_the_edge_was(size: float, off: float) -> None:
+    ends = [
+        size * np.array([np.cos(t), np.sin(t), np.sqrt(4 - np.sin(t) ** 2)]) for t in (0.2, 2.9)
+    ]
+    found = common_curve(crooked(size, off), (ends[0], ends[1]), 1e-11 * size)
+    assert found is not None
+    assert found.seen <= 1e-11 * size
+    t = np.linspace(0, 1, 501)
+    x, y, z = spline_values(found.knots, found.poles, DEGREE, t).T / size
+    assert np.abs(np.hypot(x, y) - 1).max() < 2e-11
+    assert np.abs(np.hypot(y, z) - 2).max() < 2e-11
+    assert np.linalg.norm(found.poles[[0, -1]] - ends, axis=1).max() < 1e-11 * size
+    # between its pieces the tangent goes on
+    inner = np.unique(found.knots)[1:-1]
+    assert len(inner) > 2
+    at = spline_values(found.knots, found.poles, DEGREE, inner)
+    before, behind = (
+        (spline_values(found.knots, found.poles, DEGREE, inner + step) - at) / step
+        for step in (-1e-7, 1e-7)
+    )
+    assert np.abs(behind - before).max() < 1e-4 * size
+
+
+def test_surfaces_that_are_tangent_have_no_such_curve() -> None:
+    edge = crooked(1, 1e-3)
+    same = EdgeFunction(edge.curve, edge.span, (edge.traces[0], edge.traces[0]))
+    assert common_curve(same, (np.array([1.0, 0, 2]), np.array([-1.0, 0, 2])), 1e-9) is None
+
+
+BORED = """
+title = "Bored"
+result = "cut(body, hole)"
+[[bodies]]
+name = "body"
+[bodies.solid]
+x = "{body[0]}"
+y = "{body[1]}"
+z = "{body[2]}"
+[[bodies]]
+name = "hole"
+[bodies.solid]
+x = "{x} + {r}*w*cos(2*pi*u)"
+y = "{r}*w*sin(2*pi*u)"
+z = "{low} + {high}*v"
+"""
+
+
+def through_a_bar(radius: float, hole: float) -> float:
+    """Return what a hole across a round bar takes: ∫∫ 2 sqrt(radius² - y²) over its disc."""
+    nodes, weights = leggauss(60)
+    angle = (nodes + 1) * pi / 4
+    y = hole * np.sin(angle)
+    return float(
+        pi / 4 * weights @ (4 * np.sqrt(radius**2 - y**2) * 2 * (hole * np.cos(angle)) ** 2)
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [0.05, 2000])
+def test_edges_of_a_bored_bar_are_near_their_faces_at_any_size(size: float) -> None:
+    bar = (f"{4 * size}*(u - 1/2)", f"{size}*w*cos(2*pi*v)", f"{size}*w*sin(2*pi*v)")
+    text = BORED.format(body=bar, x=0.3 * size, r=0.6 * size, low=-2 * size, high=4 * size)
+    report = pc.compile_equation(parse_template(text, "bar").bind()).report
+    assert report.solid.volume == pytest.approx(
+        4 * pi * size**3 - through_a_bar(size, 0.6 * size), rel=1e-12
+    )
+    assert len(report.curves) >= 2
+    for curve in report.curves:
+        assert curve.evidence == "bounded"
+        assert curve.surface_distance < max(1.5e-8, 1e-11 * size)
+        assert curve.deviation < max(2e-8, 1e-11 * size)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("x", [0, 30])
+def test_a_hole_round_the_pole_of_a_tank(x: float) -> None:
+    """The kernel's edges are 1e-4 off the tank's rational faces; ours are what it tolerates."""
+    tank = [
+        f"({a} + 5*w)*{f}" for a, f in (
+            (500, "cos(pi*(v - 1/2))*cos(2*pi*u)"), (300, "cos(pi*(v - 1/2))*sin(2*pi*u)"),
+            (300, "sin(pi*(v - 1/2))"),
+        )
+    ]  # fmt: skip
+    text = BORED.format(body=tank, x=x, r=40, low=100, high=400)
+    report = pc.compile_equation(parse_template(text, "tank").bind()).report
+    exact = {0: 8258664.04171075, 30: 8258654.476441897}[x]
+    assert report.solid.volume == pytest.approx(exact, rel=1e-12)
+    assert len(report.curves) >= 2
+    assert max(curve.surface_distance for curve in report.curves) < 1e-7
