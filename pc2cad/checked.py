@@ -16,13 +16,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from pc2cad.bounds.extremes import Extreme, largest_value, least_value
 from pc2cad.channels.depths import check_depth, find_depth
 from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
+from pc2cad.domain.analysis import halved as cut_in_halves
 from pc2cad.domain.fields import local_field
 from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
@@ -200,6 +201,17 @@ def check_map(
         accept(mass)
     solidity = run("solidity", lambda: check_solidity(analysis, orientation.sign, faces))
     return CheckedMap(analysis, orientation, (*limits, *depths), mass, solidity)
+
+
+def halved(checked: CheckedMap) -> CheckedMap:
+    """Return the same map with each direction in which the solid closes cut in the middle.
+
+    None of its faces comes round to itself. Where nothing closes, the map itself.
+    """
+    analysis = cut_in_halves(checked.analysis)
+    if analysis is checked.analysis:
+        return checked
+    return replace(checked, analysis=analysis, mass=integrate(analysis))
 
 
 def resolve_tolerance(checked: CheckedMap, options: CompileOptions = DEFAULTS) -> float:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from pc2cad.checked import CheckedMap, Progress, Stages, check_map
+from pc2cad.checked import CheckedMap, Progress, Stages, check_map, halved
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
 from pc2cad.errors import InputError, require
 from pc2cad.options import DEFAULTS, CompileOptions
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pc2cad.mesh.meshing import MeshOptions
     from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.volume_mesh import VolumeMesh
-    from pc2cad.part import Part
+    from pc2cad.part import Body, Part
     from pc2cad.representation.volume import VolumeModel
 
 
@@ -40,10 +40,14 @@ def compile_solid(
     returned.
     """
     if isinstance(equation, Bodies):
-        from pc2cad.csg.bodies import compile_bodies
+        from pc2cad.csg.ways import compile_bodies
+
+        def halve(body: Body) -> Body:
+            checked = halved(body.checked)
+            return body if checked is body.checked else compile_checked(checked, options).body
 
         return compile_bodies(
-            equation, lambda body, tell: compile_solid(body, options, tell).body, progress
+            equation, lambda body, tell: compile_solid(body, options, tell).body, halve, progress
         )
     from pc2cad.validation import check_thickness
 

@@ -213,8 +213,9 @@ bodies = [
   { name = "bore", solid = { x = "w*cos(2*pi*v)", y = "w*sin(2*pi*v)", z = "6*u - 3" } },
 ]"""
     bound = parse_template(text, "pipes").bind()
+    assert 0 < pc.compile_equation(bound, 1e-9).report.deviation < 1e-9
     # the kernel's own curve is 1.7e-8 off, which is within what it takes for one place
-    assert 1e-9 < pc.compile_equation(bound, 1e-9).report.deviation < 1e-7
+    monkeypatch.setattr("pc2cad.csg.bodies.with_own_edges", lambda shape, target: shape)
     monkeypatch.setattr("pc2cad.csg.bodies.KERNEL_TOLERANCE", 1e-12)
     with pytest.raises(ToleranceNotReachedError, match=r"run:w=1 / bore:w=1 is .* off its"):
         pc.compile_equation(bound, 1e-9)

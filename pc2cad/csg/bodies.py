@@ -21,16 +21,16 @@ from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
 from pc2cad.csg.contacts import check_contacts
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
-from pc2cad.csg.own_edges import with_own_edges
-from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError, named
+from pc2cad.csg.own_edges import farthest_place, with_own_edges
+from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError
 from pc2cad.export.colours import body_colour
-from pc2cad.export.model import NamedFace
+from pc2cad.export.model import ExportOptions, NamedFace
+from pc2cad.export.step import encode
 from pc2cad.part import Body, Part
 from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
 from pc2cad.templates.bodies import Bodies, Kind, Pattern, Tree
 from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import SideKey
-from pc2cad.validation import check_expectations
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Solid
@@ -54,24 +54,22 @@ class KernelTooLooseError(KernelError):
     """The kernel takes places for one that are far apart."""
 
 
+class InvalidResultError(NotASolidError):
+    """The kernel's checker finds fault with the result."""
+
+
 class VolumesDisagreeError(KernelError):
     """The volumes of two bodies, of their Boolean and of their common part do not add up."""
 
 
-def compile_bodies(
-    bodies: Bodies, compile_body: Callable[..., Body], progress: Callable[[str], None] | None = None
-) -> Part:
-    """Compile every body and join them; see `compiler.compile_equation` for what is raised.
+def join_bodies(
+    bodies: Bodies, parts: Mapping[str, Body], tell: Callable[[str], None]
+) -> tuple[Part, dict[str, float]]:
+    """Return the result of bodies that are compiled, and the seconds that it took.
 
-    `compile_body` turns an equation, and a progress to tell, into a body. Raises EmptyResultError
-    and SeveralPiecesError besides.
+    Raises EmptyResultError, SeveralPiecesError, KernelError and what else a report may.
     """
-    tell = progress or (lambda stage: None)
-    times, start, parts = {}, time.perf_counter(), {}
-    for name, equation in bodies.equations.items():
-        with named(f"body {name}"):
-            parts[name] = compile_body(equation, lambda stage, name=name: tell(f"{name}: {stage}"))
-    times["bodies"] = time.perf_counter() - start
+    times = {}
     tell("combine")
     start = time.perf_counter()
     joining = _Joining(parts)
@@ -81,15 +79,15 @@ def compile_bodies(
     start = time.perf_counter()
     edges = tuple(edges_between(joined.shape))
     report = _report(bodies, joining, joined, edges)
-    check_expectations(bodies.expectations, report)
-    times["validate"] = time.perf_counter() - start
     order = list(parts)
     faces = tuple(
         NamedFace(label(names), face, body_colour(order.index(_original(names[0].body))))
         for face, names in joined.shape.faces
     )
-    solid = joined.shape.solids[0]
-    return Part(parts, solid, faces, replace(report, times=times), edges, bodies.about)
+    part = Part(parts, joined.shape.solids[0], faces, report, edges, bodies.about)
+    encode(part.exportable(), ExportOptions())  # it has to read back as it is
+    times["validate"] = time.perf_counter() - start
+    return part, times
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,11 +275,13 @@ def _report(
     meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
     curves = tuple(prove_intersection_edges(shape, meeting, sides, size))
     loosest = max(tolerance, KERNEL_TOLERANCE)
-    for curve in curves:
+    for edge, curve in zip(meeting, curves, strict=True):
         if curve.surface_distance > loosest:
+            place = ", ".join(f"{x:.6g}" for x in farthest_place(shape, edge))
             raise ToleranceNotReachedError(
                 f"the kernel's edge {curve.name} is {curve.surface_distance:.2g} {bodies.units} "
-                f"off its faces, and the tolerance is {tolerance:.2g}; choose a larger tolerance"
+                f"off its faces near ({place}), and the tolerance is {tolerance:.2g}; move one of "
+                "the bodies a little, or choose a larger tolerance"
             )
     check_contacts(shape, edges, known, about)
     for edge, curve in zip(meeting, curves, strict=True):
@@ -361,7 +361,7 @@ def _check(findings: KernelFindings, size: float, units: str) -> None:
             "along an edge"
             if findings.free_edges else "the kernel's checker finds it invalid"
         )  # fmt: skip
-        raise NotASolidError(f"the result is no valid solid: {what}")
+        raise InvalidResultError(f"the result is no valid solid: {what}")
 
 
 def _original(name: str) -> str:

@@ -94,15 +94,26 @@ def _bodies(edge: NamedEdge, side: int) -> set[str]:
     return {name.body for name in edge.names[side]}
 
 
+def farthest_place(shape: NamedShape, edge: NamedEdge) -> Array:
+    """Return where an edge is farthest off its faces, (3,)."""
+    (function,) = edge_functions(shape, [edge], np.zeros(3))
+    points, off = _gaps(function)
+    return np.asarray(points[off.argmax()])
+
+
 def _off(edge: EdgeFunction) -> float:
+    return float(_gaps(edge)[1].max())
+
+
+def _gaps(edge: EdgeFunction) -> tuple[Array, Array]:
+    """Return places along an edge, and how far each is from the farther face."""
     t = np.linspace(*edge.span, PLACES)
     points = edge.curve.jet(t)[0]
-    largest = 0.0
+    found = []
     for trace in edge.traces:
         at = trace.path.jet(t)[0]
-        gaps = np.linalg.norm(points - trace.surface.jet(at[:, 0], at[:, 1])[0], axis=1)
-        largest = max(largest, float(gaps.max()))
-    return largest
+        found.append(np.linalg.norm(points - trace.surface.jet(at[:, 0], at[:, 1])[0], axis=1))
+    return points, np.maximum(*found)
 
 
 def _place(corner: Corner, off: float, target: float) -> _Place | None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -137,6 +137,36 @@ def derive(sides: SampledSides) -> Analysis:
         _layered(sides.equation, boundary, sides.questions),
         sides.questions.scale,
     )
+
+
+def halved(analysis: Analysis) -> Analysis:
+    """Return the same solid with each direction in which it closes cut in the middle of its pieces.
+
+    No face then comes round to itself. Where nothing closes, the analysis itself.
+    """
+    closed = {
+        _direction(side.patch)
+        for side in analysis.boundary.sides
+        if side.partner not in (None, side.patch)
+    }
+    places = tuple(
+        {(Fraction(a) + Fraction(b)) / 2 for a, b in pairwise(row)} if d in closed else set()
+        for d, row in enumerate(analysis.bounds)
+    )
+    equation, bounds = analysis.equation, analysis.bounds
+    questions = MapQuestions(analysis.map, bounds, _labels(equation, bounds))
+    whole = SampledSides(equation, analysis.map, analysis.breaks, bounds, questions)
+    sides = _cut(whole, places)
+    if sides is whole:
+        return analysis
+    boundary = derive_boundary(sides.questions, sides.questions.labels)
+    layers = _layered(equation, boundary, sides.questions)
+    return replace(analysis, bounds=sides.bounds, boundary=boundary, complex=layers)
+
+
+def _direction(patch: Cell) -> int:
+    """Return the direction across a patch of a side."""
+    return next(d for d, position in enumerate(patch) if position % 2 == 0)
 
 
 def _all_cuts(sides: SampledSides) -> tuple[set[Fraction], ...]:

@@ -217,8 +217,9 @@ def _judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) ->
         raise StepDefectError(f"an edge leaves the surface of the face {face.label} by {gap:.2g}")
     corner, best = _corner(face), None
     sign = 1.0 if face.same_sense else -1.0
-    for level in (float(np.mean(v)), *(x for x in surface.limits[1] if np.isfinite(x))):
-        moments = trimmed_moments(surface, (flow[0], flow[1]), level, origin, corner)
+    levels = [(1, float(np.mean(v))), *((1, x) for x in surface.limits[1] if np.isfinite(x))]
+    for inner in (*levels, (0, float(np.mean(u)))):
+        moments = trimmed_moments(surface, (flow[0], flow[1]), inner, origin, corner)
         moments = replace(moments, area=sign * moments.area)
         if moments.area <= 0.0:
             continue

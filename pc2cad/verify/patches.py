@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Integers
 from pc2cad.verify.curves import gauss_rule
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.edges import Edge
@@ -239,28 +239,53 @@ def _difference(one: Moments, other: Moments) -> float:
 
 
 def trimmed_moments(
-    surface: Surface, flow: tuple[Array, Array], level: float, origin: Array, corner: Array
-) -> Moments:
+    surface: Surface, flow: tuple[Array, Array], inner: tuple[int, float], origin: Array,
+    corner: Array,
+) -> Moments:  # fmt: skip
     """Return integrals over what edges run around, by Green's theorem: -∮ (∫ f dv) du.
 
-    The inner integral begins at the level. The edges' orientation counts. What closes the loops in
-    the parameter plane but is no edge of the file, a pole, has to be at the level.
+    `inner` is the parameter of the inner integral, 0 or 1, and the level that it begins at: with u
+    inside it is ∮ (∫ f du) dv. The edges' orientation counts. What closes the loops in the
+    parameter plane but is no edge of the file, a pole, has to be at the level, or run along it.
     """
+    axis, level = inner
     places, steps = flow
-    u, v = (np.asarray(part) for part in surface.locate(places))
-    if surface.periods[1] is not None:
-        v = np.unwrap(v, period=surface.periods[1])
-    _, along_u, along_v = surface.at(u, v)
-    uu, uv, vv = ((a * b).sum(axis=1) for a, b in
-                  ((along_u, along_u), (along_u, along_v), (along_v, along_v)))  # fmt: skip
-    on_u, on_v = (along_u * steps).sum(axis=1), (along_v * steps).sum(axis=1)
-    run = (vv * on_u - uv * on_v) / np.maximum(uu * vv - uv * uv, 1e-300)
-    nodes, weights = gauss_rule(np.linspace(0.0, 1.0, 5), 20)
-    inner = level + (v - level)[:, None] * nodes
-    weight = -(run * (v - level))[:, None] * weights
-    place, along_u, along_v = surface.at(np.repeat(u, len(nodes)), inner.ravel())
+    parameters = [np.asarray(part) for part in surface.locate(places)]
+    period = surface.periods[axis]
+    if period is not None:
+        parameters[axis] = np.unwrap(parameters[axis], period=period)
+    _, *along = surface.at(*parameters)
+    mine, other = along[axis], along[1 - axis]
+    square, mixed, across = ((a * b).sum(axis=1) for a, b in
+                             ((mine, mine), (mine, other), (other, other)))  # fmt: skip
+    on_mine, on_other = (mine * steps).sum(axis=1), (other * steps).sum(axis=1)
+    run = (square * on_other - mixed * on_mine) / np.maximum(square * across - mixed**2, 1e-300)
+    ends = parameters[axis]
+    at, weights, row = _inward(surface, axis, level, ends)
+    weight = (run[row] * weights if axis == 0 else -run[row] * weights).reshape(-1, 1)
+    outer = parameters[1 - axis][row]
+    place, along_u, along_v = surface.at(*((at, outer) if axis == 0 else (outer, at)))
     normal = np.cross(along_u, along_v)
-    return _moments(_sums(place, normal, weight.reshape(-1, 1), origin, corner), 1e-9)
+    return _moments(_sums(place, normal, weight, origin, corner), 1e-9)
+
+
+def _inward(
+    surface: Surface, axis: int, level: float, ends: Array
+) -> tuple[Array, Array, Integers]:
+    """Return places and weights of integrals from a level to each end, and the end's number.
+
+    None goes over a place where the surface is not smooth.
+    """
+    low, high = min(level, float(ends.min())), max(level, float(ends.max()))
+    cuts = np.unique(surface.breaks(axis, low, high)) if high > low else np.array([low, high])
+    nodes, gauss = gauss_rule(np.linspace(0.0, 1.0, 3), 20)
+    below, above = np.minimum(ends, level)[:, None], np.maximum(ends, level)[:, None]
+    first, last = np.maximum(cuts[:-1], below), np.minimum(cuts[1:], above)
+    row, span = np.nonzero(last > first)
+    first, width = first[row, span], (last - first)[row, span]
+    weights = np.where(ends[row] > level, width, -width)[:, None] * gauss
+    at = first[:, None] + width[:, None] * nodes
+    return at.ravel(), weights.ravel(), np.repeat(row, len(nodes))
 
 
 def _integrate(

@@ -284,7 +284,12 @@ class SplineSurface:
         """Return the nearest places: the nearest grid point, then Gauss-Newton in both."""
         if start is None:
             us, vs = (self._samples(axis) for axis in (0, 1))
-            first = nearest(self.grid(us, vs)[0].reshape(-1, 3), points)
+            grid = self.grid(us, vs)[0]
+            # from a pole no step leads away: there one parameter has no slope
+            size = np.ptp(grid.reshape(-1, 3), axis=0).max()
+            wide_u, wide_v = (np.ptp(grid, axis=k).max(axis=1) > CLOSED * size for k in (1, 0))
+            us, vs = us[wide_u], vs[wide_v]
+            first = nearest(grid[wide_u][:, wide_v].reshape(-1, 3), points)
             start = us[first // len(vs)], vs[first % len(vs)]
         u, v = start
         place, along_u, along_v = self.at(u, v)
