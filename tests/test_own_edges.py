@@ -147,25 +147,26 @@ def test_edges_of_a_small_bored_bar_are_near_their_faces() -> None:
 
 
 @pytest.mark.slow
-def test_a_hole_across_the_seam_of_a_tank(tmp_path: Path) -> None:
-    """As it is built the kernel reads back the plug; with the tank in halves all readers agree."""
-    tank = [
-        f"({a} + 5*w)*{f}" for a, f in (
-            (500, "cos(pi*(v - 1/2))*cos(2*pi*u)"), (300, "cos(pi*(v - 1/2))*sin(2*pi*u)"),
-            (300, "sin(pi*(v - 1/2))"),
-        )
-    ]  # fmt: skip
-    text = BORED.format(body=tank, x=100, r=40, low=100, high=400)
-    part = pc.compile_equation(parse_template(text, "tank").bind())
-    part.write(tmp_path / "tank.step")
-    found = pc.receipt(tmp_path / "tank.step")
+def test_a_hole_across_the_seam_of_an_ellipsoid(tmp_path: Path) -> None:
+    """As it is built the kernel reads back another solid; in halves all readers agree."""
+    body = (
+        "500*w*cos(pi*(v - 1/2))*cos(2*pi*u)", "300*w*cos(pi*(v - 1/2))*sin(2*pi*u)",
+        "300*w*sin(pi*(v - 1/2))",
+    )  # fmt: skip
+    text = BORED.format(body=body, x=100, r=40, low=100, high=400)
+    part = pc.compile_equation(parse_template(text, "ellipsoid").bind())
+    part.write(tmp_path / "ellipsoid.step")
+    found = pc.receipt(tmp_path / "ellipsoid.step")
     assert found["sound"]
-    exact = 8258550.923916499
+    nodes, weights = leggauss(30)
+    r, turn = 20 * (nodes + 1), np.arange(60) * (pi / 30)
+    x, y = 100 + r[:, None] * np.cos(turn), r[:, None] * np.sin(turn)
+    depth = (300 * np.sqrt(1 - (x / 500) ** 2 - (y / 300) ** 2) - 100).mean(axis=1)
+    exact = 4 / 3 * pi * 500 * 300**2 - 2 * pi * (20 * weights * r) @ depth
     assert part.volume == pytest.approx(exact, rel=1e-12)
     assert found["solids"][0]["volume"] == pytest.approx(exact, rel=1e-12)
     report = part.report
-    assert len(report.faces) == 6
     assert len(report.curves) >= 2
     assert max(curve.surface_distance for curve in report.curves) < 1e-7
     (way,) = (text for text in report.warnings if "in halves" in text)
-    assert "reads back with the volume 25305" in way
+    assert "reads back" in way
