@@ -83,11 +83,6 @@ def test_roots_of_polynomials_keep_exact_faces(name):
     assert pc.compile_part(ROOTS[name][0]).report.evidence == "exact"
 
 
-def test_a_root_inside_is_refused_with_the_true_reason():
-    with pytest.raises(ToleranceNotReachedError, match="kink"):
-        pc.compile_part((U, V, W * (1 + pc.sqrt(abs(U - THIRD)))))
-
-
 @pytest.mark.slow
 def test_a_root_at_a_corner_is_built_with_knots_towards_it():
     report = pc.compile_part((U, V, W * (1 + (1 + U) * pc.sqrt(U + V)))).report

@@ -7,11 +7,12 @@ parameter is evaluated once per value of that parameter.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from math import ceil, comb
+from itertools import pairwise, product
+from math import ceil, comb, prod
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,12 +24,14 @@ from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.end_roots import take_out_ends
 from pc2cad.expression.end_zeros import take_out_zeros
 from pc2cad.expression.evaluation import Program
+from pc2cad.expression.inner_roots import inner_roots
 from pc2cad.expression.kinks import take_kinks_apart
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.ranges import take_chosen_ranges, take_ranges
 from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.sign_changes import in_pieces
 from pc2cad.expression.simplification import simplified
-from pc2cad.expression.tree import Expr, number, substitute, symbol
+from pc2cad.expression.tree import ONE, ZERO, Expr, number, substitute, symbol
 
 #: distances from a limit at which speeds are compared
 _NEAR, _NEARER = 1e-6, 1e-9
@@ -36,6 +39,8 @@ _NEAR, _NEARER = 1e-6, 1e-9
 _BLUNT = 1e-4, 1e-5
 #: a speed below this share of the largest one nearby is rounding
 _NOISE = 1e-9
+#: parts of the box that are looked at where roots vanish inside
+_MOST_PARTS = 64
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,8 @@ class Mapping3:
     coordinates: tuple[Expr, Expr, Expr]
     #: the equation's own u, v and w as trees of the local ones
     parameters: tuple[Expr, Expr, Expr]
+    #: where parts of it meet, per direction, ascending in ]0, 1[
+    joints: tuple[tuple[Fraction, ...], ...] = ((), (), ())
     _programs: dict[tuple[str, ...], Program] = field(
         default_factory=dict, compare=False, repr=False
     )
@@ -124,37 +131,119 @@ class Mapping3:
         return self.coordinates if key == "M" else self.derivatives[PARAMETERS.index(key)]
 
 
+#: a part of the box: its number along u, v and w
+_Cell = tuple[int, int, int]
+
+
 def local_map(equation: PointEquation) -> Mapping3:
-    """Return M over the unit box, without infinite speeds at its sides.
+    """Return M over the unit box, without infinite speeds at its sides or inside.
 
     Where a derivative is infinite at a limit of its parameter (a root that ends there, an arc sine
     that reaches 1), no spline in that parameter would converge: the direction gets a parameter of
     which the old one is a power near that end. The solid is the same, and all faces along the
-    direction change alike.
+    direction change alike. Where something below a root vanishes inside, at a value of one
+    parameter, M is taken in parts, whose limits are ends: a crease lies there.
     """
-    u, v, w = (
-        low + (high - low) * symbol(name)
-        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-    )
-    first = mapping = _mapping(equation.coordinates, (u, v, w), (u, v, w))
-    source: tuple[Expr, ...] = equation.coordinates
-    shown: tuple[Expr, ...] = (u, v, w)
-    without = take_out_zeros(mapping.coordinates)
-    if without != mapping.coordinates:
-        # from here on all is a function of the local parameters
-        x, y, z = source = without
-        shown = (symbol("u"), symbol("v"), symbol("w"))
-        first = mapping = Mapping3((x, y, z), (u, v, w))
+    whole = _Part.of(equation, ((ZERO, ONE),) * 3)
+    places = inner_roots(whole.mapping.coordinates)
+    if not any(places) or prod(len(row) + 1 for row in places) > _MOST_PARTS:
+        return _slowed({(0, 0, 0): whole})[0, 0, 0]
+    spans = [list(pairwise((ZERO, *map(number, row), ONE))) for row in places]
+    parts = {}
+    for cell in product(*(range(len(row)) for row in spans)):
+        i, j, k = cell
+        parts[i, j, k] = _Part.of(equation, (spans[0][i], spans[1][j], spans[2][k]))
+    return _joined(_slowed(parts), places)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """M over a part of the box, in parameters that run from 0 to 1 there."""
+
+    #: trees of M, and what their parameters are of the part's own
+    source: tuple[Expr, ...]
+    shown: tuple[Expr, ...]
+    mapping: Mapping3
+
+    @classmethod
+    def of(cls, equation: PointEquation, spans: Sequence[tuple[Expr, Expr]]) -> _Part:
+        """Return M between some shares (0 to 1) of the way along u, v and w, zeros taken out."""
+        u, v, w = (
+            low + (high - low) * (start + (end - start) * symbol(name))
+            for name, (low, high), (start, end) in zip(
+                PARAMETERS, equation.domain, spans, strict=True
+            )
+        )
+        mapping = _mapping(equation.coordinates, (u, v, w), (u, v, w))
+        without = take_out_zeros(mapping.coordinates)
+        if without == mapping.coordinates and all(span == (ZERO, ONE) for span in spans):
+            return cls(equation.coordinates, (u, v, w), mapping)
+        # from here on all is a function of the local parameters, in which signs are known
+        x, y, z = without
+        own = (symbol("u"), symbol("v"), symbol("w"))
+        return cls(without, own, Mapping3((x, y, z), (u, v, w)))
+
+    def changed(self, changes: dict[str, Expr]) -> _Part:
+        """Return the part with functions of other parameters put for some."""
+        u, v, w = substitute(self.mapping.parameters, changes)
+        shown = substitute(self.shown, changes)
+        return _Part(self.source, shown, _mapping(self.source, shown, (u, v, w)))
+
+
+def _slowed(parts: dict[_Cell, _Part]) -> dict[_Cell, Mapping3]:
+    """Return M over the parts without infinite speeds at their sides, where that can be had.
+
+    Parts that follow one another across a direction change their parameters along it alike.
+    """
+    first = {cell: part.mapping for cell, part in parts.items()}
     for _ in range(3):
-        slower = {
-            PARAMETERS[d]: change for d in range(3) if (change := _slower(mapping, d)) is not None
+        found = _changes(parts)
+        if not found:
+            return {cell: part.mapping for cell, part in parts.items()}
+        parts = {
+            cell: part.changed(
+                {PARAMETERS[d]: found[d, k] for d, k in enumerate(cell) if (d, k) in found}
+            )
+            for cell, part in parts.items()
         }
-        if not slower:
-            return mapping
-        u, v, w = substitute(mapping.parameters, slower)
-        shown = substitute(shown, slower)
-        mapping = _mapping(source, shown, (u, v, w))
-    return mapping if all(_slower(mapping, d) is None for d in range(3)) else first
+    return first if _changes(parts) else {cell: part.mapping for cell, part in parts.items()}
+
+
+def _changes(parts: dict[_Cell, _Part]) -> dict[tuple[int, int], Expr]:
+    """Return by direction, and number along it, what to put for a parameter."""
+    found = {}
+    for d, k in sorted({(d, k) for cell in parts for d, k in enumerate(cell)}):
+        row = [part.mapping for cell, part in parts.items() if cell[d] == k]
+        start, end = (max(_root(mapping, d, limit) for mapping in row) for limit in (0, 1))
+        if max(start, end) > 1:
+            found[d, k] = _slower(symbol(PARAMETERS[d]), start, end)
+    return found
+
+
+def _joined(parts: dict[_Cell, Mapping3], places: Sequence[tuple[Fraction, ...]]) -> Mapping3:
+    """Return one map of parts that end at some places of u, v and w."""
+    trees: dict[_Cell, tuple[Expr, ...]] = {
+        cell: (*m.coordinates, *m.parameters) for cell, m in parts.items()
+    }
+    # the places of breaks are kept as floats, and read as these everywhere
+    joints = tuple(tuple(number(float(x)).payload for x in row) for row in places)
+    for d in range(3):
+        spans = list(pairwise((Fraction(0), *joints[d], Fraction(1))))
+        own = [(symbol(PARAMETERS[d]) - low) / (high - low) for low, high in spans]
+        rows: dict[_Cell, list[tuple[Expr, ...]]] = {}
+        for cell in sorted(trees):
+            i, j, k = (0 if axis == d else n for axis, n in enumerate(cell))
+            rows.setdefault((i, j, k), []).append(
+                substitute(trees[cell], {PARAMETERS[d]: own[cell[d]]})
+            )
+        trees = {
+            cell: tuple(
+                in_pieces(PARAMETERS[d], joints[d], column, 0) for column in zip(*row, strict=True)
+            )
+            for cell, row in rows.items()
+        }
+    x, y, z, u, v, w = trees[0, 0, 0]
+    return Mapping3((x, y, z), (u, v, w), joints)
 
 
 def _mapping(
@@ -168,12 +257,8 @@ def _mapping(
     return Mapping3((x, y, z), parameters)
 
 
-def _slower(mapping: Mapping3, direction: int) -> Expr | None:
-    """Return a parameter that starts (or ends) slowly where the speed is infinite, or None."""
-    start, end = (_root(mapping, direction, limit) for limit in (0, 1))
-    if start == end == 1:
-        return None
-    t = symbol(PARAMETERS[direction])
+def _slower(t: Expr, start: int, end: int) -> Expr:
+    """Return a parameter that starts like t^start and ends like (1-t)^end."""
     # the integral of s^(start-1) (1-s)^(end-1), made to end at 1
     total = sum(((-1) ** k * _term(start, end, k) for k in range(end)), start=Fraction(0))
     change: Expr = number(0)

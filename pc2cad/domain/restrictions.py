@@ -17,6 +17,7 @@ from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.expression.breaks import Break, resolve_pieces
+from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.simplification import cancel
 from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
@@ -116,8 +117,10 @@ class RestrictedMap:
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
         trees, single = _in_piece(self.analysis.map.coordinates, tuple(spans))
         restricted = substitute(trees, limits)
-        # what one piece alone makes of a root or a quotient could not be seen before
-        return (cancel(restricted) if single else restricted), names
+        # what one piece alone makes of a root or a quotient could not be seen before, nor what a
+        # side makes of a root
+        root = any(node.op == "sqrt" and node.symbols for node in walk(restricted))
+        return (cancel(restricted) if single or root else restricted), names
 
     @cached_property
     def form(self) -> Separation | None:
@@ -164,7 +167,7 @@ def _in_piece(
         for name, (low, high) in zip(PARAMETERS, spans, strict=True)
     }
     whole = substitute(alone, local)
-    trees = resolve_pieces(whole)
+    trees = cancel_terms(resolve_pieces(whole))
     return trees, alone != coordinates or trees != whole
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from pc2cad.expression.normal_form import NormalForm, normal_form
+from pc2cad.expression.sign_changes import sign_changes
 from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol, walk
 
 #: the operations that polynomials are made of: others are not worked out to see them cancel
@@ -38,12 +39,26 @@ def root_exponent(node: Expr) -> Fraction | None:
     return exponent if exponent.denominator > 1 and exponent > 0 and node.symbols else None
 
 
+def of_one_sign(node: Expr) -> Expr:
+    """Return an absolute value without it where its argument changes its sign nowhere.
+
+    What is returned may be less than 0 by rounding, where the argument vanishes.
+    """
+    if node.op != "abs" or len(node.symbols) != 1:
+        return node
+    changes = sign_changes(node.args[0])
+    if changes is None or changes.places:
+        return node
+    return node.args[0] if changes.signs == (1,) else -node.args[0]
+
+
 def _factored(node: Expr) -> Expr:
     """Return a root with whole powers taken out."""
     exponent = root_exponent(node)
     if exponent is None:
         return node
-    form = _polynomial(node.args[0])
+    below = rewrite(node.args, "abs", of_one_sign)[0]
+    form = _polynomial(below)
     if form is None:
         return node
     step, outside = exponent.denominator, ONE
@@ -60,7 +75,7 @@ def _factored(node: Expr) -> Expr:
             coefficients = shorter
             outside = outside * (1 - t) ** exponent.numerator
         form = {((t, k),) if k else (): c for k, c in enumerate(coefficients) if c}
-    if outside is ONE:
+    if outside is ONE and below is node.args[0]:
         return node
     inside = _tree(form)
     if inside is ONE:

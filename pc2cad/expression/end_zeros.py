@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import isfinite
 
 import numpy as np
 
 from pc2cad.expression.derivatives import derivatives
-from pc2cad.expression.end_roots import POLYNOMIAL, root_exponent
+from pc2cad.expression.end_roots import POLYNOMIAL, of_one_sign, root_exponent
 from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.power_series import series_at_zero
 from pc2cad.expression.scalar import evaluate
@@ -39,6 +40,8 @@ from pc2cad.expression.tree import (
 _COUNT, _REACHES, _HIGHEST = 26, (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), 6
 #: what a series may leave, relative to the function
 _ROUNDING = 2.0**-54
+#: how far a simple zero may be from the end, of a parameter of length 1
+_ULPS = 2.0**-50
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,12 @@ def take_out_zeros(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 
 def _without_zeros(node: Expr) -> Expr:
     exponent = root_exponent(node)
-    if exponent is None:
+    # of polynomials they are taken out by algebra
+    if exponent is None or {n.op for n in walk(node.args[:1])} <= POLYNOMIAL | {"abs"}:
         return node
     outside, inside = ONE, ONE
     for factor, times in _factors(node.args[0]):
-        parts = _parted(factor) if times > 0 else None
+        parts = _parted(of_one_sign(factor)) if times > 0 else None
         if parts is None:
             inside = inside * power(factor, number(times))
             continue
@@ -103,7 +107,7 @@ def _factors(tree: Expr) -> list[tuple[Expr, Fraction]]:
 
 def _parted(tree: Expr) -> tuple[tuple[Expr, int], tuple[Expr, int], Expr] | None:
     """Return t and 1-t with the orders of zeros at 0 and 1, and what is left; None without any."""
-    if len(tree.symbols) != 1 or {node.op for node in walk((tree,))} <= POLYNOMIAL:
+    if len(tree.symbols) != 1:
         return None
     (name,) = tree.symbols
     t = symbol(name)
@@ -149,6 +153,19 @@ def _vanishes(tree: Expr, name: str) -> bool:
     return is_identically_zero(value)
 
 
+def _vanishes_beside(tree: Expr, name: str) -> bool:
+    """Say whether a function has a simple zero so near to 0 that rounding may have moved it.
+
+    The end is where the zero is, then: what is made of M is the same.
+    """
+    slopes = derivatives((tree,), name)
+    try:
+        value, slope = (evaluate(t, {name: 0.0}) for t in (tree, *slopes))
+    except ValueDomainError:
+        return False
+    return isfinite(slope) and abs(value) <= _ULPS * abs(slope)
+
+
 def _zero(tree: Expr, name: str) -> _Zero | None:
     """Return the zero of a function at 0, None where it has none that is known."""
     order = 0
@@ -156,6 +173,8 @@ def _zero(tree: Expr, name: str) -> _Zero | None:
     while order <= _HIGHEST and _vanishes(slopes[0], name):
         slopes = derivatives(tuple(slopes), name)
         order += 1
+    if order == 0 and _vanishes_beside(tree, name):
+        order = 1
     if not 0 < order <= _HIGHEST:
         return None
     series = series_at_zero(tree, name, _COUNT, _REACHES)

@@ -51,6 +51,12 @@ def _record(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
     elif node.op == "mul" and node.args[0].op == "number":
         factor: Fraction = node.args[0].payload
         terms[node] = {a: factor * c for a, c in _terms_of(node.args[1], terms).items()}
+        if len(terms[node]) == 1 and node.args[1].op == "mul":
+            # a number times a multiple is one multiple
+            ((atom, coefficient),) = terms[node].items()
+            multiple = number(coefficient) * atom
+            terms[multiple] = terms[node]
+            node = multiple
     else:
         terms[node] = {node: Fraction(1)}
     return node

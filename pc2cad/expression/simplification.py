@@ -19,6 +19,7 @@ from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, q
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
 from pc2cad.expression.scalar import evaluate, evaluate_all
 from pc2cad.expression.separable_sums import product_of, products
+from pc2cad.expression.sign_changes import sign_changes
 from pc2cad.expression.tree import (
     ONE,
     ZERO,
@@ -267,11 +268,20 @@ def _root_of_square(form: NormalForm) -> Expr | None:
         root = _completed(square, half, content, order, write)
         if root is None:
             continue
-        low, high = _bounds(root)
-        if low > 0 or high < 0:
-            tree = tree_of(root)
-            return call("sqrt", number(content)) * (tree if low > 0 else -tree)
+        sign = _sign(root)
+        if sign:
+            return call("sqrt", number(content)) * (sign * tree_of(root))
     return None
+
+
+def _sign(form: NormalForm) -> int:
+    """Return 1 or -1 for a polynomial that is proved to have one sign inside the box, else 0."""
+    low, high = _bounds(form)
+    if low > 0 or high < 0:
+        return 1 if low > 0 else -1
+    tree = tree_of(form)
+    changes = sign_changes(tree) if len(tree.symbols) == 1 else None
+    return changes.signs[0] if changes is not None and not changes.places else 0
 
 
 def _completed(

@@ -19,16 +19,26 @@ MOST_PIECES = 512
 NARROWEST = 1e-9
 
 
-def path(values: Callable[[Array], Array], breaks: Array, scale: Array) -> PCurve:
+def path(
+    values: Callable[[Array], Array],
+    breaks: Array,
+    scale: Array,
+    weights: Callable[[Array], Array] | None = None,
+) -> PCurve:
     """Return the curve with these values (n,) -> (n, 2) over [0, 1].
 
     `breaks` are ascending places with both ends where the function may have a kink; `scale` (2,)
-    is the size of the values. Raises ToleranceNotReachedError where splines do not converge.
+    is the size of the values, `weights` (n,) -> (n, 2) what their differences count. Raises
+    ToleranceNotReachedError where splines do not converge.
     """
+
+    def worth(at: Array) -> Array:
+        return (1.0 if weights is None else weights(at)) / scale
+
     probe = np.linspace(0.0, 1.0, 33)
     ends = values(np.array([0.0, 1.0]))
     straight = ends[0] + probe[:, None] * (ends[1] - ends[0])
-    if (np.abs(values(probe) - straight) / scale).max() <= ROUNDING:
+    if (np.abs(values(probe) - straight) * worth(probe)).max() <= ROUNDING:
         (a, b), (c, d) = ends.tolist()
         return Segment((a, b), (c, d))
     points = np.asarray(breaks, dtype=float)
@@ -38,7 +48,7 @@ def path(values: Callable[[Array], Array], breaks: Array, scale: Array) -> PCurv
         space = PiecewiseSpace(DEGREE, points)
         poles = space.fit(values(space.sites))
         places = (points[:-1, None] + np.diff(points)[:, None] * shares).ravel()
-        gap = (np.abs(space.basis(places) @ poles - values(places)) / scale).max(axis=1)
+        gap = (np.abs(space.basis(places) @ poles - values(places)) * worth(places)).max(axis=1)
         worst = gap.reshape(len(points) - 1, -1).max(axis=1)
         # one more halving, where that still helps
         enough = 2 * ROUNDING if worst.max() < before / 4 else 20 * ROUNDING

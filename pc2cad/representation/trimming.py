@@ -70,16 +70,21 @@ def sides_of_fitted(
             continue
         if np.abs(np.subtract(ends_of(first), ends_of(second))).max() < 1.0:
             sides[i] = sides[j] = None
-    for side, use in enumerate(uses):
-        if use.edge is None and fitted.is_pole(vertices[use.vertex]):
-            sides[side] = _round_pole(sides, uses, side)
+    poles = [use.edge is None and fitted.is_pole(vertices[use.vertex]) for use in uses]
+    for side, pole in enumerate(poles):
+        # sides that are one pole after the other are run through as one
+        if pole and not poles[side - 1]:
+            sides[side] = _round_pole(sides, uses, poles, side)
     return tuple(sides)
 
 
-def _round_pole(sides: Sequence[PCurve | None], uses: Sequence[EdgeUse], side: int) -> Segment:
+def _round_pole(
+    sides: Sequence[PCurve | None], uses: Sequence[EdgeUse], poles: Sequence[bool], side: int
+) -> Segment:
     """Return a side that is a pole, from the end of the side before it to the next one's start."""
+    after = next(k % 4 for k in range(side + 1, side + 4) if not poles[k % 4])
     places = []
-    for neighbour, at_end in (((side - 1) % 4, True), ((side + 1) % 4, False)):
+    for neighbour, at_end in (((side - 1) % 4, True), (after, False)):
         curve = sides[neighbour]
         assert curve is not None
         places.append(ends_of(curve)[int(at_end == uses[neighbour].forward)])

@@ -131,6 +131,8 @@ class _Boundary:
             gap = point - here
             if np.linalg.norm(gap) <= self.analysis.scale.same_point:
                 return place if (place >= 0).all() and (place <= 1).all() else None
+            if not np.isfinite(ways).all():
+                return None  # it is a root's limit: no way leads on from there
             place = place + np.linalg.lstsq(np.stack(ways, axis=-1), gap, rcond=None)[0]
             if not (np.abs(place - start) < _REACH).all():
                 return None

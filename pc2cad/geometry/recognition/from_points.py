@@ -51,6 +51,9 @@ ON_AXIS = 1e-9
 SAME = 1e-12
 #: angles of two neighbours on the grid do not differ by more
 LONGEST_STEP = 2.0
+#: places beside the end of a curve, and weights of their steps from there that give its tangent
+_STEPS: Array = np.asarray(0.004 * np.arange(1, 8))
+_ONE_SIDED = np.linalg.solve(_STEPS[None, :] ** np.arange(1, 8)[:, None], np.eye(7)[0])
 #: directions that a sphere's axis may have: along coordinates, or where no such axis will do
 _AXES = np.array([
     *np.eye(3), *(np.array(v) / np.linalg.norm(v) for v in product((-1, 0, 1), repeat=3) if any(v))
@@ -100,16 +103,42 @@ class Fitted:
                 column = np.unwrap(table[known, k])
                 shift = near[here // 2, k] - column[np.searchsorted(known, here)]
                 table[:, k] = np.interp(x, x[known], column + TURN * np.round(shift / TURN))
+        ends = self._beyond_poles(curve)
         found = path(
-            lambda y: self._continued(curve(y), y, x, table),
+            lambda y: self._continued(curve(y), y, x, table, ends),
             np.array([0.0, 1.0]) if breaks is None else breaks, self._scale(points),
+            lambda y: self._weights(curve(y)),
         )  # fmt: skip
         return self._tidied(found)
 
-    def _continued(self, points: Array, y: Array, x: Array, table: Array) -> Array:
+    def _weights(self, points: Array) -> Array:
+        """Return what a step of the surface's parameters is worth: of angles, less near a pole."""
+        away = np.minimum(1.0, distance_from_axis(self.carrier, points) / self.size)
+        return np.stack([away, np.ones(len(points))], axis=-1)
+
+    def _beyond_poles(self, curve: Curve) -> Array:
+        """Return points (2, 3) that stand for the ends of a curve where these are poles.
+
+        A curve comes to a pole at the angle of its tangent there; elsewhere they are its own ends.
+        """
+        ends = curve(np.array([0.0, 1.0]))
+        for k, at in enumerate((_STEPS, 1.0 - _STEPS)):
+            if self.is_pole(ends[k]):
+                along = np.asarray(_ONE_SIDED @ (curve(np.asarray(at)) - ends[k]))
+                length = float(np.linalg.norm(along))
+                beside = ends[k] + along * (self.size / length) if length else ends[k]
+                ends[k] = beside
+        return ends
+
+    def _continued(self, points: Array, y: Array, x: Array, table: Array, ends: Array) -> Array:
         """Return the parameters of points of a curve, on the turn of its table."""
         raw = places(self.carrier, points)
         on_axis = distance_from_axis(self.carrier, points) <= ON_AXIS * self.size
+        for k, place in enumerate((0.0, 1.0)):
+            here = on_axis & (np.abs(y - place) <= _STEPS[0])
+            if here.any() and not self.is_pole(ends[k]):
+                raw[here, 0] = places(self.carrier, ends[k : k + 1])[0, 0]
+                on_axis &= ~here
         for k, closes in enumerate(periods(self.carrier)):
             if closes:
                 near = np.interp(y, x, table[:, k])
