@@ -124,6 +124,9 @@ def test_a_tolerance_that_closes_a_gap_is_refused_with_one_that_does_not(gap):
     text = str(caught.value)
     assert "u = 1, " in text
     assert "u = 0, " in text
+    deep = float(re.search(r"meet, ([\d.e-]+) mm deep or more, at", text)[1])
+    both = float(re.search(r"by up to ([\d.e-]+) mm together", text)[1])
+    assert 0 < deep < both
     asked = float(re.search(r"a tolerance of ([\d.e-]+) mm would", text)[1])
     assert 0 < asked < 0.05
     assert embedding(ring(gap), asked).proved

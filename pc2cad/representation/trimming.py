@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     CurveCarrier,
     PCurve,
@@ -54,8 +55,10 @@ def sides_of_fitted(
     """Return the four sides of a face in its surface's parameters, along the edges' directions.
 
     There is none for a side that is a point where the surface has no pole, and for an edge that the
-    face has on both sides where the surface has no seam.
+    face has on both sides where the surface has no seam. Raises ToleranceNotReachedError for a side
+    that is no smooth curve there.
     """
+    poles = [use.edge is None and fitted.is_pole(vertices[use.vertex]) for use in uses]
     sides: list[PCurve | None] = []
     for side, use in enumerate(uses):
         carrier = None if use.edge is None else edges[use.edge].carrier
@@ -70,7 +73,9 @@ def sides_of_fitted(
             continue
         if np.abs(np.subtract(ends_of(first), ends_of(second))).max() < 1.0:
             sides[i] = sides[j] = None
-    poles = [use.edge is None and fitted.is_pole(vertices[use.vertex]) for use in uses]
+        elif any(poles) and isinstance(first, SplinePath):
+            # programs that read the file take the face by another seam
+            raise ToleranceNotReachedError("a seam winds about a pole of the surface it is on")
     for side, pole in enumerate(poles):
         # sides that are one pole after the other are run through as one
         if pole and not poles[side - 1]:

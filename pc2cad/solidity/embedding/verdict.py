@@ -17,6 +17,7 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.sheets import Sheet
+from pc2cad.solidity.embedding.crossing import crossing_depth
 from pc2cad.solidity.embedding.proof import TOUCHING, Meeting, Outcome, prove
 from pc2cad.solidity.injectivity import OverlappingMapError
 from pc2cad.solidity.nearest_places import descended
@@ -149,12 +150,17 @@ def _refuse(
             "shorter domain would part them"
         )
     units = analysis.equation.units
-    told = f"are {gap:.2g} {units} apart" if distinct else "are joined at an edge"
+    told, deep = "are joined at an edge", ""
+    if distinct:
+        told = f"are {gap:.2g} {units} apart"
+        one, other = (f.at(*map(np.array, place)) for f, place in both)
+        depth = crossing_depth(sheets, meeting, one - other)
+        deep = f", {depth:.2g} {units} deep or more," if depth > 0 else ""
     enough = gap / 4 if distinct else max(deviations) / 10
     raise BuiltFacesMeetError(
         f"the faces {first.name} and {second.name}, which deviate from the equation by up to "
-        f"{reach:.2g} {units} together, meet at ({where}), where the equation's {told} ({shown[0]} "
-        f"and {shown[1]}): a tolerance of {enough:.1g} {units} would keep them apart"
+        f"{reach:.2g} {units} together, meet{deep} at ({where}), where the equation's {told} "
+        f"({shown[0]} and {shown[1]}): a tolerance of {enough:.1g} {units} would keep them apart"
     )
 
 
