@@ -19,7 +19,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.cusps import with_cusps
+from pc2cad.domain.cusps import with_cusps, with_joints
 from pc2cad.domain.map import Mapping3, local_map, open_grid
 from pc2cad.domain.splits import folds, shifts
 from pc2cad.equation.point_equation import LayersError, PointEquation
@@ -103,27 +103,13 @@ def analyse(equation: PointEquation) -> Analysis:
 def sample_sides(equation: PointEquation) -> SampledSides:
     """Return the map over the unit box, looked at on its sides; raise MapNotFiniteError."""
     mapping = local_map(equation)
-    breaks = with_cusps(_with_joints(find_breaks(mapping.coordinates), mapping), mapping)
+    breaks = with_cusps(with_joints(find_breaks(mapping.coordinates), mapping), mapping)
     bounds = tuple(
         (0.0, *(b.position for b in row if b.smoothness == 0 and 0 < b.position < 1), 1.0)
         for row in breaks
     )
     questions = MapQuestions(mapping, bounds, _labels(equation, bounds))
     return SampledSides(equation, mapping, breaks, bounds, questions)
-
-
-def _with_joints(
-    breaks: tuple[tuple[Break, ...], ...], mapping: Mapping3
-) -> tuple[tuple[Break, ...], ...]:
-    """Return the breaks of u, v and w with those where parts of the map meet."""
-    rows = []
-    for row, places in zip(breaks, mapping.joints, strict=True):
-        found = {b.position: b for b in row}
-        for place in map(float, places):
-            same = next((p for p in found if abs(p - place) < SAME_POSITION), place)
-            found[same] = Break(same, 0)
-        rows.append(tuple(found[p] for p in sorted(found)))
-    return tuple(rows)
 
 
 def derive(sides: SampledSides) -> Analysis:

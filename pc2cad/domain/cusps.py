@@ -32,6 +32,20 @@ _BESIDE = (1e-3, 1e-5)
 _NONE = 1e-9
 
 
+def with_joints(
+    breaks: tuple[tuple[Break, ...], ...], mapping: Mapping3
+) -> tuple[tuple[Break, ...], ...]:
+    """Return the breaks of u, v and w with those where parts of the map meet."""
+    rows = []
+    for row, places in zip(breaks, mapping.joints, strict=True):
+        found = {b.position: b for b in row}
+        for place in map(float, places):
+            same = next((p for p in found if abs(p - place) < SAME_POSITION), place)
+            found[same] = Break(same, 0)
+        rows.append(tuple(found[p] for p in sorted(found)))
+    return tuple(rows)
+
+
 def with_cusps(
     breaks: tuple[tuple[Break, ...], ...], mapping: Mapping3
 ) -> tuple[tuple[Break, ...], ...]:
