@@ -1,12 +1,13 @@
 """Build every shipped template with the pc2cad that is installed.
 
-    python packaged.py OUT.json [--verify] [--as OTHER.json]
+    python packaged.py build OUT.json [--verify]
+    python packaged.py compare OUT.json OTHER.json
 
 Run outside the checkout by `.ci/run`, for each Python and each kernel. Each template's own [expect]
 is held, each STEP file is read back by the kernel, and volumes are written as JSON. `--verify`
 holds every STEP file against its equation, without the kernel that wrote it, as ``pc2cad verify``
-does. `--as` compares with the volumes of another run: equal to 1e-12, or to the tolerance where
-edges that the kernel has found between bodies bound a face.
+does. `compare` holds the volumes of two runs against each other: equal to 1e-12, or to the
+tolerance where edges that the kernel has found between bodies bound a face.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from pc2cad.verify.gate import require_verified
 OWN_EDGES = 1e-8
 
 
-def main(out: Path, verify: bool, other: Path | None) -> int:
-    """Build all templates; return how many differ from the volumes of `other`."""
+def build(out: Path, verify: bool) -> None:
+    """Build all templates and write their volumes."""
     package = Path(pc.__file__).parent
     if package == Path(__file__).parents[1] / "pc2cad":
         raise SystemExit(f"{package} is the checkout, not an installed package")
@@ -51,23 +52,33 @@ def main(out: Path, verify: bool, other: Path | None) -> int:
     if verify:
         told = ", ".join(f"{count} {word}" for word, count in faces.items())
         print(f"all STEP files verified: faces {told}; {judged:.0f} s of CPU")  # noqa: T201
-    if other is None:
-        return 0
-    known = json.loads(other.read_text())
-    allowed = {name: OWN_EDGES if name in bodies_paths() else 1e-12 for name in paths}
+
+
+def compare(out: Path, other: Path) -> int:
+    """Return how many templates differ in volume between two runs."""
+    volumes, known = json.loads(out.read_text()), json.loads(other.read_text())
+    allowed = {name: OWN_EDGES if name in bodies_paths() else 1e-12 for name in volumes}
     wrong = {
-        name: (volume, known[name])
+        name: (volume, known.get(name))
         for name, volume in volumes.items()
-        if abs(volume - known[name]) > allowed[name] * abs(known[name])
+        if abs(volume - known.get(name, 0.0)) > allowed[name] * abs(volume)
     }
     for name, pair in wrong.items():
         print(f"{name}: {pair[0]!r} and {pair[1]!r}")  # noqa: T201
+    print(f"{len(volumes)} volumes compared, {len(wrong)} differ")  # noqa: T201
     return len(wrong) + len(known.keys() ^ volumes.keys())
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--verify", action="store_true")
-    parser.add_argument("--as", dest="other", type=Path)
-    sys.exit(min(1, main(**vars(parser.parse_args()))))
+    verbs = parser.add_subparsers(required=True)
+    verb = verbs.add_parser("build")
+    verb.add_argument("out", type=Path)
+    verb.add_argument("--verify", action="store_true")
+    verb.set_defaults(run=build)
+    verb = verbs.add_parser("compare")
+    verb.add_argument("out", type=Path)
+    verb.add_argument("other", type=Path)
+    verb.set_defaults(run=compare)
+    arguments = vars(parser.parse_args())
+    sys.exit(min(1, arguments.pop("run")(**arguments) or 0))
