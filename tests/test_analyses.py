@@ -21,6 +21,8 @@ pytestmark = pytest.mark.interop
 needs_ccx = pytest.mark.skipif(
     shutil.which("ccx") is None, reason="CalculiX is not installed (apt-get install calculix-ccx)"
 )
+#: cells in the edge of a cube of the same volume, where three are too few for the bends
+FINENESS = {"gerotor": 6}
 #: all types of element, a gluing with a turn, a wall
 QUICK = {"half_ball", "turned_ring", "hollow_cylinder", "pyramid_cut"}
 
@@ -36,7 +38,7 @@ QUICK = {"half_ball", "turned_ring", "hollow_cylinder", "pyramid_cut"}
 )
 def test_a_free_part_expands_without_stress(path: Path) -> None:
     equation = read_template(path).bind({})
-    size = mesh_equation(equation)[1].equation_volume ** (1 / 3) / 3
+    size = mesh_equation(equation)[1].equation_volume ** (1 / 3) / FINENESS.get(path.stem, 3)
     mesh, _ = mesh_equation(equation, MeshOptions(size=size, order=2))
     displacement, stress = analyses.thermal_expansion(mesh)
     # both of what the warming makes; CalculiX prints seven digits

@@ -220,8 +220,9 @@ def test_files_are_evaluated_elsewhere_at_a_thousand_points(tmp_path: Path, name
             assert gap <= allowed, ending
 
 
+# MFEM takes four minutes for the wall of a stellarator, which shows nothing that others do not
 @pytest.mark.interop
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [one for one in FILES if one.values != ("stellarator_wall",)])
 def test_mfem_evaluates_its_file_at_a_thousand_points(tmp_path: Path, name: str) -> None:
     mfem = pytest.importorskip("mfem.ser")
     checked = checked_of(name)
