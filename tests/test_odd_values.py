@@ -170,6 +170,8 @@ def test_a_guide_that_stands_still_for_a_moment_is_a_channel(tmp_path, capsys) -
 def test_an_interruption_while_the_command_loads_is_a_sentence(module) -> None:
     code = (
         "import os, signal, sys\n"
+        # what is started in the background of a shell ignores it
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "import pc2cad.__main__ as command\n"
         "class Hook:\n"
         "    def find_spec(self, name, *rest):\n"
