@@ -1,7 +1,7 @@
 """Which tests are slow, what each one takes, and that CI skips none.
 
-slow.txt lists the tests that take more than half a second of CPU by themselves, beside those that say so
-with a mark. ``pytest --cpu=FOLDER`` writes what each takes, with its children, in seconds.
+slow.txt lists the tests that take more than half a second of CPU by themselves, beside those that
+say so with a mark. ``pytest --cpu=FOLDER`` writes what each takes, with its children, in seconds.
 In CI (which `.ci/run` says by CI=true) no test may be skipped for want of a program.
 """
 
