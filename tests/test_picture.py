@@ -23,7 +23,7 @@ from pc2cad.export.colours import SIDE_COLOURS
 from pc2cad.part import Part
 from pc2cad.picture import raster
 from pc2cad.picture.camera import VIEWS, aim
-from pc2cad.picture.colours import viridis
+from pc2cad.picture.colours import shares, viridis
 from pc2cad.picture.drawing import drawing
 from pc2cad.picture.image import camera_for, encode
 from pc2cad.picture.maps import NoWallError, thicknesses
@@ -177,6 +177,41 @@ def test_the_point_set_of_figure_1_at_any_density(counts):
     assert heights.max() == 6.0
     image = raster.colours(scene, camera_for(scene, VIEWS["iso"], SMALL))
     assert (image < 250).any(axis=2).mean() > 0.1
+
+
+FIELDS = {"height": "1 + z", "warm": "20 + 80*u", "flow": "vector(0, x, 1)"}
+
+
+@pytest.mark.parametrize("name", ["pyramid", "torus"])
+def test_fields_colour_the_faces_at_every_point(name):
+    equation = pc.read_template(template_paths()[name]).bind().with_fields(**FIELDS)
+    part = pc.compile_equation(equation)
+    scene = drawing(part, Style(field="height"))
+    heights = [1 + surface.points[:, 2] for surface in scene.surfaces]
+    low, high = min(h.min() for h in heights), max(h.max() for h in heights)
+    assert (scene.bar.title, scene.bar.low, scene.bar.high) == ("height (sampled)", low, high)
+    assert len(heights) > 0
+    for surface, height in zip(scene.surfaces, heights, strict=True):
+        assert np.allclose(surface.colour, viridis(shares(height, low, high)), atol=1e-12)
+    assert (drawing(part, Style(field="warm")).bar.low, scene.bar.low) == (20.0, low)
+    assert drawing(part, Style(field="warm")).bar.high == pytest.approx(100.0)
+
+
+def test_fields_that_no_colour_shows_are_refused(tmp_path, capsys):
+    equation = pc.read_template(template_paths()["pyramid"]).bind().with_fields(**FIELDS)
+    part = pc.compile_equation(equation)
+    with pytest.raises(InputError, match="flow is a vector: make a field of its length"):
+        drawing(part, Style(field="flow"))
+    with pytest.raises(InputError, match="has no field .cold. .it has: height"):
+        drawing(part, Style(field="cold"))
+    with pytest.raises(InputError, match="a map or a field"):
+        Style(field="warm", map="deviation")
+    with pytest.raises(InputError, match="leave out points"):
+        Style(field="warm", explode=1.0)
+    target = tmp_path / "p.png"
+    assert main(["render", "pyramid", "-o", str(target), "--field", "warm"]) == 2
+    assert "warm" in capsys.readouterr().err
+    assert not target.exists()
 
 
 @pytest.mark.slow

@@ -65,6 +65,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--across", choices=("u", "v", "w"),
         help="parameter across the wall, for --map thickness (default: the thinnest)",
     )  # fmt: skip
+    parser.add_argument(
+        "--field", metavar="NAME", help="colour the faces by a scalar field of the template"
+    )
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
 
 
@@ -118,6 +121,7 @@ def _style(arguments: argparse.Namespace) -> Style:
         points=None if arguments.points is None else read_triple("--points", arguments.points, ","),
         map=arguments.numbers,
         across=arguments.across,
+        field=arguments.field,
     )
 
 

@@ -35,7 +35,7 @@ def shown_faces(part: Part, mesh: Triangles, colour: Colour | None = None) -> It
 
 def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
     """Return the scene of a part of several bodies; raise InputError for what it has not."""
-    if style.isolines or style.points or style.map:
+    if style.isolines or style.points or style.mapped:
         raise InputError(
             "parameter lines, point sets and maps belong to one equation; draw a body by itself "
             f"(--body: {', '.join(part.bodies)})"

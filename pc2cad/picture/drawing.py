@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.domain.fields import LocalField
 from pc2cad.export.colours import side_colour
 from pc2cad.part import Part
 from pc2cad.picture.bodies import bodies_drawing
 from pc2cad.picture.colours import shares, viridis
-from pc2cad.picture.maps import deviations, thicknesses, wall_direction
+from pc2cad.picture.maps import deviations, numbers_of, thicknesses, wall_direction
 from pc2cad.picture.scene import GREY, Bar, Cloud, Colour, Label, Lines, Scene, Surface
 from pc2cad.picture.sides import TURN, Patch, Sides
 from pc2cad.picture.style import STEEL, Style
@@ -23,13 +24,14 @@ PLACES = 21
 def drawing(part: Part, style: Style | None = None) -> Scene:
     """Return the scene of a part.
 
-    Raises InputError for a thickness where there is no wall, and for what several bodies have not.
+    Raises InputError for a thickness where there is no wall, a field that is no scalar or is not
+    there, and for what several bodies have not.
     """
     style = style or Style()
     if len(part.bodies) > 1:
         return bodies_drawing(part, style, TURN)
     sides = Sides(part)
-    patches = list(sides.patches(None if style.map is None else MAP_NODES))
+    patches = list(sides.patches(MAP_NODES if style.mapped else None))
     offsets = _offsets(part, patches, style.explode)
     lines = _lines(sides, style, offsets)
     labels = _labels(part, list(sides.patches(PLACES)), offsets) if style.labels else []
@@ -42,7 +44,7 @@ def drawing(part: Part, style: Style | None = None) -> Scene:
                 labels.append(Label(f"{name} is a {side.fate}", path))
     if style.points is not None:
         return Scene((), tuple(lines), (_cloud(sides, style.points),), tuple(labels))
-    if style.map is not None:
+    if style.mapped:
         surfaces, bar = _mapped(part, sides, patches, style)
         return Scene(surfaces, tuple(lines), labels=tuple(labels), bar=bar)
     faces = tuple(
@@ -137,7 +139,11 @@ def _mapped(
 ) -> tuple[tuple[Surface, ...], Bar]:
     """Return the faces with a map as colours, and its scale."""
     report = part.report
-    if style.map == "deviation":
+    if style.field is not None:
+        field = LocalField(sides.map, part.equation.field(style.field))
+        values = numbers_of(patches, field)
+        title = f"{style.field} (sampled)"
+    elif style.map == "deviation":
         values = [deviations(patch, report.size) for patch in patches]
         title = f"deviation, {report.units} (sampled)"
     else:
@@ -148,8 +154,9 @@ def _mapped(
     known = numbers[np.isfinite(numbers)]
     low = 0.0 if style.map == "deviation" else float(known.min())
     high = float(known.max())
-    # a wall that is constant up to rounding has one colour, not the pattern of its rounding
-    if high - low <= 1e-9 * report.size and style.map == "thickness":
+    # what is constant up to rounding has one colour, not the pattern of its rounding
+    scale = report.size if style.map == "thickness" else max(abs(low), abs(high))
+    if high - low <= 1e-9 * scale and style.map != "deviation":
         low = high = float(np.median(known))
     surfaces = tuple(
         _surface(patch, np.zeros(3), _paint(value.ravel(), low, high))

@@ -1,4 +1,4 @@
-"""Numbers over the faces: deviation from the equation, and thickness of the wall."""
+"""Numbers over the faces: deviation from the equation, thickness of the wall, fields."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.ShapeAnalysis import ShapeAnalysis_Surface
 
 from pc2cad.arrays import Array
+from pc2cad.domain.fields import LocalField
+from pc2cad.domain.map import open_grid
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.picture.sides import Patch, Sides
@@ -50,6 +52,25 @@ def _across(surface: Any, place: Any, target: gp_Pnt) -> float:
     if not normal.Magnitude() > 1e-6 * scale:
         return float(gap.Magnitude())
     return abs(float(gap.Dot(normal))) / float(normal.Magnitude())
+
+
+def numbers_of(patches: list[Patch], field: LocalField) -> list[Array]:
+    """Return a field's values for each patch, (n, m); raise InputError unless it is a scalar.
+
+    Raises FieldNotFiniteError at a place where it has none.
+    """
+    kind = field.field.kind
+    if kind != "scalar":
+        raise InputError(
+            f"colours show one number, and the field {field.field.name} is a {kind}: make a "
+            "field of its length or of one of its components"
+        )
+    result = []
+    for patch in patches:
+        places = np.stack(np.broadcast_arrays(*open_grid(*patch.axes)), axis=-1)
+        values = field.checked_at(places.reshape(-1, 3), patch.points.reshape(-1, 3))
+        result.append(values.reshape(patch.points.shape[:2]))
+    return result
 
 
 def wall_direction(sides: Sides, asked: str | None) -> int:

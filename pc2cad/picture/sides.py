@@ -35,6 +35,8 @@ class Patch:
     cell: Cell
     points: Array
     normals: Array
+    #: local parameters u, v, w of the grid's lines, one of which is fixed
+    axes: tuple[Array, Array, Array]
     #: number of the part's face, and the kernel's
     index: int
     face: Any
@@ -106,6 +108,7 @@ class Sides:
                 patch,
                 self._points(patch, place),
                 self._normals(patch, place),
+                self._axes(patch, place),
                 index,
                 self.part.built.faces[index],
             )
@@ -187,13 +190,13 @@ class Sides:
         points = self.map.points(*open_grid(*self._axes(cell, place)))
         return points.reshape(*self._shape(cell, place), 3)
 
-    def _axes(self, cell: Cell, place: Place) -> list[Array]:
-        axes = []
-        for d in range(3):
+    def _axes(self, cell: Cell, place: Place) -> tuple[Array, Array, Array]:
+        def axis(d: int) -> Array:
             row = self._bounds[d]
             low, high = row[cell[d] // 2], row[(cell[d] + 1) // 2]
-            axes.append(low + (high - low) * np.asarray(place.get(d, 0.0), dtype=float))
-        return axes
+            return np.asarray(low + (high - low) * np.asarray(place.get(d, 0.0), dtype=float))
+
+        return axis(0), axis(1), axis(2)
 
     def _shape(self, cell: Cell, place: Place) -> list[int]:
         return [np.asarray(place[d]).size for d in directions_of(cell)]

@@ -45,6 +45,8 @@ class Style:
     map: Literal["deviation", "thickness"] | None = None
     #: direction across the wall for the thickness: u, v, w or None for the thinnest
     across: str | None = None
+    #: a scalar field of the equation that is shown as colours
+    field: str | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.explode <= 10.0:
@@ -57,5 +59,12 @@ class Style:
             raise InputError(
                 f"a point set has 1 to {LARGEST_CLOUD:,} points; {self.points} is outside that"
             )
-        if self.map is not None and (self.points is not None or self.explode):
+        if self.mapped and (self.points is not None or self.explode):
             raise InputError("a map is drawn on the faces in place: leave out points and explode")
+        if self.map is not None and self.field is not None:
+            raise InputError("faces have one colour at a place: a map or a field, not both")
+
+    @property
+    def mapped(self) -> bool:
+        """Whether colours over the faces show numbers."""
+        return self.map is not None or self.field is not None
