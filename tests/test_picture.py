@@ -202,7 +202,7 @@ def test_fields_that_no_colour_shows_are_refused(tmp_path, capsys):
     part = pc.compile_equation(equation)
     with pytest.raises(InputError, match="flow is a vector: make a field of its length"):
         drawing(part, Style(field="flow"))
-    with pytest.raises(InputError, match="has no field .cold. .it has: height"):
+    with pytest.raises(InputError, match=r"has no field .cold. \(it has: height"):
         drawing(part, Style(field="cold"))
     with pytest.raises(InputError, match="a map or a field"):
         Style(field="warm", map="deviation")

@@ -26,7 +26,7 @@ CSV, PARQUET = "results.csv", "results.parquet"
 COLUMNS: tuple[tuple[str, type], ...] = (
     ("status", str), ("reason", str), ("units", str), ("volume", float), ("area", float),
     ("centroid_x", float), ("centroid_y", float), ("centroid_z", float), ("deviation", float),
-    ("evidence", str), ("faces", int), ("shells", int), ("seconds", float),
+    ("evidence", str), ("injectivity", str), ("faces", int), ("shells", int), ("seconds", float),
     ("seconds_represent", float), ("seconds_build", float), ("seconds_validate", float),
     ("seconds_write", float),
 )  # fmt: skip

@@ -180,6 +180,7 @@ def _template(text: str, name: str) -> Template | BodiesTemplate:
 def figures_of(report: Report) -> dict[str, float | int | str]:
     """Return the figures of a report that a row of the results table holds."""
     x, y, z = report.integrals.centroid
+    alone = [report] if report.own is not None else report.bodies.values()
     return {
         "units": report.units,
         "volume": report.integrals.volume,
@@ -189,6 +190,7 @@ def figures_of(report: Report) -> dict[str, float | int | str]:
         "centroid_z": z,
         "deviation": report.deviation,
         "evidence": report.evidence,
+        "injectivity": max((one.injectivity for one in alone), key=("proved", "sampled").index),
         "faces": len(report.faces),
         "shells": report.shells,
     }
