@@ -149,7 +149,7 @@ CONTROLS: dict[str, tuple[str, Edit, str]] = {
         lambda t: t.replace(instance(t, "VERTEX_POINT").group(0), "", 1),
         "does not contain",
     ),
-    "broken text": ("box", lambda t: t[: len(t) // 2], "ends too early"),
+    "broken text": ("box", lambda t: t[: t.rindex(";", 0, len(t) // 2)], "ends too early"),
     "stated volume": ("stated", lambda t: t, "states the volume 6000.1"),
 }
 
