@@ -119,8 +119,8 @@ class RestrictedMap:
         restricted = substitute(trees, limits)
         # what one piece alone makes of a root or a quotient could not be seen before, nor what a
         # side makes of a root
-        root = any(node.op == "sqrt" and node.symbols for node in walk(restricted))
-        return (cancel(restricted) if single or root else restricted), names
+        new = not single and (roots := _roots(restricted)) and not roots <= _roots(trees)
+        return (cancel(restricted) if single or new else restricted), names
 
     @cached_property
     def form(self) -> Separation | None:
@@ -149,6 +149,10 @@ class RestrictedMap:
             return _flat_rank(values[1:], values[:1]) < 2
         values = self(SECTIONS[::2], SECTIONS[::2])
         return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
+
+
+def _roots(trees: tuple[Expr, ...]) -> set[Expr]:
+    return {node for node in walk(trees) if node.op == "sqrt" and node.symbols}
 
 
 @lru_cache(maxsize=256)

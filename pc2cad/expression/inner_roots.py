@@ -12,9 +12,13 @@ from collections.abc import Iterable
 from fractions import Fraction
 from itertools import pairwise, product
 
+import numpy as np
+
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks, resolve_pieces
 from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.end_roots import root_exponent
+from pc2cad.expression.intervals import interval
 from pc2cad.expression.kinks import take_kinks_apart
 from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.parameters import PARAMETERS
@@ -35,6 +39,8 @@ from pc2cad.expression.tree import (
 _LIMITS, _BETWEEN = (ZERO, ONE), (number(Fraction(371, 1000)), number(Fraction(613, 1000)))
 #: largest denominator of the places at which double zeros are known, and how near they are found
 _LARGEST, _FOUND = 1000, 1e-10
+#: cells over which a function is enclosed before its zeros are looked for
+_CELLS = 64
 #: a step beside a kink, and what is left of the values there at a zero
 _BESIDE, _LESS = Fraction(1, 2**16), 2.0**-12
 
@@ -83,7 +89,7 @@ def _at(tree: Expr, values: dict[str, Expr]) -> Expr:
 
 def _zeros(tree: Expr, name: str) -> list[Fraction]:
     """Return the places at which a function of one parameter vanishes and is not negative."""
-    if tree.symbols != {name}:
+    if tree.symbols != {name} or _vanishes_nowhere(tree, name):
         return []
     (tree,) = take_kinks_apart((tree,), tuple(symbol(p) for p in PARAMETERS))
     kinks = _kinks(tree, name)
@@ -100,6 +106,13 @@ def _zeros(tree: Expr, name: str) -> list[Fraction]:
                 if is_identically_zero(value):
                     found.append(simple)
     return found
+
+
+def _vanishes_nowhere(tree: Expr, name: str) -> bool:
+    """Say whether enclosures on even cells prove it, as they do of most functions at once."""
+    ends = np.arange(_CELLS + 1) / _CELLS
+    (value,) = IntervalProgram((tree,))({name: interval(ends[:-1], ends[1:])})
+    return bool((value.lower > 0).all() or (value.upper < 0).all())
 
 
 def _kinks(tree: Expr, name: str) -> list[Fraction]:
