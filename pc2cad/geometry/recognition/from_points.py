@@ -104,10 +104,12 @@ class Fitted:
                 shift = near[here // 2, k] - column[np.searchsorted(known, here)]
                 table[:, k] = np.interp(x, x[known], column + TURN * np.round(shift / TURN))
         ends = self._beyond_poles(curve)
+        # angles count in full but on the way to a pole
+        poles = any(self.is_pole(point) for point in curve(np.array([0.0, 1.0])))
         found = path(
             lambda y: self._continued(curve(y), y, x, table, ends),
             np.array([0.0, 1.0]) if breaks is None else breaks, self._scale(points),
-            lambda y: self._weights(curve(y)),
+            (lambda y: self._weights(curve(y))) if poles else None,
         )  # fmt: skip
         return self._tidied(found)
 
