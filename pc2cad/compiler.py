@@ -92,6 +92,8 @@ def compile_equation(
     "cubic" keeps every spline at degree 3 and not rational. Raises what `compile_solid` raises.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
+    if not isinstance(equation, Bodies):
+        equation = point_equation(equation)
     return compile_solid(equation, options, progress)
 
 

@@ -7,12 +7,14 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pc2cad as pc
 from pc2cad.cli.main import main
+from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import InputError
 from pc2cad.part import Part
 from pc2cad.templates.file import read_template_text
@@ -33,6 +35,46 @@ def test_a_part_and_its_report_are_one_line_each() -> None:
     )
     assert repr(part.report) == repr(part).replace("Part", "Report")
     assert part.report.verdict == "valid solid, exact, 1 face"
+
+
+def test_templates_equations_guides_and_frames_are_one_line_each() -> None:
+    duct, bodies = pc.read_template("duct"), pc.read_template("common_of_pipes")
+    helix = pc.helix(1, 2, 3)
+    for value in (duct, duct.bind(), bodies, bodies.bind(), helix, pc.frame(helix)):
+        assert "\n" not in repr(value)
+        assert 10 < len(repr(value)) < 200, repr(value)
+
+
+@pytest.mark.parametrize(
+    "equation",
+    [
+        ("2*u", "v", "w*(1 + u^2)"),
+        "[2*u, v, w*(1 + u^2)]",
+        lambda u, v, w: (2 * u, v, w * (1 + u**2)),
+        lambda u, v, w: pc.point(2 * u, v, w * (1 + np.square(u))),
+        ("2*u", lambda u, v, w: v, lambda u, v, w: w * (1 + u**2)),
+    ],
+)
+def test_texts_and_functions_are_coordinates(equation: Any) -> None:
+    made = point_equation(equation)
+    u, v, w = pc.parameters()
+    assert made.coordinates == point_equation((2 * u, v, w * (1 + u**2))).coordinates
+
+
+@pytest.mark.parametrize(
+    ("equation", "words"),
+    [
+        ("[u, v, q]", "unknown name 'q'"),
+        (("u", "v", "[u, v, w]"), "a coordinate is Combination"),
+        (5, "neither a point nor three coordinates"),
+        (pc.read_template("ball"), "bind\\(\\) makes an equation of it"),
+    ],
+)
+def test_what_is_no_equation_is_told_in_a_sentence(equation: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        point_equation(equation)
+    with pytest.raises(InputError, match=words):
+        pc.compile_equation(equation)
 
 
 def test_a_part_has_its_figures() -> None:

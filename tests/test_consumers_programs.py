@@ -292,11 +292,12 @@ def test_cq_cli_writes_a_channel_and_reports_a_broken_script(tmp_path):
 @needs(cq_editor_installed(), "CQ-editor with an X server")
 def test_cq_editor_renders_ten_times_and_shows_a_broken_script(tmp_path):
     script, picture = tmp_path / "script.py", tmp_path / "shown.png"
-    # the editor meshes to 1e-5 of the size, which takes minutes on splines: cylinders will do
-    quick = SCRIPT.replace('"ellipse", delta=0.3', '"hollow_cylinder"')
-    script.write_text(quick)
+    script.write_text(SCRIPT)
     found = render_in_cq_editor(script, 10, picture)
-    assert found == {"tracebacks": [], "objects": [2] * 10}
+    assert found["tracebacks"] == []
+    assert found["objects"] == [2] * 10
+    # the kernel's own triangles of these splines, by the editor's settings: minutes
+    assert found["seconds"][0] < 8, "CPU from the run to what is seen"
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOImage import vtkPNGReader
 

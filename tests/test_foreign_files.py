@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -125,9 +126,11 @@ def test_files_of_variants_that_are_there_stop_a_study(tmp_path: Path) -> None:
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / f"{key}.step").write_bytes(b"mine")
     (tmp_path / "files" / "other.step").write_bytes(b"mine")
-    with pytest.raises(NotOursError, match=f"a file {key}.step is there, and no journal"):
+    with pytest.raises(
+        NotOursError, match=f"a file {re.escape(key)}.step is there, and no journal"
+    ):
         run(tmp_path)
-    assert sorted(contents(tmp_path)) == [f"files/{key}.step", "files/other.step"]
+    assert set(contents(tmp_path)) == {f"files/{key}.step", "files/other.step"}
     (tmp_path / "files" / f"{key}.step").unlink()
     assert run(tmp_path).counts == {"built": 3}
     assert (tmp_path / "files" / "other.step").read_bytes() == b"mine"

@@ -42,7 +42,7 @@ _REFERRED: Final = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frame:
     """The normal plane of a guide, carried along it."""
 
@@ -54,6 +54,9 @@ class Frame:
     words: str
     #: share of a turn by which the end of a closed guide is ahead of its beginning
     shift: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"<Frame: {self.words}; guide: {self.guide.words}>"
 
     @property
     def N(self) -> Combination:

@@ -69,7 +69,7 @@ class Part:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Guide:
     """A guide N(u) over an interval of u, in smooth parts."""
 
@@ -80,6 +80,9 @@ class Guide:
     joined: bool | None
     #: what it is, for people
     words: str
+
+    def __repr__(self) -> str:
+        return f"<Guide: {self.words}>"
 
     @cached_property
     def closed(self) -> bool:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final
 
 from pc2cad.equation.fields import Field, FieldValue, checked_fields, make_field
+from pc2cad.equation.language import read_expression
 from pc2cad.equation.points import Combination, Kind, kind_of, point
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ONE, ZERO, Expr, Number, as_expr
+from pc2cad.expression.tree import ONE, ZERO, Expr, Number, as_expr, symbol
 from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
 #: the three current parameters, in the order of every array and table
@@ -52,7 +53,7 @@ class Expectations:
     euler: int | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PointEquation:
     """One solid M(u,v,w) over a box of parameters, with every template parameter bound.
 
@@ -98,6 +99,10 @@ class PointEquation:
             if not isinstance(layer, str) or not is_label(layer):
                 raise LayersError(f"the name of a layer is {LABEL_RULE}; here is {layer!r:.80}")
         checked_fields(self.fields)
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value:g}" for name, value in self.parameters.items())
+        return f"<PointEquation {': '.join(filter(None, (self.name, given)))} ({self.units})>"
 
     def with_fields(self, **fields: FieldValue) -> PointEquation:
         """Return the equation with more fields: text, expressions, vectors or points.
@@ -157,8 +162,9 @@ class PointEquation:
         return tuple((evaluate(lo, {}), evaluate(hi, {})) for lo, hi in self.domain)
 
 
-#: a point, or its three coordinates: trees, numbers or SymPy expressions
-Equation = Combination | Sequence[Any] | PointEquation
+#: a point, or its three coordinates: trees, numbers, SymPy expressions, texts in the language of
+#: templates or functions of u, v and w; or a text or a function for all three
+Equation = Combination | Sequence[Any] | PointEquation | str | Callable[..., Any]
 Domain = Mapping[str, Sequence[Expr | Number]]
 
 
@@ -174,7 +180,14 @@ def point_equation(
     if isinstance(equation, PointEquation):
         limits = dict(zip(PARAMETERS, equation.domain, strict=True)) | dict(domain or {})
         return replace(equation, domain=_domain(limits))
+    if isinstance(equation, str) or _is_function(equation):
+        equation = _in_parameters(equation)
     if not isinstance(equation, Combination):
+        if not isinstance(equation, Iterable):
+            first = ": bind() makes an equation of it" if hasattr(equation, "bind") else ""
+            raise NotAPointEquationError(
+                f"{equation!r:.120} is neither a point nor three coordinates{first}"
+            )
         coordinates = tuple(equation)
         if len(coordinates) != 3:
             raise NotAPointEquationError(
@@ -201,9 +214,21 @@ def _coordinate(value: Any) -> Expr | Number:
         from pc2cad.expression.sympy_bridge import from_sympy
 
         return from_sympy(value)
+    if isinstance(value, str) or _is_function(value):
+        value = _in_parameters(value)
     if isinstance(value, bool) or not isinstance(value, (Expr, int, float, Fraction)):
         raise NotAPointEquationError(f"a coordinate is {value!r}, not an expression in u, v and w")
     return value
+
+
+def _is_function(value: object) -> bool:
+    return callable(value) and not isinstance(value, type)
+
+
+def _in_parameters(value: Any) -> Any:
+    """Return what a text or a function of Python says of u, v and w."""
+    names = {p: symbol(p) for p in PARAMETERS}
+    return read_expression(value, names) if isinstance(value, str) else value(*names.values())
 
 
 def check_point(value: object) -> None:

@@ -17,7 +17,7 @@ from pc2cad.trust.names import clean, is_ending, is_identifier, visible
 
 #: what JSON holds
 Plain = Mapping[str, Any] | str
-_KEY: Final = re.compile(r"[A-Za-z0-9]{1,64}")
+_KEY: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.=+-]{0,63}")
 _HASH: Final = re.compile(r"[0-9a-f]{64}")
 _FIELDS: Final = ("key", "status", "reason", "figures", "files", "hashes", "times")
 #: of these only that they differ is told

@@ -32,6 +32,8 @@ LONGEST_REASON = 4000
 #: endings of files that are not called by theirs
 ENDINGS = {"thumbnail": "png"}
 THUMBNAIL_SIZE = (240, 180)
+#: characters of a key that is made of parameters; where they are more, it is the hash alone
+LONGEST_KEY = 64
 
 
 @dataclass(frozen=True)
@@ -61,9 +63,16 @@ class Task:
         return CompileOptions(self.tolerance, self.degree, self.max_degree, self.profile)
 
     def key(self, values: Mapping[str, float]) -> str:
-        """Return the content hash of a variant: equal keys are one and the same part."""
+        """Return what a variant and its files are called: equal keys are one and the same part.
+
+        The parameters that vary with every digit, ``p=0.2_q=0.5-`` and eight digits of the content
+        hash, which tell studies apart in one store; the whole hash where that is too long.
+        """
         varied = sorted((name, float(value)) for name, value in values.items())
-        return _hash({"study": self.fingerprint, "values": varied})
+        content = _hash({"study": self.fingerprint, "values": varied})
+        words = "_".join(f"{name}={value!r}".removesuffix(".0") for name, value in varied)
+        key = f"{words}-{content[:8]}"
+        return key if len(key) <= LONGEST_KEY else content
 
     @cached_property
     def fingerprint(self) -> str:

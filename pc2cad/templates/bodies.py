@@ -67,7 +67,7 @@ class Pattern:
 Tree = str | Operation | Pattern
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Bodies:
     """The point equations of several bodies and how they make one solid."""
 
@@ -80,8 +80,12 @@ class Bodies:
     parameters: Mapping[str, float]
     expectations: Expectations
 
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value:g}" for name, value in self.parameters.items())
+        return f"<Bodies {'; '.join(filter(None, (f'{self.name}: {self.result}', given)))}>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class BodiesTemplate(Header):
     """A template of several bodies as read."""
 

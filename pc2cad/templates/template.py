@@ -61,7 +61,7 @@ class Definition:
 Moved = str | Combination | Sequence[Expr | Number]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Header:
     """What every template has: its words, its unit, its parameters and its points."""
 
@@ -72,6 +72,12 @@ class Header:
     units: str
     parameters: tuple[Parameter, ...]
     points: tuple[Definition, ...]
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{p.name}={p.default}" for p in self.parameters)
+        return (
+            f"<{type(self).__name__} {self.name}: {'; '.join(filter(None, (self.title, given)))}>"
+        )
 
     def values(self, values: Mapping[str, Any] | None) -> tuple[dict[str, Expr], dict[str, Moved]]:
         """Return the value of every parameter and what moves points, checked as `bind` does."""
@@ -99,7 +105,7 @@ class Header:
                 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Template(Header):
     """A template as read: every expression is a tree in its parameters and u, v, w."""
 
