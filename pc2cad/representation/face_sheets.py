@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import comb
+from typing import assert_never
 
 import numpy as np
 
@@ -47,6 +48,8 @@ from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 #: sides of a rectangle of parameters are at its limits to this share of it
 AT_LIMIT = 1e-9
+#: with an axis, and a meridian in the half plane beside it
+_Turned = Cylinder | Cone | Sphere | Torus | Revolution
 #: weights that differ by less are one
 SAME_WEIGHT = 1e-12
 
@@ -194,7 +197,7 @@ def _analytic_nets(
     return np.ascontiguousarray(nets), (_even(len(arcs)), places)
 
 
-def _meridian(carrier: AnalyticSurface, b: _Range) -> tuple[Array, Array]:
+def _meridian(carrier: _Turned, b: _Range) -> tuple[Array, Array]:
     """Return pieces (radius, height, 1) times the weight, (k, p+1, 3), and where they end."""
     if isinstance(carrier, Revolution):
         pieces, places = _curve(carrier.basis, b)
@@ -208,7 +211,8 @@ def _meridian(carrier: AnalyticSurface, b: _Range) -> tuple[Array, Array]:
         arcs[..., :2] *= radius
         arcs[..., 0] += major * arcs[..., 2]
         return arcs, _even(len(arcs))
-    assert isinstance(carrier, Cylinder | Cone)
+    if not isinstance(carrier, Cylinder | Cone):
+        assert_never(carrier)
     angle = carrier.angle if isinstance(carrier, Cone) else 0.0
     t = np.array(b)
     ends = np.stack(
