@@ -22,6 +22,9 @@ BOX = (u, v, w)
 THIRD, HALF = number(1) / 3, number(1) / 2
 #: 0 up to 0.3, then rising
 RAMP = in_pieces("u", (Fraction(3, 10),), (ZERO, u - Fraction(3, 10)))
+#: rising from -1/2 to 1/2 in every tenth, and down again at once
+TENTHS = tuple(Fraction(k, 10) for k in range(1, 10))
+SAW = in_pieces("u", TENTHS, tuple(10 * u - k - HALF for k in range(10)))
 
 #: function, parameter, places, sign before the first
 LINES = {
@@ -33,6 +36,7 @@ LINES = {
     "none, then falling": (-RAMP, "u", [0.3], 1),
     "rising, then none": (-in_pieces("u", (Fraction(3, 10),), (Fraction(3, 10) - u, ZERO)), "u",
                           [0.3], -1),
+    "jumping as often as it rises": (SAW, "u", [k / 20 for k in range(1, 20)], -1),
     "factors multiplied out": (u * v - v / 3 + u - THIRD, "u", [1 / 3], -1),
     "waves multiplied out": (pc.sin(3 * u) * (2 + v) - (v + 2) / 2, "u",
                              [pi / 18, 5 * pi / 18], -1),

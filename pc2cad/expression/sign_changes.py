@@ -151,7 +151,7 @@ def _rows(tree: Expr, name: str, others: list[str]) -> list[_Row] | None:
         starts, stops = [a for a, _ in ends], [b for _, b in ends]
         value, slope = ask(starts, stops)
         columns = (_signs(value, ask.is_zero(starts, stops)), _strict_signs(slope),
-                   *(_strict_signs(ask(row, row)[0]) for row in (starts, stops)))  # fmt: skip
+                   *(_strict_signs(ask(row, row)[0]) for row in _inside(ends, own)))  # fmt: skip
         left = []
         for (a, b), sign, monotone, begin, end in zip(ends, *columns, strict=True):
             if sign:
@@ -164,6 +164,17 @@ def _rows(tree: Expr, name: str, others: list[str]) -> list[_Row] | None:
                 left += [(a, (a + b) / 2), ((a + b) / 2, b)]
         ends = left
     return sorted(rows)
+
+
+def _inside(ends: list[tuple[float, float]], breaks: set[float]) -> tuple[list[float], list[float]]:
+    """Return where intervals begin and end, a little inside where that is a break.
+
+    Functions may jump there, and at the break itself both values would be found: no sign is known.
+    """
+    steps = [min(_NARROW, (b - a) / 4) for a, b in ends]
+    starts = [a + step if a in breaks else a for (a, _), step in zip(ends, steps, strict=True)]
+    stops = [b - step if b in breaks else b for (_, b), step in zip(ends, steps, strict=True)]
+    return starts, stops
 
 
 class _Enclosures:
