@@ -117,6 +117,18 @@ def test_entries_of_let_may_be_used_everywhere() -> None:
         assert pytest.approx([wide, 0, 5 + wide / 20]) == N
 
 
+def test_a_guide_that_names_no_frame_has_the_default_one() -> None:
+    guide = 'title = "t"\n[let]\nb = "3*2"\n[guide]\nN = "[b*u, 0, u^2]"\n'
+    rod = '[solid]\nM = "N + ((R-N)*cos(2*pi*v) + (Q-N)*sin(2*pi*v))*w"\n'
+    left_out, named = (parse_template(guide + f + rod, "t").bind() for f in ("", "[frame]\n"))
+    assert left_out.coordinates == named.coordinates
+    assert left_out.frame == named.frame != ""
+    # nobody asks for it, or R and Q are something else
+    assert parse_template(guide + '[solid]\nM = "N + [0, v, w]-[0,0,0]"\n', "t").bind().frame == ""
+    own = guide.replace("[let]", '[points]\nR = [1, 1, 1]\n[let]\nQ = "R + [0, u, 0] - [0,0,0]"')
+    assert parse_template(own + rod, "t").bind().frame == ""
+
+
 def test_show_prints_data_tables_and_their_use(tmp_path, capsys) -> None:
     file = tmp_path / "t.toml"
     file.write_text(EVERYWHERE + '[data]\nk = [1, 2]\nm = [[1, 2], ["r", 4]]\n', "utf-8")

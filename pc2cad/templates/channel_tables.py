@@ -229,13 +229,12 @@ def _parts(tables: Tables, key: str, raw: object, interval: tuple[Value, Value])
 # -- [frame] ---------------------------------------------------------------------------------------
 
 
-def read_frame(tables: Tables, guide: Guide | None) -> tuple[Frame | None, list[Definition]]:
-    """Define the points R and Q of a [frame], where there is one."""
-    if "frame" not in tables.data:
-        return None, []
+def read_frame(
+    tables: Tables, guide: Guide | None, raw: dict[str, Any]
+) -> tuple[Frame, list[Definition]]:
+    """Define the points R and Q of a [frame], which is the default one where it says nothing."""
     if guide is None:
         return tables.fail("[frame]", "needs a [guide] to run along")  # type: ignore[no-any-return]
-    raw = tables.table("frame")
     frame = attempt(tables, "[frame]", lambda: _frame(tables, guide, raw))
     found = []
     for name, value in (("R", frame.R), ("Q", frame.Q)):

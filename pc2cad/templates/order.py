@@ -15,6 +15,8 @@ from typing import Any, Final, NoReturn
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z_0-9]*", re.ASCII)
 #: names that stand for a curve's own parameter in its formulas
 _OWN: Final = frozenset(("t", "phi", "u"))
+#: the points that a frame defines
+FRAME_NAMES: Final = frozenset(("R", "Q"))
 #: what tables define as a whole; others define one name, or three, per entry
 _WHOLE: Final = {"guide": ("N",), "frame": ("R", "Q"), "layers": ("depth",)}
 

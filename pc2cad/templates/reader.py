@@ -17,7 +17,7 @@ from pc2cad.expression.budget import bounded
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, ZERO, Expr, symbol
 from pc2cad.templates.channel_tables import attempt, read_curve, read_frame, read_guide
-from pc2cad.templates.order import Entry, entries, in_order
+from pc2cad.templates.order import FRAME_NAMES, Entry, entries, in_order
 from pc2cad.templates.series_tables import read_series
 from pc2cad.templates.tables import Tables, shown, written
 from pc2cad.templates.template import Definition, Moved, Parameter, Template
@@ -128,6 +128,8 @@ class Reader(Tables):
             key: self.table(key) for key in ("data", "curves", "fourier", "tables", *whole, "let")
             if key not in whole or key in self.data
         }  # fmt: skip
+        if self._frame_is_left_out(sections):
+            sections["frame"] = {}
         found = _Found()
         for entry in in_order(entries(sections), self.fail):
             match entry.section:
@@ -148,7 +150,7 @@ class Reader(Tables):
                     found.guide, carried = read_guide(self, self._run(domain))
                     (found.lets if "N" in entry.raw else found.carried).extend(carried)
                 case "frame":
-                    found.frame, carried = read_frame(self, found.guide)
+                    found.frame, carried = read_frame(self, found.guide, entry.raw)
                     found.carried += carried
                 case "layers":
                     found.layers += self._layers()
@@ -158,6 +160,15 @@ class Reader(Tables):
             {n: f for n, f in self.curves.items() if n != "depth" or not found.layers}
         )
         return found
+
+    def _frame_is_left_out(self, sections: Mapping[str, dict[str, Any]]) -> bool:
+        """Whether R or Q of the default frame is mentioned, and nothing else is called so."""
+        if "guide" not in sections or "frame" in sections:
+            return False
+        listed = entries(sections)
+        read = [*listed, *(Entry(key, "", self.data.get(key)) for key in ("solid", "fields"))]
+        known = {*self.names, *(name for entry in listed for name in entry.defines)}
+        return not known & FRAME_NAMES and any(entry.mentions() & FRAME_NAMES for entry in read)
 
     def _without_parameters(self, read: Callable[[Tables, str, Any], None], entry: Entry) -> None:
         """Read an entry in which u, v and w mean nothing, or something else."""
