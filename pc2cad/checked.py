@@ -23,7 +23,8 @@ from pc2cad.bounds.extremes import Extreme, largest_value, least_value
 from pc2cad.channels.depths import check_depth, find_depth
 from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
-from pc2cad.domain.analysis import halved as cut_in_halves
+from pc2cad.domain.cuts import halved as cut_in_halves
+from pc2cad.domain.cuts import parted as cut_apart
 from pc2cad.domain.fields import local_field
 from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
@@ -211,6 +212,12 @@ def halved(checked: CheckedMap) -> CheckedMap:
     analysis = cut_in_halves(checked.analysis)
     if analysis is checked.analysis:
         return checked
+    return replace(checked, analysis=analysis, mass=integrate(analysis))
+
+
+def parted(checked: CheckedMap, direction: int) -> CheckedMap:
+    """Return the same map with each piece of a direction cut in the middle, plane faces as well."""
+    analysis = cut_apart(checked.analysis, direction)
     return replace(checked, analysis=analysis, mass=integrate(analysis))
 
 

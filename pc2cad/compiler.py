@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
-from pc2cad.checked import CheckedMap, Progress, Stages, check_map, halved
+from pc2cad.checked import CheckedMap, Progress, Stages, check_map, halved, parted
 from pc2cad.equation.point_equation import Domain, Equation, PointEquation, point_equation
 from pc2cad.errors import InputError, require
 from pc2cad.options import DEFAULTS, CompileOptions
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part import Body, Part
     from pc2cad.representation.volume import VolumeModel
+
+#: how often faces are halved for the kernel's checker
+MOST_CUTS: Final = 4
 
 
 def compile_solid(
@@ -59,19 +62,43 @@ def compile_solid(
 def compile_checked(
     checked: CheckedMap, options: CompileOptions = DEFAULTS, stages: Stages | None = None
 ) -> Part:
-    """Return the part of a checked map: represented, built and validated."""
+    """Return the part of a checked map: represented, built and validated.
+
+    Where the kernel's checker takes walls of a plane face for one that are proved to be apart,
+    faces are cut across them until none has both; the report says so.
+    """
+    from pc2cad.part import part_of
+    from pc2cad.representation.plane_faces import longer_direction
+    from pc2cad.validation import WallsTakenForOneError
+
+    run, cut = stages or Stages(), ""
+    for left in reversed(range(1 + MOST_CUTS)):
+        try:
+            body = _compiled(checked, options, run)
+            break
+        except WallsTakenForOneError as error:
+            if not left:
+                raise
+            cut = cut or f"faces are cut into smaller ones: {error}"
+            checked = parted(checked, longer_direction(checked.analysis, error.cells))
+    if cut:
+        body = replace(body, report=replace(body.report, warnings=(*body.report.warnings, cut)))
+    return part_of(body)
+
+
+def _compiled(checked: CheckedMap, options: CompileOptions, run: Stages) -> Body:
+    """Return the body of a checked map; raise what its stages raise."""
     from pc2cad.brep.build import build
-    from pc2cad.part import Body, part_of
+    from pc2cad.part import Body
     from pc2cad.representation.boundary import represent
     from pc2cad.representation.embedding import embed
     from pc2cad.validation import validate
 
-    run = stages or Stages()
     model = run("represent", lambda: represent(checked, options))
     embedding = run("embed", lambda: embed(checked, model))
     built = run("build", lambda: build(model))
     report = run("validate", lambda: validate(checked, model, built, embedding))
-    return part_of(Body(checked, model, built, replace(report, times=run.times)))
+    return Body(checked, model, built, replace(report, times=run.times))
 
 
 def compile_equation(

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
-from pc2cad.brep.inspect import KernelFindings, inspect
+from pc2cad.brep.inspect import KernelFindings, crossing_wires, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.pinch import pinch_of
@@ -53,6 +53,15 @@ class SolidNotValidError(KernelError):
     """The kernel's solid fails one of the checks."""
 
 
+class WallsTakenForOneError(SolidNotValidError):
+    """The kernel's checker takes walls for one that are proved to meet nowhere."""
+
+    def __init__(self, message: str, cells: tuple[int, ...]) -> None:
+        super().__init__(message)
+        #: the cells of the boundary that a face between such walls covers
+        self.cells = cells
+
+
 class ThinnerThanKernelError(KernelError):
     """The solid is thinner than the distance within which the kernel takes points for one."""
 
@@ -74,9 +83,11 @@ def validate(
         _check_kernel(findings, model)
     except SolidNotValidError as error:
         pinch = pinch_of(checked.analysis)
-        if pinch is None:
-            raise
-        raise pinch from error
+        if pinch is not None:
+            raise pinch from error
+        if embedding.proved and not findings.valid:
+            _check_walls(model, built)
+        raise
     known = KnownFaces()
     integrals = solid_integrals(built.solid, known)
     _check_integrals(integrals, checked.mass, model)
@@ -84,6 +95,22 @@ def validate(
     report = _report(checked, model, integrals, findings, layers, embedding)
     check_expectations(checked.equation.expectations, report)
     return report
+
+
+def _check_walls(model: BoundaryModel, built: BuiltSolid) -> None:
+    """Raise WallsTakenForOneError where the checker complains of wires that cross, and of no more.
+
+    That the faces meet nowhere is proved.
+    """
+    crossing = crossing_wires(built.solid)
+    pairs = zip(model.faces, built.faces, strict=True)
+    taken = [face for face, made in pairs if any(map(made.IsSame, crossing))]
+    if taken:
+        names = ", ".join(face.name for face in taken)
+        raise WallsTakenForOneError(
+            f"the kernel's checker takes walls that bound {names} for one, though they are proved "
+            "to meet nowhere", taken[0].cells,
+        )  # fmt: skip
 
 
 def check_thickness(properties: MassProperties) -> None:

@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from OCP.BRepCheck import BRepCheck_Analyzer
 
 import pc2cad as pc
 from pc2cad.checked import CheckedMap, check_map
@@ -164,10 +165,27 @@ def test_overlaps_of_every_depth_and_gaps_of_the_same_width(depth):
 
 
 def test_a_spiral_whose_turns_nearly_touch_is_proved():
-    """The kernel's checker takes the walls for one, and samples cannot tell them apart."""
+    """Samples cannot tell them apart."""
     radius, t = 2 + (2 + Fraction("2e-5")) * U + W, 4 * pc.pi * U
     found = embedding((radius * pc.cos(t), radius * pc.sin(t), V))
     assert found.proved, found.open
+
+
+@pytest.mark.slow
+def test_walls_that_the_checker_takes_for_one_are_cut_across():
+    """That they are apart is proved; no face then has both."""
+    gap = Fraction("1e-5")
+    radius, t = 2 + Fraction(5, 4) * (1 + gap) * U + W, Fraction(5, 2) * pc.pi * U
+    part = pc.compile_part((radius * pc.cos(t), radius * pc.sin(t), V))
+    assert part.report.injectivity == "proved"
+    assert len(part.report.faces) == 10
+    assert part.report.euler == 2
+    assert BRepCheck_Analyzer(part.shape).IsValid()
+    (said,) = part.report.warnings
+    assert "walls that bound v=0, v=1 for one" in said
+    # a ring's sector at every height: thickness times the middle line
+    length = float(5 * math.pi / 2) * (2.5 + 0.625 * (1 + 1e-5))
+    assert part.volume == pytest.approx(length, rel=1e-9)
 
 
 def test_faces_that_lie_on_one_another_are_refused():

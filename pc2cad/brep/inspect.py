@@ -8,7 +8,7 @@ import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
-from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Result, BRepCheck_Status
 from OCP.TopAbs import (
     TopAbs_EDGE,
     TopAbs_FACE,
@@ -59,6 +59,41 @@ def inspect(solid: TopoDS_Shape) -> KernelFindings:
         bool(BRepCheck_Analyzer(solid).IsValid()), counts[TopAbs_SHELL].Size(), faces, edges,
         vertices, free, vertices - edges + faces - (wires - faces), _largest_tolerance(counts),
     )  # fmt: skip
+
+
+def crossing_wires(solid: TopoDS_Shape) -> list[TopoDS_Shape]:
+    """Return the faces whose wires the kernel's checker takes to cross themselves.
+
+    None where it complains of anything else as well.
+    """
+    checker, found = BRepCheck_Analyzer(solid), []
+    fine = BRepCheck_Status.BRepCheck_NoError
+    allowed = {
+        TopAbs_WIRE: {fine, BRepCheck_Status.BRepCheck_SelfIntersectingWire},
+        # what follows from it
+        TopAbs_FACE: {fine, BRepCheck_Status.BRepCheck_UnorientableShape},
+    }
+    for kind in (TopAbs_SHELL, TopAbs_WIRE, TopAbs_EDGE, TopAbs_VERTEX, TopAbs_FACE):
+        shapes = IndexedMapOfShape()
+        TopExp.MapShapes_s(solid, kind, shapes)
+        for index in range(1, shapes.Size() + 1):
+            shape = shapes.FindKey(index)
+            told = _told(checker.Result(shape))
+            if not told <= allowed.get(kind, {fine}):
+                return []
+            if kind == TopAbs_FACE and told - {fine}:
+                found.append(shape)
+    return found
+
+
+def _told(result: BRepCheck_Result) -> set[BRepCheck_Status]:
+    """Return what the checker says of a shape, by itself and in all that it is part of."""
+    told = set(result.Status())
+    result.InitContextIterator()
+    while result.MoreShapeInContext():
+        told |= set(result.StatusOnShape())
+        result.NextShapeInContext()
+    return told
 
 
 def bounding_box(solid: TopoDS_Shape) -> Array:

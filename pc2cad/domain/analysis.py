@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 
@@ -80,6 +80,8 @@ class Analysis:
     complex: BoundaryComplex
     #: of the samples of the boundary
     scale: Scale
+    #: limits between pieces across which plane faces are not joined to one, per direction
+    apart: tuple[tuple[float, ...], ...] = ((), (), ())
 
     @property
     def size(self) -> float:
@@ -139,20 +141,8 @@ def derive(sides: SampledSides) -> Analysis:
     )
 
 
-def halved(analysis: Analysis) -> Analysis:
-    """Return the same solid with each direction in which it closes cut in the middle of its pieces.
-
-    No face then comes round to itself. Where nothing closes, the analysis itself.
-    """
-    closed = {
-        _direction(side.patch)
-        for side in analysis.boundary.sides
-        if side.partner not in (None, side.patch)
-    }
-    places = tuple(
-        {(Fraction(a) + Fraction(b)) / 2 for a, b in pairwise(row)} if d in closed else set()
-        for d, row in enumerate(analysis.bounds)
-    )
+def recut(analysis: Analysis, places: tuple[set[Fraction], ...]) -> Analysis:
+    """Return the same solid with directions cut at some more places, or as it is."""
     equation, bounds = analysis.equation, analysis.bounds
     questions = MapQuestions(analysis.map, bounds, _labels(equation, bounds))
     whole = SampledSides(equation, analysis.map, analysis.breaks, bounds, questions)
@@ -162,11 +152,6 @@ def halved(analysis: Analysis) -> Analysis:
     boundary = derive_boundary(sides.questions, sides.questions.labels)
     layers = _layered(equation, boundary, sides.questions)
     return replace(analysis, bounds=sides.bounds, boundary=boundary, complex=layers)
-
-
-def _direction(patch: Cell) -> int:
-    """Return the direction across a patch of a side."""
-    return next(d for d, position in enumerate(patch) if position % 2 == 0)
 
 
 def _all_cuts(sides: SampledSides) -> tuple[set[Fraction], ...]:

@@ -102,6 +102,8 @@ class Sheet:
     #: name of the face
     name: str = ""
     own: bool = True
+    #: of a sheet in a plane: one number for the faces that make up one region there, -1 if alone
+    region: int = -1
 
     @property
     def shape(self) -> tuple[int, int]:

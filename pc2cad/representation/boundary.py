@@ -154,7 +154,7 @@ def _attempt(work: _Work, plan: Plan, aim: Aim) -> Attempt[_Carriers | int]:
     boundary, planes = work.cells.boundary, work.cells.planes
     edges = [fits.edge(i) for i in range(len(boundary.edges))]
     faces = []
-    for group in coplanar_groups(boundary, [p and p[0] for p in planes]):
+    for group in coplanar_groups(work.cells.analysis, [p and p[0] for p in planes]):
         face = fits.face(group, edges)
         if face is None:
             return Attempt(group[0], 0.0, 0.0)

@@ -13,10 +13,11 @@ from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.scalar import evaluate
-from pc2cad.geometry.carriers import SplineSurface
+from pc2cad.geometry.carriers import Plane, SplineSurface
 from pc2cad.geometry.splines.bernstein import bezier_knots
 from pc2cad.representation.boundary_model import BoundaryModel
 from pc2cad.representation.face_sheets import edge_lines, sheets_of
+from pc2cad.representation.plane_faces import coplanar_groups
 from pc2cad.solidity.embedding.proof import TOUCHING
 from pc2cad.solidity.embedding.verdict import Embedding, check_embedded
 from pc2cad.topology.cells import IDENTITY
@@ -32,12 +33,29 @@ def embed(checked: CheckedMap, model: BoundaryModel) -> Embedding:
     Raises OverlappingMapError where the equation's do, BuiltFacesMeetError where only the model's.
     """
     sheets, left = sheets_of(model)
+    regions = _regions(checked.analysis, model)
+    sheets = [replace(sheet, region=regions.get(sheet.cell, -1)) for sheet in sheets]
     found = check_embedded(
         checked.analysis, sheets, edge_lines(model.edges, model.complex, model.vertices),
         [face.deviation for face in model.faces], [model.faces[i].name for i in left],
     )  # fmt: skip
     gap, names = _glued(checked.analysis)
     return replace(found, depth=max(found.depth, gap), sides=names)
+
+
+def _regions(analysis: Analysis, model: BoundaryModel) -> dict[int, int]:
+    """Return, for the cells of plane faces that were cut apart, what they were cut from."""
+    if not any(analysis.apart):
+        return {}
+    outward: list[Plane | None] = [None] * len(analysis.complex.faces)
+    for face in model.faces:
+        if isinstance(face.carrier, Plane):
+            normal = -face.carrier.normal if face.reversed else face.carrier.normal
+            for cell in face.cells:
+                outward[cell] = Plane(face.carrier.origin, normal)
+    whole = replace(analysis, apart=((), (), ()))
+    groups = coplanar_groups(whole, outward)
+    return {cell: k for k, group in enumerate(groups) for cell in group if outward[cell]}
 
 
 def _glued(analysis: Analysis) -> tuple[float, tuple[str, ...]]:

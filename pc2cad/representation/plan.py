@@ -32,7 +32,7 @@ class Cells:
     """The faces and edges of a map, and what each of them is by itself."""
 
     def __init__(self, checked: CheckedMap, profile: SplineProfile) -> None:
-        analysis = checked.analysis
+        self.analysis = analysis = checked.analysis
         self.boundary: BoundaryComplex = analysis.complex
         self.profile = profile
         self.classes = DirectionClasses(analysis, profile.degrees)

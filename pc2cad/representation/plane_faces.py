@@ -12,22 +12,24 @@ from itertools import combinations
 
 import numpy as np
 
+from pc2cad.domain.analysis import Analysis
 from pc2cad.geometry.carriers import Arc, Evidence, Line, Plane
 from pc2cad.representation.boundary_model import ModelEdge, ModelFace, Wire
-from pc2cad.topology.cells import DIRECTIONS, Cell, SideKey, normal_direction
+from pc2cad.topology.cells import DIRECTIONS, Cell, SideKey, directions_of, normal_direction
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
 #: planes that differ by less (as an angle) are one: what a least-squares fit of samples leaves
 SAME_PLANE = 1e-10
+#: places by which a face's length is measured
+_PLACES = 257
 
 
-def coplanar_groups(
-    boundary: BoundaryComplex, planes: Sequence[Plane | None]
-) -> list[tuple[int, ...]]:
+def coplanar_groups(analysis: Analysis, planes: Sequence[Plane | None]) -> list[tuple[int, ...]]:
     """Return the faces in groups: patches of one side that meet in an edge and share a plane.
 
-    Those of different layers stay apart.
+    Those of different layers stay apart, and those that the analysis has cut there.
     """
+    boundary = analysis.complex
     group = list(range(len(planes)))
 
     def find(i: int) -> int:
@@ -44,6 +46,8 @@ def coplanar_groups(
         a, b = planes[first], planes[second]
         if a is None or b is None or not _same_side(boundary, first, second):
             continue
+        if _parted(analysis, boundary.faces[first].patch, boundary.faces[second].patch):
+            continue
         if a.normal @ b.normal > 0 and np.abs(np.cross(a.normal, b.normal)).max() < SAME_PLANE:
             group[find(second)] = find(first)
     roots = sorted({find(i) for i in range(len(planes))})
@@ -55,9 +59,31 @@ def _same_side(boundary: BoundaryComplex, first: int, second: int) -> bool:
     return _side(a) == _side(b) and (not boundary.layers or a[2] == b[2])
 
 
+def _parted(analysis: Analysis, first: Cell, second: Cell) -> bool:
+    """Say whether a limit at which faces end lies between two patches."""
+    for row, apart, a, b in zip(analysis.bounds, analysis.apart, first, second, strict=True):
+        low, high = sorted((a // 2, b // 2))
+        if not set(apart).isdisjoint(row[low + 1 : high + 1]):
+            return True
+    return False
+
+
 def _side(patch: Cell) -> tuple[int, int]:
     d = normal_direction(patch)
     return d, patch[d]
+
+
+def longer_direction(analysis: Analysis, cells: Sequence[int]) -> int:
+    """Return the direction of the box along which a face of patches of one side is longer."""
+    patches = [analysis.complex.faces[i].patch for i in cells]
+    lengths = {}
+    for along in directions_of(patches[0]):
+        spans = [[analysis.span(d, patch[d]) for patch in patches] for d in DIRECTIONS]
+        places = [np.array([sum(map(sum, rows)) / (2 * len(rows))]) for rows in spans]
+        places[along] = np.linspace(min(spans[along])[0], max(spans[along])[1], _PLACES)
+        steps = np.diff(analysis.map.points(*places), axis=0)
+        lengths[along] = float(np.linalg.norm(steps, axis=-1).sum())
+    return max(lengths, key=lambda d: lengths[d])
 
 
 def plane_face(

@@ -27,9 +27,10 @@ def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
     With them comes the number of blocks that were looked at.
     """
     search = _Search(surfaces, noise)
-    plane = surfaces.plane
     pairs: Integers = np.stack(np.triu_indices(len(surfaces.sheets)), axis=1)
-    pairs = pairs[(plane[pairs[:, 0]] < 0) | (plane[pairs[:, 0]] != plane[pairs[:, 1]])]
+    # what lies in one plane does not meet itself where its edges do not
+    for row in (surfaces.plane, np.array([sheet.region for sheet in surfaces.sheets])):
+        pairs = pairs[(row[pairs[:, 0]] < 0) | (row[pairs[:, 0]] != row[pairs[:, 1]])]
     count = len(surfaces.sheets)
     for depth in range(len(search.levels) - 1, -1, -1):
         if depth + 1 < len(search.levels):
