@@ -1,4 +1,4 @@
-"""STEP texts written by hand: a box of planes and lines, with no kernel."""
+"""STEP texts written by hand, with no kernel: a box of planes and lines, and a ball cut off."""
 
 from __future__ import annotations
 
@@ -67,6 +67,34 @@ def box(size: tuple[float, float, float] = (1.0, 2.0, 3.0), *, volume: float | N
     shell = out.add(f"CLOSED_SHELL('',({','.join(faces)}))")
     solid = out.add(f"MANIFOLD_SOLID_BREP('box',{shell})")
     _context(out, solid, volume)
+    return out.text()
+
+
+def cut_ball() -> str:
+    """Return a ball of radius 2 without what is beyond x = 1; its faces have one edge, no seam."""
+    out = Writer()
+    x, z = (out.add(f"DIRECTION('',{triple(d)})") for d in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    middle, end, start = (
+        out.add(f"CARTESIAN_POINT('',{triple(p)})")
+        for p in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 3.0**0.5))
+    )
+    vertex = out.add(f"VERTEX_POINT('',{start})")
+    frame, across = (
+        out.add(f"AXIS2_PLACEMENT_3D('',{o},{a},{b})") for o, a, b in ((middle, z, x), (end, x, z))
+    )
+    circle = out.add(f"CIRCLE('',{across},{3.0**0.5!r})")
+    edge = out.add(f"EDGE_CURVE('',{vertex},{vertex},{circle},.T.)")
+    faces = []
+    for surface, sense in (
+        (f"SPHERICAL_SURFACE('',{frame},2.)", "F"),
+        (f"PLANE('',{across})", "T"),
+    ):
+        use = out.add(f"ORIENTED_EDGE('',*,*,{edge},.{sense}.)")
+        ring = out.add(f"EDGE_LOOP('',({use}))")
+        bound = out.add(f"FACE_BOUND('',{ring},.T.)")
+        faces.append(out.add(f"ADVANCED_FACE('',({bound}),{out.add(surface)},.T.)"))
+    shell = out.add(f"CLOSED_SHELL('',({','.join(faces)}))")
+    _context(out, out.add(f"MANIFOLD_SOLID_BREP('ball',{shell})"), None)
     return out.text()
 
 

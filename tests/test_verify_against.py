@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from consumers.step_edits import edit, instance, move, read_instances
-from shipped import LONG
+from shipped import LONG, part_of
 
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_solid
@@ -31,8 +31,9 @@ SINGLE = [name for name, path in PATHS.items() if "bodies" not in path.read_text
 
 
 def write(name: str, path: Path, options: CompileOptions = DEFAULTS, schema: str = "AP242") -> str:
-    equation = read_template(PATHS[name]).bind()
-    part = compile_solid(equation, options)
+    # what is built as usual is shared with other tests
+    usual = options == DEFAULTS
+    part = part_of(name) if usual else compile_solid(read_template(PATHS[name]).bind(), options)
     part.write(path, options=ExportOptions(step_schema=schema))
     return str(path)
 

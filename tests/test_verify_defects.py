@@ -116,7 +116,7 @@ CONTROLS: dict[str, tuple[str, Edit, str]] = {
         "theorem of Stokes fails",
     ),
     "flipped sphere": ("sphere", lambda t: _flip(t, "ADVANCED_FACE"), "inside out"),
-    "flipped torus": ("torus", lambda t: _flip(t, "ADVANCED_FACE"), "runs clockwise"),
+    "flipped torus": ("torus", lambda t: _flip(t, "ADVANCED_FACE"), "inside out"),
     "flipped void": ("hollow", lambda t: _flip(t, "ORIENTED_CLOSED_SHELL"), "the void"),
     "flipped edge": ("box", lambda t: _flip(t, "ORIENTED_EDGE", 5), "is not closed"),
     "flipped closed edge": (
@@ -125,8 +125,6 @@ CONTROLS: dict[str, tuple[str, Edit, str]] = {
         "is not consistently oriented",
     ),
     "flipped seam": ("torus", lambda t: _flip(t, "ORIENTED_EDGE"), "not consistently oriented"),
-    "flipped wire of a torus": ("torus", lambda t: _flip(t, "FACE_BOUND"), "runs clockwise"),
-    "flipped circle of a torus": ("torus", lambda t: _flip(t, "EDGE_CURVE"), "runs clockwise"),
     "flipped curve": ("box", lambda t: _flip(t, "EDGE_CURVE"), "does not run from its start"),
     "flipped circle": (
         "cylinder",

@@ -10,6 +10,7 @@ from pathlib import Path
 import cadquery as cq
 import pytest
 from consumers.samples import AP214, SplineSolid, as_nurbs, write_step
+from consumers.step_edits import read_instances
 from plain_step import box
 
 from pc2cad.cli.main import main
@@ -162,6 +163,31 @@ def test_sound_solids_of_cadquery_raise_no_alarm(name: str, tmp_path: Path) -> N
     assert found["sound"] is True, found["unknown"]
     volume = sum(solid["volume"] for solid in found["solids"])
     assert volume == pytest.approx(shape.Volume(1e-9), rel=1e-6)
+
+
+def moved_in_parameters(text: str, ref: str) -> str:
+    """Move the first point of two coordinates that an instance leads to by a thousandth each."""
+    while True:
+        (own,) = re.findall(rf"(?<![0-9#]){ref} = ([^;]*);", text)
+        found = re.fullmatch(r"CARTESIAN_POINT\('',\(([-+0-9.E]+),([-+0-9.E]+)\)\)", own)
+        if found:
+            u, v = (float(x) + 1e-3 for x in found.groups())
+            return text.replace(f"{ref} = {own};", f"{ref} = CARTESIAN_POINT('',({u},{v}));")
+        ref = re.findall(r"#\d+", own)[0]
+
+
+@pytest.mark.parametrize(
+    "name", ["pointed", "half ring", "spun spline", pytest.param("cross", marks=pytest.mark.slow)]
+)
+def test_curves_in_parameters_lie_on_their_edges(name: str, tmp_path: Path) -> None:
+    made = FOREIGN[name]()
+    path = write_step(made if isinstance(made, cq.Shape) else made.val(), tmp_path / "part.step")
+    text = read_instances(path)
+    curves = re.findall(r"DEFINITIONAL_REPRESENTATION\('',\((#\d+)\)", text)
+    assert len(curves) > 3
+    for ref in curves[:: len(curves) // 3]:
+        found = describe(parse_step(moved_in_parameters(text, ref).encode()))
+        assert any("in the parameters of the face" in line for line in found["defects"]), ref
 
 
 def test_the_verb_tells_and_returns_what_was_found(

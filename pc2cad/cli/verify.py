@@ -177,7 +177,7 @@ def _solid(solid: dict[str, Any]) -> Iterator[str]:
     stated = solid["uncertainty"]
     rows.append(
         ("largest gaps", f"vertices {solid['largest_vertex_gap']:.1e}, edges "
-         f"{solid['largest_edge_gap']:.1e} (sampled)"
+         f"{solid['largest_edge_gap']:.1e} ({solid['gaps_are']})"
          + ("" if stated is None else f"; stated uncertainty {stated:.1e}"))
     )  # fmt: skip
     yield table(rows)

@@ -63,12 +63,17 @@ class Jet:
     def __mul__(self, other: Jet) -> Jet:
         """Return the product, cut off behind the longer series."""
         a, b = (self, other) if len(self.c) <= len(other.c) else (other, self)
-        rest = _product(np.abs(a.c), b.r) + _product(a.r, b.size)
-        rest += (len(b.c) + 3) * UNIT * _product(a.size, b.size)
+        # |a| r_b + r_a |b|, each with what rounding adds
+        size, rounding = b.size, (len(b.c) + 3) * UNIT
+        rest = _product(np.abs(a.c), b.r + rounding * size)
+        if a.r.any():
+            rest += _product(a.r, (1.0 + rounding) * size)
         return Jet(_product(a.c, b.c), rest * OUT + 1e-300)
 
 
 def _sum(a: Array, b: Array) -> Array:
+    if len(a) == len(b):
+        return np.asarray(a + b)
     if len(a) > len(b):
         a, b = b, a
     shape = np.broadcast_shapes(a.shape[1:], b.shape[1:])
@@ -97,9 +102,10 @@ def _summed(shares: Array, a: Jet, b: Jet) -> Jet:
 
 
 def _joined(parts: Sequence[Jet]) -> Jet:
-    shape = np.broadcast_shapes(*(part.c.shape for part in parts))
-    c, r = ([np.broadcast_to(x, shape) for x in row]
-            for row in zip(*((p.c, p.r) for p in parts), strict=True))  # fmt: skip
+    c, r = [part.c for part in parts], [part.r for part in parts]
+    if len({part.shape for part in (*c, *r)}) > 1:
+        shape = np.broadcast_shapes(*(part.shape for part in c))
+        c, r = ([np.broadcast_to(part, shape) for part in row] for row in (c, r))
     return Jet(np.concatenate(c), np.concatenate(r))
 
 

@@ -16,7 +16,7 @@ from pc2cad.verify.records import DEEPEST, Record, Records, is_true, length, num
 from pc2cad.verify.splines import Sampling, SplineCurve, check_knots, make_curve
 
 TURN = 2.0 * np.pi
-_WRAPPERS = ("SURFACE_CURVE", "SEAM_CURVE", "INTERSECTION_CURVE", "BOUNDED_SURFACE_CURVE")
+WRAPPERS = ("SURFACE_CURVE", "SEAM_CURVE", "INTERSECTION_CURVE", "BOUNDED_SURFACE_CURVE")
 
 
 class Curve(Protocol):
@@ -211,7 +211,7 @@ def read_curve(records: Records, ref: Any, depth: int = 0) -> Curve:
     kind = spline_kind(record.parts, "CURVE")
     if kind is not None:
         return _read_spline(records, record, kind)
-    if record.keyword in _WRAPPERS:
+    if record.keyword in WRAPPERS:
         return read_curve(records, record.values(2)[1], depth + 1)
     if record.keyword == "TRIMMED_CURVE":
         basis = read_curve(records, record.values(5)[1], depth + 1)

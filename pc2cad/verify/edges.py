@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,8 +32,9 @@ class Edge:
     steps: Array
     #: largest distance of an end of the curve from its vertex
     gap: float
-    #: what it is cut from
+    #: what it is cut from, and its parameters at the start and the end vertex
     curve: Curve
+    interval: tuple[float, float]
 
     @property
     def length(self) -> float:
@@ -46,6 +48,13 @@ class Loop:
 
     edges: tuple[tuple[Edge, bool], ...]
     vertex: Array | None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether its uses could come in any order: seams that begin and end at one vertex."""
+        uses = Counter(edge.ref for edge, _ in self.edges)
+        ends = {vertex for edge, _ in self.edges for vertex in (edge.start, edge.end)}
+        return len(ends) == 1 and set(uses.values()) == {2}
 
     @property
     def flow(self) -> tuple[Array, Array]:
@@ -95,7 +104,7 @@ class EdgeReader:
         steps = sign * weights[:, None] * slopes
         if not (np.isfinite(samples).all() and np.isfinite(steps).all()):
             raise StepDefectError(f"the edge {ref} has places that are not finite")
-        return Edge(ref, start, end, samples, places, steps, gap, curve)
+        return Edge(ref, start, end, samples, places, steps, gap, curve, (first, last))
 
     def loop(self, ref: Any) -> Loop:
         """Return a FACE_BOUND as a loop that runs around the face's normal."""

@@ -17,10 +17,12 @@ from pc2cad.arrays import Array
 from pc2cad.verify.defects import StepDefectError, StepOrientationError, StepUnknownError
 from pc2cad.verify.edges import EdgeReader, Loop
 from pc2cad.verify.exchange import Ref
+from pc2cad.verify.gaps import Frame, gap_bound
 from pc2cad.verify.patches import (
     AskewError,
     Moments,
     Rectangle,
+    closed_moments,
     patch_moments,
     rectangles,
     trace_edge,
@@ -66,7 +68,9 @@ class JudgedFace:
     rectangle: Rectangle | None
     frame: tuple[Array, Array] | None
     stokes: float
+    #: the largest distance of its edges from its surface that was seen, and a bound of all
     gap: float
+    gap_bound: float = np.inf
 
 
 def read_face(records: Records, edges: EdgeReader, ref: Any) -> Face:
@@ -184,6 +188,10 @@ def _judge_patch(surface: Surface, face: Face, origin: Array, limit: float) -> J
         residual = _residual(face, moments, corner, moments.area**0.5)
         if best is None or residual < best.stokes:
             best = JudgedFace(face, moments, surface, rectangle, None, residual, max(gaps))
+    if best is not None:
+        # a loop that is one vertex has no more places than that
+        proved = [gap_bound(surface, edge, *traced[ref]) for ref, edge in edges.items()]
+        best = replace(best, gap_bound=max(max(gaps), *proved, 0.0))
     if best is None:
         raise AskewError(
             f"the edges of the face {face.label} ({face.carrier}) do not bound a rectangle of its "
@@ -192,7 +200,7 @@ def _judge_patch(surface: Surface, face: Face, origin: Array, limit: float) -> J
     _require_stokes(face, best)
     for loop in face.loops:
         around = winding([(traced[edge.ref][0], forward) for edge, forward in loop.edges])
-        if sign * around < 0.0:
+        if sign * around < 0.0 and not loop.is_free:
             raise StepOrientationError(
                 f"the loop of the face {face.label} ({face.carrier}) is turned over: it runs "
                 "clockwise around the normal in the parameter plane"
@@ -217,10 +225,14 @@ def _judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) ->
         raise StepDefectError(f"an edge leaves the surface of the face {face.label} by {gap:.2g}")
     corner, best = _corner(face), None
     sign = 1.0 if face.same_sense else -1.0
+    whole = closed_moments(surface, origin, corner)
     levels = [(1, float(np.mean(v))), *((1, x) for x in surface.limits[1] if np.isfinite(x))]
     for inner in (*levels, (0, float(np.mean(u)))):
         moments = trimmed_moments(surface, (flow[0], flow[1]), inner, origin, corner)
         moments = replace(moments, area=sign * moments.area)
+        if moments.area <= 0.0 and whole is not None:
+            # the edges run round what the face leaves of a closed surface
+            moments = moments.plus(whole.times(sign))
         if moments.area <= 0.0:
             continue
         residual = _residual(face, moments, corner, moments.area**0.5)
@@ -235,10 +247,15 @@ def _judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) ->
             f"what the edges of the face {face.label} ({face.carrier}) leave of its surface could "
             f"not be found (the theorem of Stokes fails by {best.stokes:.2g})"
         )
-    return best
+    return replace(best, gap_bound=_gaps(surface, face, gap))
 
 
-def _judge_plane(face: Face, frame: tuple[Array, Array], origin: Array, limit: float) -> JudgedFace:
+def _gaps(carrier: Surface | Frame, face: Face, seen: float) -> float:
+    edges = {edge.ref: edge for loop in face.loops for edge, _ in loop.edges}
+    return max(gap_bound(carrier, edge, None, seen) for edge in edges.values())
+
+
+def _judge_plane(face: Face, frame: Frame, origin: Array, limit: float) -> JudgedFace:
     place, axes = frame
     if not face.same_sense:
         axes = axes[[1, 0, 2]] * np.array([[1.0], [1.0], [-1.0]])
@@ -260,9 +277,8 @@ def _judge_plane(face: Face, frame: tuple[Array, Array], origin: Array, limit: f
     _require_loops(face, [float(part[0]) for part in sums])
     moments = _plane_moments(np.sum(sums, axis=0), corner, origin, place, axes)
     residual = _residual(face, moments, corner, moments.area**0.5)
-    return _require_stokes(
-        face, JudgedFace(face, moments, None, None, (place, axes), residual, gap)
-    )
+    judged = JudgedFace(face, moments, None, None, (place, axes), residual, gap)
+    return _require_stokes(face, replace(judged, gap_bound=_gaps((place, axes), face, gap)))
 
 
 def _require_loops(face: Face, areas: list[float]) -> None:

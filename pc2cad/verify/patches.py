@@ -49,6 +49,13 @@ class Moments:
             sign * self.moment, self.error,
         )  # fmt: skip
 
+    def plus(self, other: Moments) -> Moments:
+        """Return the integrals over both of two faces with the same corner."""
+        return Moments(
+            self.area + other.area, self.vector + other.vector, self.first + other.first,
+            self.volume + other.volume, self.moment + other.moment, max(self.error, other.error),
+        )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Trace:
@@ -204,6 +211,22 @@ def _collapsed(surface: Surface, rectangle: Rectangle, axis: int, level: float) 
         points = surface.at(*((fixed, t) if axis == 0 else (t, fixed)))[0]
         sizes.append(np.ptp(points, axis=0).max())
     return bool(sizes[0] <= 1e-9 * sizes[1])
+
+
+def closed_moments(surface: Surface, origin: Array, corner: Array) -> Moments | None:
+    """Return the integrals over all of a surface; None where it has a border, or no end."""
+    rectangle = []
+    for period, (low, high) in zip(surface.periods, surface.limits, strict=True):
+        low = low if np.isfinite(low) or period is None else 0.0
+        rectangle.append((low, high if period is None else low + period))
+    whole = rectangle[0], rectangle[1]
+    for axis, period in enumerate(surface.periods):
+        ends = whole[axis]
+        if not np.isfinite(ends).all():
+            return None
+        if period is None and not all(_collapsed(surface, whole, axis, end) for end in ends):
+            return None
+    return patch_moments(surface, whole, origin, corner)
 
 
 def patch_moments(surface: Surface, rectangle: Rectangle, origin: Array, corner: Array) -> Moments:

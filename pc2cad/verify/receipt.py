@@ -173,7 +173,7 @@ def _described(solid: Solid) -> dict[str, Any]:
         "vertices": solid.vertices,
         "largest_vertex_gap": solid.vertex_gap,
         "largest_edge_gap": solid.edge_gap,
-        "gaps_are": "sampled",
+        "gaps_are": solid.gaps_rest_on,
         "volume": solid.volume,
         "volume_error": solid.volume_error,
         "area": solid.area,

@@ -7,6 +7,7 @@ keyword asks for is a StepDefectError that names it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,6 +52,8 @@ class Record:
 class Records:
     """All records of a file, by reference and by keyword."""
 
+    _dimension, _many = 3, "three"
+
     def __init__(self, exchange: Exchange) -> None:
         self.header = exchange.header
         self._instances = exchange.instances
@@ -58,6 +61,12 @@ class Records:
         for key, parts in exchange.instances.items():
             for keyword in parts:
                 self._by_keyword.setdefault(keyword, []).append(key)
+
+    def flat(self) -> Records:
+        """Return the same records, as read where points have two coordinates; z is 0."""
+        found = copy(self)
+        found._dimension, found._many = 2, "two"
+        return found
 
     def __len__(self) -> int:
         """Return the number of instances."""
@@ -102,19 +111,20 @@ class Records:
             if "CARTESIAN_POINT" not in parts:
                 self.get(ref, "CARTESIAN_POINT")
             row = parts["CARTESIAN_POINT"][-1]
-            if not isinstance(row, tuple) or len(row) != 3:
-                raise StepDefectError(f"CARTESIAN_POINT {ref} has no three coordinates")
+            if not isinstance(row, tuple) or len(row) != self._dimension:
+                raise StepDefectError(f"CARTESIAN_POINT {ref} has no {self._many} coordinates")
             rows.append(row)
-        return np.asarray(numbers(rows, refs).reshape(-1, 3))
+        found = numbers(rows, refs).reshape(-1, self._dimension)
+        return np.pad(found, ((0, 0), (0, 3 - self._dimension)))
 
     def direction(self, ref: Any) -> Array:
         """Return a DIRECTION as a unit vector."""
         _, row = self.get(ref, "DIRECTION").values(2)[:2]
         ratios = numbers(row, ref)
         length = float(np.linalg.norm(ratios))
-        if ratios.shape != (3,) or not 1e-50 < length < np.inf:
-            raise StepDefectError(f"DIRECTION {ref} has no length, or no three coordinates")
-        return np.asarray(ratios / length)
+        if ratios.shape != (self._dimension,) or not 1e-50 < length < np.inf:
+            raise StepDefectError(f"DIRECTION {ref} has no length, or no {self._many} coordinates")
+        return np.pad(ratios / length, (0, 3 - self._dimension))
 
     def vector(self, ref: Any) -> Array:
         """Return a VECTOR: its direction times its magnitude."""
@@ -123,6 +133,10 @@ class Records:
 
     def frame(self, ref: Any) -> tuple[Array, Array]:
         """Return an AXIS2_PLACEMENT_3D as origin and the rows x, y, z of a right-handed frame."""
+        if self._dimension == 2:
+            _, location, reference = self.get(ref, "AXIS2_PLACEMENT_2D").values(3)[:3]
+            x = np.eye(3)[0] if reference is None else self.direction(reference)
+            return self.point(location), np.array([x, [-x[1], x[0], 0.0], [0.0, 0.0, 1.0]])
         _, location, axis, reference = self.get(ref, "AXIS2_PLACEMENT_3D").values(4)[:4]
         z = np.array([0.0, 0.0, 1.0]) if axis is None else self.direction(axis)
         if reference is None:

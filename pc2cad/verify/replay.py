@@ -13,7 +13,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Sequence
-from math import log, pi
+from math import log, pi, prod
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,6 +24,8 @@ from pc2cad.verify.balls import LIBRARY, OUT, UNIT, Array, Jet, ReplayError, con
 FORMAT: Final = "pc2cad certificate 1"
 #: most places of one face, and highest degree: a certificate that asks for more is not replayed
 LARGEST, HIGHEST = 4_000_000, 24
+#: places looked at at a time, which the processor's cache holds
+BLOCK: Final = 150000
 #: what reading a certificate or a file may end in that is none
 UNREADABLE = (
     OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError,
@@ -37,6 +39,10 @@ class StepText:
     _INSTANCE = re.compile(r"#(\d+)\s*=\s*((?:[^;']|'[^']*')*);")
     _TOKEN = re.compile(
         r"\s*('(?:[^']|'')*'|#\d+|[+-]?\d+\.?\d*(?:E[+-]?\d+)?|\.\w+\.|\w+|[(),$*])"
+    )
+    _POINT = re.compile(
+        r"(?:CARTESIAN_POINT|DIRECTION)\s*\(\s*'[^']*'\s*,"
+        r"\s*\(\s*([^,()]+),([^,()]+),([^,()]+)\)\s*\)\s*"
     )
 
     def __init__(self, data: bytes) -> None:
@@ -76,8 +82,10 @@ class StepText:
 
     def point(self, ref: Any) -> Array:
         """Return a point or a direction."""
-        ((_, row),) = self.get(ref).values()
-        return np.array([float(x) for x in row])
+        found = self._POINT.fullmatch(self._texts[int(str(ref).lstrip("#"))])
+        if found is None:
+            raise ReplayError(f"{ref} is no point and no direction with three coordinates")
+        return np.array([float(x) for x in found.groups()])
 
     def frame(self, ref: Any) -> tuple[Array, Array]:
         """Return origin and axes x, y, z of a placement that says all of them."""
@@ -131,33 +139,39 @@ class Spline:
         self.poles, self.knots = poles, knots
 
     def at(self, s: Array, t: Array) -> tuple[Array, float]:
-        """Return values on a grid, (3, len(s), len(t)), and how far they may be off."""
-        bases = [_basis(k, p, x) for k, p, x in zip(self.knots, self.degrees, (s, t), strict=True)]
+        """Return values at places (cells, places) of both parameters, and how far they may be off.
+
+        They have the shape (3, cells along s, along t, places along s, along t).
+        """
+        found = [_basis(k, p, x) for k, p, x in zip(self.knots, self.degrees, (s, t), strict=True)]
+        (first, rows), (second, columns) = found
         size, off = float(np.linalg.norm(self.poles, axis=2).max()), 0.0
         for axis, (p, k) in enumerate(zip(self.degrees, self.knots, strict=True)):
             # sums of products without cancellation; and a parameter that is off by a few units
             steps = np.linalg.norm(np.diff(self.poles, axis=axis), axis=2).max(axis=1 - axis)
             gaps = k[1 + p : -1] - k[1 : -1 - p]
             off += 8 * (p + 2) * UNIT * size + 8 * UNIT * p * float((steps / gaps).max())
-        return np.einsum("si,ijk,tj->kst", bases[0], self.poles, bases[1], optimize=True), off
+        own = self.poles.transpose(2, 0, 1)[:, first[:, None, :, None], second[None, :, None, :]]
+        return rows[:, None] @ own @ columns.transpose(0, 2, 1), off
 
 
-def _basis(knots: Array, p: int, x: Array) -> Array:
-    """Return the values of the B-splines at places, (len(x), count), by Cox and de Boor."""
-    count = len(knots) - p - 1
-    span = np.clip(np.searchsorted(knots, x, side="right") - 1, p, count - 1)
-    rows = np.ones((len(x), 1))
+def _basis(knots: Array, p: int, x: Array) -> tuple[Any, Array]:
+    """Return the numbers of the B-splines that live in each cell, and their values at its places.
+
+    By Cox and de Boor; every row of places is within one span of the knots.
+    """
+    middle = 0.5 * (x[:, 0] + x[:, -1])
+    span = np.clip(np.searchsorted(knots, middle, side="right") - 1, p, len(knots) - p - 2)
+    rows = np.ones((*x.shape, 1))
     for d in range(1, p + 1):
-        left = knots[span[:, None] + np.arange(1 - d, 1)]
-        right = knots[span[:, None] + np.arange(1, d + 1)]
-        share = (x[:, None] - left) / (right - left)
-        new = np.zeros((len(x), d + 1))
-        new[:, :-1] += (1.0 - share) * rows
-        new[:, 1:] += share * rows
+        left = knots[span[:, None] + np.arange(1 - d, 1)][:, None]
+        right = knots[span[:, None] + np.arange(1, d + 1)][:, None]
+        share = (x[:, :, None] - left) / (right - left)
+        new = np.zeros((*x.shape, d + 1))
+        new[..., :-1] += (1.0 - share) * rows
+        new[..., 1:] += share * rows
         rows = new
-    found = np.zeros((len(x), count))
-    np.put_along_axis(found, span[:, None] + np.arange(-p, 1), rows, axis=1)
-    return found
+    return span[:, None] + np.arange(-p, 1), rows
 
 
 class Quadric:
@@ -244,25 +258,32 @@ class Difference:
 
     def interpolant(self) -> tuple[Array, Array]:
         """Return a bound of the interpolant in each cell, and the differences at its nodes."""
-        nodes, shape = [], []
-        for points, m in zip(self._cells, self.degrees, strict=True):
+        rows = max(1, BLOCK // ((len(self._cells[1]) - 1) * prod(m + 1 for m in self.degrees)))
+        found = [self._rows(k, k + rows) for k in range(0, len(self._cells[0]) - 1, rows)]
+        total, seen = (np.concatenate(part) for part in zip(*found, strict=True))
+        return total, seen
+
+    def _rows(self, first: int, last: int) -> tuple[Array, Array]:
+        nodes, rows = [], (self._cells[0][first : last + 1], self._cells[1])
+        for points, m in zip(rows, self.degrees, strict=True):
             x = 0.5 - 0.5 * np.cos(pi * np.arange(m + 1) / m)
-            nodes.append((points[:-1, None] + np.diff(points)[:, None] * x).ravel())
-            shape += [len(points) - 1, m + 1]
+            nodes.append(points[:-1, None] + np.diff(points)[:, None] * x)
         rounded = [Jet(x[None], np.full(x[None].shape, 4 * UNIT))
-                   for x in (nodes[0][:, None], nodes[1][None, :])]  # fmt: skip
+                   for x in (nodes[0].reshape(-1, 1), nodes[1].reshape(1, -1))]  # fmt: skip
         found, _ = self._at(*rounded)
-        full = len(nodes[0]), len(nodes[1])
+        (c, i), (d, j) = nodes[0].shape, nodes[1].shape
+        full = c * i, d * j
         gaps = np.stack([np.broadcast_to(jet.c[0], full) for jet in found])
+        gaps = gaps.reshape(-1, c, i, d, j).transpose(0, 1, 3, 2, 4)
         radii = np.broadcast_to(sum(jet.r[0] for jet in found), full)
-        off = radii.reshape(shape).max(axis=(1, 3))
+        off = radii.reshape(c, i, d, j).max(axis=(1, 3))
         if isinstance(self._surface, Spline):
             known, more = self._surface.at(*nodes)
             gaps, off = gaps - known, off + more
         a, b = (_chebyshev(m) for m in self.degrees)
-        waves = np.einsum("ij,kcjdl,ml->cdimk", a, gaps.reshape(-1, *shape), b, optimize=True)
-        sums = np.sqrt((waves**2).sum(axis=-1)).sum(axis=(2, 3))
-        seen = np.sqrt((gaps**2).sum(axis=0)).reshape(shape).max(axis=(1, 3))
+        waves = a @ np.ascontiguousarray(gaps) @ b.T
+        sums = np.sqrt((waves**2).sum(axis=0)).sum(axis=(2, 3))
+        seen = np.sqrt((gaps**2).sum(axis=0).max(axis=(2, 3)))
         # what rounding may add to values, and to the coefficients
         off = off * lebesgue(self.degrees[0]) * lebesgue(self.degrees[1])
         return sums + off + 1e-13 * seen, seen

@@ -14,10 +14,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.geometry.carriers import Evidence
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.edges import EdgeReader
 from pc2cad.verify.exchange import Ref
 from pc2cad.verify.faces import Face, JudgedFace, judge_face, read_face
+from pc2cad.verify.pcurves import check_pcurves
 from pc2cad.verify.records import Record, Records, is_true, sequence
 from pc2cad.verify.units import Units, read_units
 
@@ -82,8 +84,11 @@ class Solid:
     faces: tuple[JudgedFace, ...]
     edges: int
     vertices: int
+    #: largest distances of edges from vertices (at ends), and of edges from surfaces
     vertex_gap: float
     edge_gap: float
+    #: whether the latter is a bound of all, or the largest that was seen
+    gaps_rest_on: Evidence
     #: None where a face could not be judged
     volume: float | None
     area: float | None
@@ -140,6 +145,7 @@ def read_solid(records: Records, record: Record, findings: Findings) -> Solid | 
             found = findings.attempt(_judging(records, face, units.radian, origin, allowed))
             if found is not None:
                 judged.append((shell, found))
+                findings.attempt(partial(check_pcurves, records, found, units.radian, allowed))
     complete = len(judged) == sum(len(shell.faces) for shell in shells)
     solid = _sum_up(record, units, size, shells, judged, origin, edges, complete)
     _check_shells(shells, judged, complete, findings)
@@ -163,6 +169,15 @@ def _allowed(units: Units, size: float) -> float:
     stated = UNSTATED * size if units.uncertainty is None else units.uncertainty
     # an uncertainty of the part's own size is no licence
     return max(min(TIMES * stated, 1e-3 * size), LOOSE * size)
+
+
+def _edge_gap(faces: list[JudgedFace], units: Units, size: float) -> tuple[float, Evidence]:
+    """Return the largest distance of edges from surfaces: a bound, if it says no more than that."""
+    seen = max((face.gap for face in faces), default=0.0)
+    bound = max((face.gap_bound for face in faces), default=0.0)
+    stated = UNSTATED * size if units.uncertainty is None else units.uncertainty
+    sharp = bound <= max(stated, 2.0 * seen + ROUNDING * size)
+    return (bound, "bounded") if sharp else (seen, "sampled")
 
 
 def _remark_gaps(solid: Solid, findings: Findings) -> None:
@@ -314,6 +329,7 @@ def _sum_up(
     if complete and volume > 0.0:
         moment = np.sum([shell.sign * face.moments.moment for shell, face in judged], axis=0)
         centroid = origin + moment / volume
+    edge_gap, rests_on = _edge_gap([face for _, face in judged], units, size)
     return Solid(
         name=str(record.values(1)[0] or ""),
         ref=record.ref,
@@ -324,7 +340,8 @@ def _sum_up(
         edges=len(edges.edges),
         vertices=len(edges.vertices),
         vertex_gap=max((edge.gap for edge in edges.edges.values()), default=0.0),
-        edge_gap=max((face.gap for _, face in judged), default=0.0),
+        edge_gap=edge_gap,
+        gaps_rest_on=rests_on,
         volume=volume if complete else None,
         area=area if complete else None,
         centroid=centroid,

@@ -77,6 +77,9 @@ class Round:
     inverse: Callable[[Array, Array], Array]
     periods: tuple[float | None, float | None]
     limits: tuple[Span, Span]
+    #: the entity, and its radii or its radius and angle (in radians)
+    kind: str
+    lengths: tuple[float, ...]
     points: tuple[int, int] = (14, 14)
 
     def at(self, u: Array, v: Array) -> Jet:
@@ -122,6 +125,10 @@ class Spun:
         along = (vector @ self.axis)[..., None] * self.axis
         out, side = vector - along, np.cross(self.axis, vector)
         return along + cos * out + sin * side, cos * side - sin * out
+
+    def turn(self, u: float) -> Array:
+        """Return the matrix of the turn by an angle."""
+        return self._turned(np.full(3, u), np.eye(3))[0].T
 
     def at(self, u: Array, v: Array) -> Jet:
         """Return points and first derivatives."""
@@ -234,7 +241,10 @@ def read_surface(records: Records, ref: Any, radian: float, depth: int = 0) -> S
     if record.keyword == "TOROIDAL_SURFACE" and first <= rest[0]:
         raise StepUnknownError(f"the torus {ref} meets its own axis: which part is meant is open")
     profile, inverse, period, limits = _ROUND[record.keyword](first, *rest)
-    return Round(origin, axes, profile, inverse, (TURN, period), (_INFINITE, limits))
+    return Round(
+        origin, axes, profile, inverse, (TURN, period), (_INFINITE, limits), record.keyword,
+        (first, *rest),
+    )  # fmt: skip
 
 
 _Meridian: TypeAlias = tuple[_Profile, Callable[[Array, Array], Array], float | None, Span]
