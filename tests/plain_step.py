@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import product
 
 HEADER = (
@@ -68,6 +69,30 @@ def box(size: tuple[float, float, float] = (1.0, 2.0, 3.0), *, volume: float | N
     solid = out.add(f"MANIFOLD_SOLID_BREP('box',{shell})")
     _context(out, solid, volume)
     return out.text()
+
+
+def swollen_box(count: int) -> str:
+    """Return a box whose top is a cubic B-spline of count² poles, raised but for its border."""
+    text, number = box(), 10_000
+    spans = count - 3
+    knots = [0.0] * 4 + [k / spans for k in range(1, spans)] + [1.0] * 4
+    middles = [sum(knots[k + 1 : k + 4]) / 3.0 for k in range(count)]
+    inner = [k not in (0, count - 1) for k in range(count)]
+    lines, rows = [], []
+    for i, x in enumerate(middles):
+        for j, y in enumerate(middles):
+            z = 3.0 + 6.4 * x * (1.0 - x) * y * (1.0 - y) * inner[i] * inner[j]
+            lines.append(f"#{number + len(lines)}=CARTESIAN_POINT('',{triple((x, 2.0 * y, z))});")
+        first = number + i * count
+        rows.append("(" + ",".join(f"#{first + j}" for j in range(count)) + ")")
+    row = ",".join(map(repr, [0.0, *knots[4:-4], 1.0]))
+    often = ",".join(["4", *["1"] * (spans - 1), "4"])
+    lines.append(
+        f"#9999=B_SPLINE_SURFACE_WITH_KNOTS('',3,3,({','.join(rows)}),.UNSPECIFIED.,.F.,.F.,.F.,"
+        f"({often}),({often}),({row}),({row}),.UNSPECIFIED.);"
+    )
+    text = re.sub(r"(ADVANCED_FACE\('w=1',\(#\d+\),)#\d+", r"\1#9999", text)
+    return text.replace(FOOTER, "\n".join(lines) + "\n" + FOOTER)
 
 
 def cut_ball() -> str:

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from plain_step import FOOTER, HEADER, box
+from plain_step import FOOTER, HEADER, box, swollen_box
 
 from pc2cad.verify.defects import StepUnreadableError
 from pc2cad.verify.exchange import DERIVED, Enumeration, Ref, Typed, parse_exchange
-from pc2cad.verify.receipt import describe, read_step, receipt
+from pc2cad.verify.receipt import describe, parse_step, read_step, receipt
 
 
 def instances(data: str) -> dict[int, dict[str, tuple[object, ...]]]:
@@ -195,6 +195,19 @@ def test_a_million_instances_are_read_in_time(tmp_path: Path) -> None:
     start = time.process_time()
     assert receipt(path)["sound"] is True
     assert time.process_time() - start < 20.0
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_poles_take_ten_times_as_long_as_ten_thousand() -> None:
+    taken = []
+    for count in (100, 316):
+        text = swollen_box(count).encode()
+        start = time.process_time()
+        file = parse_step(text)
+        taken.append(time.process_time() - start)
+        assert file.sound is True
+        assert file.solids[0].volume == pytest.approx(6.0 + 6.4 * 2.0 / 36.0, rel=1e-2)
+    assert taken[1] < 20.0 * taken[0]
 
 
 def test_no_kernel_is_loaded(tmp_path: Path) -> None:

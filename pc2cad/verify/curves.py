@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Protocol
@@ -13,9 +13,10 @@ from pc2cad.arrays import Array
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.exchange import Parts
 from pc2cad.verify.records import DEEPEST, Record, Records, is_true, length, numbers, whole
-from pc2cad.verify.splines import Sampling, SplineCurve, check_knots, make_curve
+from pc2cad.verify.splines import Sampling, SplineCurve, make_curve
 
 TURN = 2.0 * np.pi
+HIGHEST_DEGREE = 40
 WRAPPERS = ("SURFACE_CURVE", "SEAM_CURVE", "INTERSECTION_CURVE", "BOUNDED_SURFACE_CURVE")
 
 
@@ -268,6 +269,26 @@ def plain_knots(kind: str, count: int, degree: int, ref: Any) -> tuple[Array, li
         return np.arange(spans + 1.0), [degree + 1, *[degree] * (spans - 1), degree + 1]
     spans = count - degree
     return np.arange(spans + 1.0), [degree + 1, *[1] * (spans - 1), degree + 1]
+
+
+def check_knots(values: Array, multiplicities: Sequence[int], count: int, degree: int) -> Array:
+    """Return the knot vector written out; raise StepDefectError where it is no such vector."""
+    if len(values) != len(multiplicities) or sum(multiplicities) != count + degree + 1:
+        raise StepDefectError(
+            f"a B-spline of degree {degree} has {sum(multiplicities)} knots for {count} poles"
+        )
+    if not 1 <= degree <= HIGHEST_DEGREE:
+        raise StepDefectError(f"a B-spline has the degree {degree}")
+    knots = np.repeat(values, multiplicities)
+    inner = multiplicities[1:-1]
+    if (
+        np.any(np.diff(values) <= 0.0)
+        or knots[degree] >= knots[count]
+        or max(inner, default=1) > degree
+        or max(multiplicities) > degree + 1
+    ):
+        raise StepDefectError("the knots of a B-spline do not ascend, or come too often")
+    return knots
 
 
 def homogeneous(poles: Array, weights: Any, ref: Any) -> Array:

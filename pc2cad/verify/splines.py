@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
@@ -10,7 +10,6 @@ from typing import TypeAlias
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.verify.defects import StepDefectError
 
 Span: TypeAlias = tuple[float, float]
 Jet: TypeAlias = tuple[Array, Array, Array]
@@ -22,8 +21,9 @@ Sampling: TypeAlias = tuple[Array, float, float]
 CLOSED = 1e-9
 #: of the solid's coordinates: a point so near to a side of a surface is on it
 NEAR = 1e-9
-HIGHEST_DEGREE = 40
 MOST_STEPS = 24
+#: rows of a basis that are multiplied at a time
+BAND = 64
 
 
 def distinct(knots: Array, domain: Span) -> Array:
@@ -60,6 +60,20 @@ def basis(knots: Array, degree: int, count: int, t: Array) -> tuple[Array, Array
     values, slopes = np.zeros((2, len(t), count))
     values[rows, columns], slopes[rows, columns] = local, slope
     return values, slopes
+
+
+def banded(basis: Array, poles: Array) -> Array:
+    """Return basis @ poles, where few columns next to each other are not 0 in each row."""
+    count, most = basis.shape
+    if most <= BAND:
+        return np.asarray(basis @ poles)
+    found = np.empty((*poles.shape[:-2], count, poles.shape[-1]))
+    for begin in range(0, count, BAND):
+        part = basis[begin : begin + BAND]
+        used = np.flatnonzero(part.any(axis=0))
+        columns = slice(used[0], used[-1] + 1)
+        found[..., begin : begin + BAND, :] = part[:, columns] @ poles[..., columns, :]
+    return found
 
 
 def project(value: Array, slope: Array) -> tuple[Array, Array]:
@@ -227,9 +241,9 @@ class SplineSurface:
         """Return point, u and v derivative on the tensor grid, (len(u), len(v), 3) each."""
         (bu, du), (bv, dv) = self._bases(0, u), self._bases(1, v)
         n, m, k = self.poles.shape
-        rows = (np.concatenate((bu, du)) @ self.poles.reshape(n, m * k)).reshape(2, -1, m, k)
-        value, along_u = (bv @ part for part in rows)
-        return self._jet(value, along_u, dv @ rows[0])
+        flat = self.poles.reshape(n, m * k)
+        rows, slopes = (banded(b, flat).reshape(-1, m, k) for b in (bu, du))
+        return self._jet(banded(bv, rows), banded(bv, slopes), banded(dv, rows))
 
     def at(self, u: Array, v: Array) -> Jet:
         """Return point, u and v derivative at pairs of parameters, (len(u), 3) each."""
@@ -374,23 +388,3 @@ def make_surface(
         if np.abs(low - high).max() <= CLOSED * size:
             periods[axis] = limits[axis][1] - limits[axis][0]
     return replace(surface, periods=(periods[0], periods[1]))
-
-
-def check_knots(values: Array, multiplicities: Sequence[int], count: int, degree: int) -> Array:
-    """Return the knot vector written out; raise StepDefectError where it is no such vector."""
-    if len(values) != len(multiplicities) or sum(multiplicities) != count + degree + 1:
-        raise StepDefectError(
-            f"a B-spline of degree {degree} has {sum(multiplicities)} knots for {count} poles"
-        )
-    if not 1 <= degree <= HIGHEST_DEGREE:
-        raise StepDefectError(f"a B-spline has the degree {degree}")
-    knots = np.repeat(values, multiplicities)
-    inner = multiplicities[1:-1]
-    if (
-        np.any(np.diff(values) <= 0.0)
-        or knots[degree] >= knots[count]
-        or max(inner, default=1) > degree
-        or max(multiplicities) > degree + 1
-    ):
-        raise StepDefectError("the knots of a B-spline do not ascend, or come too often")
-    return knots

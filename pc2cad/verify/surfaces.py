@@ -12,6 +12,7 @@ from pc2cad.arrays import Array
 from pc2cad.verify.curves import (
     TURN,
     Curve,
+    check_knots,
     domain_of,
     homogeneous,
     plain_knots,
@@ -20,7 +21,7 @@ from pc2cad.verify.curves import (
 )
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.records import DEEPEST, Record, Records, length, number, numbers, sequence, whole
-from pc2cad.verify.splines import Jet, Span, SplineSurface, check_knots, closest, make_surface
+from pc2cad.verify.splines import Jet, Span, SplineSurface, closest, make_surface
 
 _INFINITE = (-np.inf, np.inf)
 
