@@ -49,6 +49,7 @@ PICTURES: dict[str, list[str]] = {
     "stellarator_wall": ["stellarator_wall", *PYRAMID, "--colours"],
     "coil": ["coil", *PYRAMID, "--colours"],
     "gerotor": ["gerotor", *PYRAMID, "--colours"],
+    "gear": ["gear", *PYRAMID, "--colours"],
     "gear_tooth": ["gear_tooth", *PYRAMID, "--colours"],
     "deviation": ["channel_ellipse", "--view", "1.6,-0.35,1.0", "--map", "deviation"],
     "thickness": ["channel_sine", "--view", "1.7,-0.25,0.9", "--map", "thickness"],

@@ -6,6 +6,7 @@ import json
 from math import pi
 from operator import attrgetter
 
+import numpy as np
 import pytest
 from shipped import CUBES
 
@@ -83,6 +84,29 @@ def test_faces_that_coincide_have_both_names():
     assert "big:u=1 = small:u=1" in [face.name for face in part.report.faces]
 
 
+def gear_volume() -> float:
+    """Return the shipped gear's volume by polygons of many corners along fillet and flank."""
+    m, z, alpha, r = 2.0, 20, np.radians(20), 20.0
+    tip, base = 0.38 * m, r * np.cos(alpha)
+    deep = 1.25 * m - tip
+    # the middle of the rack's tip, and the place of its circle farthest from the pitch point
+    middle = np.linspace(0, deep / np.tan(alpha), 200_001) - 1j * deep
+    roll = (middle.real - pi * m / 4 + deep * np.tan(alpha) + tip / np.cos(alpha)) / r
+    fillet = (1j * r + middle * (1 + tip / abs(middle))) * np.exp(1j * roll)
+    # the involute, from the pitch line's quarter of a pitch
+    foot, head = (np.sqrt((far / base) ** 2 - 1) for far in (abs(fillet[-1]), 22))
+    t = np.linspace(foot, head, 200_001)
+    turn = pi / 2 / z - np.tan(alpha) + alpha + t
+    flank = base * (1 + 1j * t) * 1j * np.exp(-1j * turn)
+    assert abs(flank[0] - fillet[-1]) < 1e-9
+    sectors = sum((np.conj(line[1:]) * line[:-1]).imag.sum() / 2 for line in (fillet, flank))
+    angles = np.angle(1j / fillet[0]), np.angle(1j / flank[-1])
+    whole = sectors + angles[0] * 17.5**2 / 2 + (pi / z - angles[1]) * 22**2 / 2
+    x = np.linspace(-2.5, 2.5, 200_001)
+    key = np.trapezoid(8 + 2.3 - np.sqrt(64 - x**2), x)
+    return float(15 * (2 * z * whole - 64 * pi - key))
+
+
 @pytest.mark.parametrize("name", bodies_paths())
 def test_shipped_templates_meet_their_closed_forms(name, tmp_path):
     # at the default tolerance the wavy duct's volume is within 2e-9 of the whole
@@ -92,6 +116,7 @@ def test_shipped_templates_meet_their_closed_forms(name, tmp_path):
         "pipe_cross": 2 * pi * (4 - 2.25) * 10 - 16 / 3 * (8 - 1.5**3),
         "cooled_block": 192 - 8 * pi * 0.64,
         "common_of_pipes": 128 / 3,
+        "gear": gear_volume(),
     }[name]
     assert report.solid.volume == pytest.approx(exact, rel=1e-9)
     assert abs(report.solid.volume - exact) <= report.solid.relative_error * exact

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between, fuse, label, moved
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
-from pc2cad.brep.integrals import SolidIntegrals, solid_integrals
+from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
 from pc2cad.csg.contacts import check_contacts
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
@@ -33,7 +33,7 @@ from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import SideKey
 
 if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Solid
+    from OCP.TopoDS import TopoDS_Shape, TopoDS_Solid
 
 #: share of the kernel's tolerance, or of the part's, by which an edge may be off its faces, and of
 #: the size, below which none can be had
@@ -107,6 +107,8 @@ class _Joining:
         self.steps: list[StepReport] = []
         #: steps that change nothing
         self.idle: list[str] = []
+        #: faces that a Boolean leaves as they are, integrated once
+        self._known = KnownFaces()
         #: where copies of bodies lie, by their names
         self.placed: dict[str, Placement] = {}
         tolerances = [part.report.tolerance for part in parts.values()]
@@ -122,7 +124,7 @@ class _Joining:
             faces = tuple(
                 (face, (replace(key, body=tree),)) for key, face in part.kernel_sides.items()
             )
-            return _Joined(tree, NamedShape(part.shape, faces), solid_integrals(part.shape))
+            return _Joined(tree, NamedShape(part.shape, faces), self._integrals(part.shape))
         if isinstance(tree, Pattern):
             return self._pattern(tree)
         first, *others = (self.join(operand) for operand in tree.operands)
@@ -167,13 +169,13 @@ class _Joining:
         if len(copies) == 1:
             return copies[0], each, 0.0
         shape = fuse(copies)
-        found = solid_integrals(shape.shape)
+        found = self._integrals(shape.shape)
         total, area = len(copies) * each.volume, len(copies) * each.area
         gap = total - found.volume
         if abs(gap) > self._slack(total, area):
             halves = [self._fused(copies[k::2], each) for k in (0, 1)]
             common = combine("intersect", halves[0][0], halves[1][0])
-            held = solid_integrals(common.shape).volume
+            held = self._integrals(common.shape).volume
             gap = sum(half[1].volume for half in halves) - held - found.volume
             if abs(gap) > self._slack(total, area):
                 raise VolumesDisagreeError(
@@ -181,6 +183,9 @@ class _Joining:
                     f"{found.volume:.12g}, which does not add up with those of its halves"
                 )
         return shape, found, gap
+
+    def _integrals(self, shape: TopoDS_Shape) -> SolidIntegrals:
+        return solid_integrals(shape, self._known)
 
     def _slack(self, volume: float, area: float) -> float:
         """Return what volumes may differ by that are equal but for the kernel's tolerance."""
@@ -191,7 +196,7 @@ class _Joining:
         name = f"{kind}({first.name}, {second.name})"
         result = combine(kind, first.shape, second.shape)
         other = combine("cut" if kind == "intersect" else "intersect", first.shape, second.shape)
-        found, held = solid_integrals(result.shape), solid_integrals(other.shape).volume
+        found, held = self._integrals(result.shape), self._integrals(other.shape).volume
         a, b = first.integrals.volume, second.integrals.volume
         gap = a - held - found.volume + (b if kind == "union" else 0.0)
         area = first.integrals.area + second.integrals.area
@@ -205,7 +210,7 @@ class _Joining:
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {_EMPTY[kind]}")
         result = with_own_edges(result, self._near)
-        found = solid_integrals(result.shape)
+        found = self._integrals(result.shape)
         common = found.volume if kind == "intersect" else held
         relation = _relation(a, b, common, slack)
         if kind == "cut" and relation is Relation.APART:
@@ -288,11 +293,13 @@ def _report(
         edge.loosen(curve.surface_distance)  # the kernel has to know how far its edges are off
     findings = inspect(solids[0])
     _check(findings, size, bodies.units)
-    strips = _strips(meeting, curves, size)
-    error = (strips + sum(abs(step.gap) for step in joining.steps)) / found.volume
+    faces = _faces(shape, found, joining.parts)
+    # faces are off their equations, edges off their faces, and volumes do not quite add up
+    off = sum(face.area * face.deviation for face in faces) + _strips(meeting, curves, size)
+    error = (off + sum(abs(step.gap) for step in joining.steps)) / found.volume
     return Report(
         bodies.name, bodies.title, bodies.units, dict(bodies.parameters), size, tolerance,
-        _faces(shape, found, joining.parts), curves, len(edges),
+        faces, curves, len(edges),
         len({v for edge in edges for v in edge.ends}), findings.shells, findings.euler,
         Integrals("B-rep (divergence theorem)", found.volume, found.area, found.centroid, error),
         kernel_tolerance=findings.largest_tolerance,

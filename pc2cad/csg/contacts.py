@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Protocol
 
 import numpy as np
@@ -121,7 +120,8 @@ def contacts(pieces: Pieces, reach: Reach, size: float) -> Iterator[Contact]:
     `size` is that of the part, `reach` gives the length for what two pieces are parts of. There may
     be several of one pair of pieces.
     """
-    for first, second in _pairs(pieces):
+    farthest = max((reach(face.names, face.names) for face in pieces.faces), default=0.0)
+    for first, second in _pairs(pieces, farthest):
         far = reach(first.names, second.names)
         if not first.may_meet(second, far):
             continue
@@ -168,18 +168,34 @@ def _foot(point: Array, face: Piece, size: float) -> Array:
     return np.asarray(face.jet(found)[0][0])
 
 
-def _pairs(pieces: Pieces) -> Iterator[tuple[Piece, Piece]]:
-    """Yield the pairs of pieces of different bodies of which neither is on the other."""
-    for one, other in combinations(pieces.faces, 2):
-        if one.bodies.isdisjoint(other.bodies):
-            yield one, other
-    for face in pieces.faces:
-        for number, edge in pieces.edges.items():
-            if number not in face.edges and edge.bodies.isdisjoint(face.bodies):
-                yield edge, face
-        for number, vertex in pieces.vertices.items():
-            if number not in face.vertices and vertex.bodies.isdisjoint(face.bodies):
-                yield vertex, face
+def _pairs(pieces: Pieces, far: float) -> Iterator[tuple[Piece, Piece]]:
+    """Yield the pairs of pieces of different bodies of which neither is on the other.
+
+    Pairs whose boxes are farther apart than `far` are left out.
+    """
+    faces = pieces.faces
+    for i, k in _near(faces, faces, far):
+        if i < k and faces[i].bodies.isdisjoint(faces[k].bodies):
+            yield faces[i], faces[k]
+    for kind in ("edges", "vertices"):
+        numbered: dict[int, Piece] = getattr(pieces, kind)
+        numbers = list(numbered)
+        for i, k in _near(faces, list(numbered.values()), far):
+            face, piece = faces[i], numbered[numbers[k]]
+            if numbers[k] not in getattr(face, kind) and piece.bodies.isdisjoint(face.bodies):
+                yield piece, face
+
+
+def _near(faces: Sequence[Piece], others: Sequence[Piece], far: float) -> list[tuple[int, int]]:
+    """Return the numbers of faces and others whose boxes come within a length of one another."""
+    if not faces or not others:
+        return []
+    boxes = np.array([other.box for other in others])
+    found = []
+    for i, face in enumerate(faces):
+        apart = np.maximum(face.box[0] - boxes[:, 1], boxes[:, 0] - face.box[1]).max(axis=1)
+        found += [(i, k) for k in np.flatnonzero(apart <= far).tolist()]
+    return found
 
 
 def _descended(first: Piece, second: Piece, enough: float) -> tuple[Array, Array, Array]:
