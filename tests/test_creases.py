@@ -162,3 +162,20 @@ def test_the_end_of_an_open_curve_belongs_to_the_piece_inside() -> None:
         assert len(part.report.faces) == 6
     part = pc.compile_part((-line, -v, w), {"u": (HALF, 1)})
     assert part.report.solid.volume == pytest.approx(1.5, rel=1e-13)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (0.1, 0.12), (0.4, 0.5), (-1, 2), (0.99, 1)])
+def test_pieces_of_pieces_are_worked_out_as_one_by_one(low: float, high: float) -> None:
+    breaks = tuple(Fraction(k, 9) for k in range(10))
+    inner = pieces(v, breaks, tuple((pc.cos(k * u), number(k)) for k in range(9)), 0, closed=False)
+    outer = pieces(u, breaks, tuple((pc.sin(k * v) * u, inner - k) for k in range(9)), 0)
+    bent = pieces(inner / 20, breaks, tuple((pc.sin(k * u),) for k in range(9)), 0, closed=False)
+    fixed = pieces(pc.pi / 4, breaks, tuple((number(k),) for k in range(9)), 0)
+    trees = (outer, bent, outer * bent + fixed, fixed, u)
+    program, rng = Program(trees), np.random.default_rng(1)
+    for _ in range(3):
+        places = {"u": rng.uniform(low, high, 30), "v": rng.uniform(low, high, 30)}
+        table = np.stack([np.broadcast_to(column, 30) for column in program(places)])
+        for i in range(30):
+            at = {name: float(row[i]) for name, row in places.items()}
+            assert table[:, i] == pytest.approx([evaluate(tree, at) for tree in trees], rel=1e-13)

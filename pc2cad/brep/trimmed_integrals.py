@@ -12,7 +12,13 @@ from itertools import pairwise
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_Curve, Geom_Surface
+from OCP.Geom import (
+    Geom_BSplineCurve,
+    Geom_BSplineSurface,
+    Geom_Curve,
+    Geom_Line,
+    Geom_Surface,
+)
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face
@@ -227,8 +233,8 @@ def plane_moments(
         primitives = np.array([p, p * p / 2, p * q, p**3 / 3, p * p * q / 2, p * q * q])
         return np.asarray(primitives * (slope @ axes[1]))
 
-    if basis.weight is None and isinstance(curve, Geom_BSplineCurve):
-        t, weights = gauss_on(cuts, 2 * curve.Degree())
+    if basis.weight is None and isinstance(curve, Geom_BSplineCurve | Geom_Line):
+        t, weights = gauss_on(cuts, 2 * basis.degree)
         return np.asarray(product(moments(t), weights))
     pieces = 1 if basis.breaks is not None else max(1, int(np.ceil((last - first) / STEP)))
     cuts = np.unique(np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)]))

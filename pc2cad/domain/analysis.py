@@ -11,6 +11,7 @@ anything is asked of it, one without an orientation (`solidity.orientation`) bef
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -21,6 +22,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.domain.cusps import with_cusps, with_joints
 from pc2cad.domain.map import Mapping3, local_map, open_grid
+from pc2cad.domain.pieces import in_piece, piece_at
 from pc2cad.domain.splits import folds, shifts
 from pc2cad.equation.point_equation import LayersError, PointEquation
 from pc2cad.errors import NotASolidError
@@ -354,22 +356,28 @@ class MapQuestions:
         other = self._at(second)[::-1] if reverse else self._at(second)
         return self._equal(self._at(first), other, "the edges {} and {}", first, second)
 
-    def same_corner(self, first: Cell, second: Cell) -> bool:
-        """See Questions.same_corner."""
-        here, there = self._at(first)[None], self._at(second)[None]
-        return self._equal(here, there, "the corners {} and {}", first, second)
+    def places(self, corners: Sequence[Cell]) -> list[list[Cell]]:
+        """See Questions.places."""
+        points = np.array([self._at(corner) for corner in corners]).reshape(-1, 3)
+        first, groups = np.empty_like(points), list[list[Cell]]()
+        for corner, point in zip(corners, points, strict=True):
+            away = np.abs(first[: len(groups)] - point).max(axis=1)
+            for k in np.flatnonzero(~(away >= 1000 * self._one)).tolist():
+                of = groups[k][0]
+                if self._equal(first[None, k], point[None], "the corners {} and {}", of, corner):
+                    groups[k].append(corner)
+                    break
+            else:
+                first[len(groups)] = point
+                groups.append([corner])
+        return groups
 
     def _restrict(self, patch: Cell, local: tuple[Expr, ...] | None = None) -> tuple[Expr, ...]:
         """Return the trees on a patch in its own [0,1]² (`local`: what to put for s and t)."""
-        free = iter(local or tuple(symbol(PARAMETERS[d]) for d in directions_of(patch)))
-        values = {}
-        for d, name in enumerate(PARAMETERS):
-            bounds = self._bounds[d]
-            low, high = bounds[patch[d] // 2], bounds[(patch[d] + 1) // 2]
-            values[name] = (
-                number(low) + number(high - low) * next(free) if patch[d] % 2 else number(low)
-            )
-        return substitute(self._map.coordinates, values)
+        spans, values = piece_at(patch, self._bounds)
+        names = [PARAMETERS[d] for d in directions_of(patch)]
+        values |= zip(names, local or map(symbol, names), strict=True)
+        return substitute(in_piece(self._map.coordinates, spans)[0], values)
 
 
 def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:

@@ -16,11 +16,11 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
-from pc2cad.expression.breaks import Break, resolve_pieces
-from pc2cad.expression.linear_terms import cancel_terms
+from pc2cad.domain.pieces import degree_in_piece, in_piece, piece_at
+from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.simplification import cancel
-from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
+from pc2cad.expression.tree import Expr, substitute, walk
 from pc2cad.geometry.recognition.separable_form import Separation, separate
 from pc2cad.geometry.splines.adaptive_knots import DirectionRules
 from pc2cad.geometry.splines.bernstein import chebyshev_nodes, degree_in, to_powers
@@ -104,18 +104,19 @@ class RestrictedMap:
             for (low, high), position in zip(spans, self.cell, strict=True)
         ]
 
+    @property
+    def is_affine(self) -> bool:
+        """Say whether an edge's trees show at once that it is run through at one velocity."""
+        ((direction, _),) = self.pieces
+        spans, _ = piece_at(self.cell, self.analysis.bounds)
+        return degree_in_piece(self.analysis.map.coordinates, spans, PARAMETERS[direction]) == 1
+
     @cached_property
     def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
         """The coordinate trees in local parameters, and the names of those."""
-        spans, limits = [], {}
-        for d, name in enumerate(PARAMETERS):
-            position, last = self.cell[d], 2 * len(self.analysis.bounds[d]) - 3
-            piece = position if position % 2 else min(position + 1, last)
-            spans.append(self.analysis.span(d, piece))
-            if position % 2 == 0:
-                limits[name] = number(int(position > piece))
+        spans, limits = piece_at(self.cell, self.analysis.bounds)
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        trees, single = _in_piece(self.analysis.map.coordinates, tuple(spans))
+        trees, single = in_piece(self.analysis.map.coordinates, spans)
         restricted = substitute(trees, limits)
         # what one piece alone makes of a root or a quotient could not be seen before, nor what a
         # side makes of a root
@@ -153,33 +154,6 @@ class RestrictedMap:
 
 def _roots(trees: tuple[Expr, ...]) -> set[Expr]:
     return {node for node in walk(trees) if node.op == "sqrt" and node.symbols}
-
-
-@lru_cache(maxsize=256)
-def _in_piece(
-    coordinates: tuple[Expr, ...], spans: tuple[tuple[float, float], ...]
-) -> tuple[tuple[Expr, ...], bool]:
-    """Return trees in the local parameters of a piece of the box, and whether it is one of several.
-
-    All faces and edges of the piece take their trees from these: many have the parts of all pieces.
-    """
-    alone = coordinates
-    for name, span in zip(PARAMETERS, spans, strict=True):
-        alone = _along(alone, name, span)
-    local = {
-        name: number(low) + (number(high) - number(low)) * symbol(name)
-        for name, (low, high) in zip(PARAMETERS, spans, strict=True)
-    }
-    whole = substitute(alone, local)
-    trees = cancel_terms(resolve_pieces(whole))
-    return trees, alone != coordinates or trees != whole
-
-
-@lru_cache(maxsize=256)
-def _along(coordinates: tuple[Expr, ...], name: str, span: tuple[float, float]) -> tuple[Expr, ...]:
-    """Return trees without what is not met on a span of one parameter."""
-    low, high = (number(x).payload for x in span)
-    return resolve_pieces(coordinates, (name, low, high))
 
 
 class DirectionClasses:

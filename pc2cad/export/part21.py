@@ -9,7 +9,7 @@ text that reads as the same double.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from pc2cad.errors import KernelError
@@ -103,21 +103,25 @@ def real(text: bytes) -> bytes:
     >>> real(b"0.10000000000000001"), real(b"1.0000000000000000E-07"), real(b"60.000000000")
     (b'0.1', b'1.E-07', b'60.')
     """
-    shortest = repr(float(text))
-    if "e" in shortest:
-        mantissa, exponent = shortest.split("e")
-        shortest = f"{mantissa}{'' if '.' in mantissa else '.'}E{exponent}"
-    elif shortest.endswith(".0"):
-        shortest = shortest[:-1]
-    return shortest.encode("ascii")
+    return reals([text])[text]
 
 
-class _Reals(dict[bytes, bytes]):
-    """Shortened numbers, each computed once: most poles of a file share coordinates."""
+def reals(texts: Iterable[bytes]) -> dict[bytes, bytes]:
+    """Return the shortest text of each number: most poles of a file share coordinates.
 
-    def __missing__(self, text: bytes) -> bytes:
-        shortened = self[text] = real(text)
-        return shortened
+    A list is printed much faster than its numbers one by one.
+    """
+    different = list(dict.fromkeys(texts))
+    printed = repr(list(map(float, different))).replace("]", ",").replace(".0,", ".,").encode()
+    shortest = printed[1:-1].split(b", ")
+    if b"e" in printed:
+        shortest = [_with_exponent(text) if b"e" in text else text for text in shortest]
+    return dict(zip(different, shortest, strict=False))
+
+
+def _with_exponent(text: bytes) -> bytes:
+    mantissa, exponent = text.split(b"e")
+    return mantissa + (b"E" if b"." in mantissa else b".E") + exponent
 
 
 def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> bytes:
@@ -151,7 +155,7 @@ def _shorten(data: bytes) -> bytes:
     # zeros are the most frequent numbers and need no search
     data = data.replace(b"0.000000000000000,", b"0.,").replace(b"0.000000000000000)", b"0.)")
     parts = _REAL.split(data)
-    parts[1::2] = map(_Reals().__getitem__, parts[1::2])
+    parts[1::2] = map(reals(parts[1::2]).__getitem__, parts[1::2])
     data = b"".join(parts).replace(b"-0.,", b"0.,").replace(b"-0.)", b"0.)")
     return _COLOUR.sub(_colour, data)
 

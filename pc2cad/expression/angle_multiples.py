@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import reduce
+from functools import lru_cache, reduce
 from math import gcd, lcm
 
 from pc2cad.expression.normal_form import normal_form
@@ -18,6 +18,7 @@ from pc2cad.expression.tree import ONE, ZERO, Expr, call, div, number, power, re
 LARGEST_MULTIPLE = 12
 
 
+@lru_cache(maxsize=1024)
 def ratio(a: Expr, b: Expr) -> Fraction | None:
     """Return the rational r with a = r·b, proved from the normal forms, or None."""
     first, second = normal_form(a, largest=24), normal_form(b, largest=24)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise
 from math import ceil, floor, inf
 
 from pc2cad.errors import InputError
@@ -140,7 +142,7 @@ def _met(
         return None
     breaks, _, _, closed = node.payload
     rows, period = piece_rows(node), breaks[-1] - breaks[0]
-    laps = range(1)
+    laps, last = range(1), len(rows) - 1
     if closed:
         if high - low > float(period) * (1 - SAME_POSITION):
             return None
@@ -148,13 +150,23 @@ def _met(
                        for x, k in ((low, -1), (high, 2))))  # fmt: skip
     found = []
     for lap in laps:
-        for i, (row, start, end) in enumerate(zip(rows, breaks, breaks[1:], strict=False)):
-            width = float(end - start) * SAME_POSITION
-            begins = float(start + lap * period) < high - width or (not closed and i == 0)
-            ends = low + width < float(end + lap * period) or (not closed and i == len(rows) - 1)
+        places, lengths = _in_lap(breaks, lap)
+        for i, width in enumerate(lengths):
+            begins = places[i] < high - width * SAME_POSITION or (not closed and i == 0)
+            ends = low + width * SAME_POSITION < places[i + 1] or (not closed and i == last)
             if begins and ends:
-                found.append((start + lap * period, row))
+                found.append((breaks[i] + lap * period, rows[i]))
     return found
+
+
+@lru_cache(maxsize=256)
+def _in_lap(breaks: tuple[Fraction, ...], lap: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the breaks so many periods on, and how far apart they are."""
+    shift = lap * (breaks[-1] - breaks[0])
+    return (
+        tuple(float(b + shift) for b in breaks),
+        tuple(float(b - a) for a, b in pairwise(breaks)),
+    )
 
 
 def is_affine(argument: Expr) -> bool:

@@ -8,7 +8,7 @@ not n·m·k times. This factoring by parameter is what makes channels fast.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -21,6 +21,18 @@ from pc2cad.expression.tree import Expr, operands, walk
 from pc2cad.expression.wave_values import values
 
 Value = Any  # a float or an array of any broadcastable shape
+_Run = Callable[..., Value]
+#: where a result goes, the operation, and where its operands are
+_Step = tuple[int, _Run, tuple[int, ...]]
+#: the same, and what is not needed after it
+_Timed = tuple[int, _Run, tuple[int, ...], list[int]]
+#: the piece in which each place is, the place from that piece's start, the first and the last piece
+_Located = tuple[Value, Value, int, int]
+#: the first and the last piece in which there are places
+_Range = tuple[int, int]
+
+#: plans of one program that are remembered
+MOST_PLANS = 256
 
 _BINARY: dict[str, Callable[[Value, Value], Value]] = {
     "add": np.add,
@@ -30,47 +42,57 @@ _BINARY: dict[str, Callable[[Value, Value], Value]] = {
 
 
 class Program:
-    """Straight-line program of some trees; call it with one array (or float) per symbol."""
+    """Straight-line program of some trees; call it with one array (or float) per symbol.
+
+    Of functions in pieces only the pieces are worked out in which there are places.
+    """
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
         nodes = list(walk(roots, _operands))
         index = {node: i for i, node in enumerate(nodes)}
-        before = [tuple(index[arg] for arg in _operands(node)) for node in nodes]
-        last = list(range(len(nodes)))
-        for i, row in enumerate(before):
-            for k in row:
-                last[k] = i
         self._outputs = tuple(index[root] for root in roots)
-        kept = set(self._outputs)
-        frees: list[list[int]] = [[] for _ in nodes]
         #: values of the nodes that hold no symbol, worked out once
         self._constants: list[Value] = [None] * len(nodes)
         self._symbols: list[tuple[int, str]] = []
-        self._steps: list[tuple[int, _Run, tuple[int, ...], list[int]]] = []
+        self._steps: list[_Step] = []
+        #: of functions in pieces that are functions: coefficients per piece
+        self._widths: dict[int, int] = {}
         located: dict[object, int] = {}
         with np.errstate(all="ignore"):
             for i, node in enumerate(nodes):
-                if node.symbols and i not in kept:
-                    frees[last[i]].append(i)
+                before = tuple(index[arg] for arg in _operands(node))
                 if node.op == "symbol":
                     self._symbols.append((i, node.payload))
                 elif node.op == "pieces" and node.symbols:
                     # functions in pieces often have their breaks in common
-                    breaks, _, _, closed = node.payload
-                    key = before[i][0], breaks, closed
+                    breaks, width, _, closed = node.payload
+                    key = before[0], breaks, closed
                     if key not in located:
                         located[key] = len(self._constants)
                         self._constants.append(None)
                         knots = np.array([float(b) for b in breaks])
-                        self._steps.append(
-                            (located[key], partial(_located, knots, closed), before[i][:1], [])
-                        )
-                    rows = (located[key], *before[i][1:])
-                    self._steps.append((i, _step(node), rows, frees[i]))
+                        run = partial(_located, knots, closed)
+                        self._steps.append((located[key], run, before[:1]))
+                    self._steps.append((i, _step(node), (located[key], *before[1:])))
+                    if len(before) > 1:
+                        self._widths[i] = width
                 elif node.symbols:
-                    self._steps.append((i, _step(node), before[i], frees[i]))
+                    self._steps.append((i, _step(node), before))
                 else:
-                    self._constants[i] = _step(node)(*(self._constants[k] for k in before[i]))
+                    self._constants[i] = _step(node)(*(self._constants[k] for k in before))
+        #: where places are located, and in how many pieces
+        self._located = {
+            before[0]: (len(before) - 1) // self._widths[i]
+            for i, _, before in self._steps
+            if i in self._widths
+        }
+        needed = self._needed(set(self._located), {})
+        self._first: list[_Timed] = [
+            (i, partial(run, 0) if i in self._widths else run, before, [])
+            for i, run, before in self._steps
+            if i in needed
+        ]
+        self._plans: dict[tuple[_Range, ...], list[_Timed]] = {}
 
     def __call__(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
         """Evaluate all trees; the results have the broadcast shape of what each one depends on.
@@ -82,19 +104,71 @@ class Program:
         for i, name in self._symbols:
             store[i] = values[name]
         with np.errstate(all="ignore"):
-            for i, run, before, frees in self._steps:
-                if len(before) == 2:
-                    store[i] = run(store[before[0]], store[before[1]])
-                elif len(before) == 1:
-                    store[i] = run(store[before[0]])
-                else:
-                    store[i] = run(*(store[k] for k in before))
-                for k in frees:
-                    store[k] = None
+            _run(self._first, store)
+            ranges = tuple(_range(store[k], count) for k, count in self._located.items())
+            plan = self._plans.get(ranges)
+            if plan is None:
+                plan = self._plan(ranges)
+            _run(plan, store)
         return tuple(store[k] for k in self._outputs)
 
+    def _needed(self, slots: set[int], ranges: Mapping[int, _Range]) -> set[int]:
+        """Return what has to be worked out for some values, with places in ranges of pieces."""
+        needed = set(slots)
+        for i, _, before in reversed(self._steps):
+            if i in needed:
+                chosen = ranges and i in self._widths
+                needed.update(self._chosen(i, before, ranges) if chosen else before)
+        return needed
 
-_Run = Callable[..., Value]
+    def _chosen(
+        self, slot: int, before: tuple[int, ...], ranges: Mapping[int, _Range]
+    ) -> tuple[int, ...]:
+        """Return the operands of a function in pieces that are needed."""
+        width, (first, last) = self._widths[slot], ranges[before[0]]
+        return (before[0], *before[1 + first * width : 1 + (last + 1) * width])
+
+    def _plan(self, ranges: tuple[_Range, ...]) -> list[_Timed]:
+        """Return the steps that are left where places are in ranges of pieces."""
+        among = dict(zip(self._located, ranges, strict=True))
+        needed = self._needed(set(self._outputs), among)
+        done = {step[0] for step in self._first}
+        kept = {*self._outputs, *done}
+        plan: list[_Timed] = []
+        used: set[int] = set()
+        for i, run, before in reversed(self._steps):
+            if i not in needed or i in done:
+                continue
+            if i in self._widths:
+                run = partial(run, among[before[0]][0])
+                before = self._chosen(i, before, among)
+            last = set(before) - kept - used
+            plan.append((i, run, before, [k for k in last if self._constants[k] is None]))
+            used |= last
+        plan.reverse()
+        if len(self._plans) >= MOST_PLANS:
+            self._plans.clear()
+        self._plans[ranges] = plan
+        return plan
+
+
+def _run(steps: Iterable[_Timed], store: list[Value]) -> None:
+    """Work steps out, and let go of what is not needed any more."""
+    for i, run, before, frees in steps:
+        if len(before) == 2:
+            store[i] = run(store[before[0]], store[before[1]])
+        elif len(before) == 1:
+            store[i] = run(store[before[0]])
+        else:
+            store[i] = run(*(store[k] for k in before))
+        for k in frees:
+            store[k] = None
+
+
+def _range(located: _Located, count: int) -> _Range:
+    """Return the pieces in which there are places; all of them where these are most."""
+    _, _, first, last = located
+    return (first, last) if 2 * (last - first + 1) <= count else (0, count - 1)
 
 
 def _operands(node: Expr) -> tuple[Expr, ...]:
@@ -168,10 +242,6 @@ def _integer_power(a: Value, n: int) -> Value:
     return result
 
 
-#: the piece in which each place is, the place from that piece's start, the first and the last piece
-_Located = tuple[Value, Value, int, int]
-
-
 def _located(knots: Array, closed: bool, t: Value) -> _Located:
     """Return where places are among the pieces of a function."""
     if closed:
@@ -186,23 +256,31 @@ def _located(knots: Array, closed: bool, t: Value) -> _Located:
 
 def _pieces_step(node: Expr) -> _Run:
     width = node.payload[1]
-    table = None
-    if len(operands(node)) == 1:
-        table = np.array(
-            [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
-        ).reshape(-1, width)
+    if not node.symbols:
+        constant = np.float64(evaluate(node, {}))
+        return lambda *_: constant
+    if len(operands(node)) > 1:
+        return partial(_from_rows, width)
+    table = [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
+    return partial(_from_table, np.array(table).reshape(-1, width))
 
-    def run(located: _Located, *flat: Value) -> Value:
-        index, local, first, last = located
-        value: Value = 0.0
-        for k in reversed(range(width)):
-            if table is not None:
-                coefficient = table[first, k] if first == last else table[index, k]
-            else:
-                coefficient = flat[first * width + k]
-                for i in range(first + 1, last + 1):
-                    coefficient = np.where(index == i, flat[i * width + k], coefficient)
-            value = value * local + coefficient
-        return value
 
-    return run
+def _from_table(table: Array, located: _Located) -> Value:
+    index, local, first, last = located
+    value: Value = 0.0
+    for k in reversed(range(table.shape[1])):
+        coefficient = table[first, k] if first == last else table[index, k]
+        value = value * local + coefficient
+    return value
+
+
+def _from_rows(width: int, start: int, located: _Located, *flat: Value) -> Value:
+    """Return the values from coefficients of the pieces from `start` on."""
+    index, local, first, last = located
+    value: Value = 0.0
+    for k in reversed(range(width)):
+        coefficient = flat[(first - start) * width + k]
+        for i in range(first + 1, last + 1):
+            coefficient = np.where(index == i, flat[(i - start) * width + k], coefficient)
+        value = value * local + coefficient
+    return value

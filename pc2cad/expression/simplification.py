@@ -84,6 +84,7 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     return tuple(done[root] for root in roots)
 
 
+@lru_cache(maxsize=512)
 def _root(node: Expr) -> Expr:
     radicand = without_idle(node.args[0])
     node = call("sqrt", radicand)
@@ -177,6 +178,7 @@ def _squared(radicand: Expr) -> list[Expr]:
     return []
 
 
+@lru_cache(maxsize=512)
 def _divided(root: Expr) -> Expr:
     quotients = any(node.op == "div" and node.args[1].symbols for node in walk((root,)))
     if not quotients or not _is_short(root):

@@ -372,11 +372,9 @@ def walk(
         node = stack[-1]
         if node not in seen:
             args = node.args if below is None else below(node)
-            size = len(stack)
-            for arg in reversed(args):
-                if arg not in seen:
-                    stack.append(arg)
-            if len(stack) > size:
+            fresh = args and [arg for arg in reversed(args) if arg not in seen]
+            if fresh:
+                stack += fresh
                 continue
             seen.add(node)
             yield node

@@ -85,9 +85,10 @@ def simple_curve(function: RestrictedMap, slack: float) -> CurveCarrier | None:
 
 
 def on_line(function: RestrictedMap) -> bool:
-    """Say whether an edge is straight, from its form."""
-    form = function.form if function.may_be_swept else None
-    return form is not None and is_straight(form)
+    """Say whether an edge is straight, from its trees."""
+    if not function.may_be_swept or function.is_affine:
+        return function.may_be_swept
+    return function.form is not None and is_straight(function.form)
 
 
 def _leaves(function: RestrictedMap, plane: Plane, slack: float) -> bool:

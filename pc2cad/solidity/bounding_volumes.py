@@ -48,15 +48,16 @@ class Level:
 
 def opposite_faces(face_meshes: Sequence[FaceMesh]) -> Integers:
     """Return, per face, the face over the same parameters at the other limit, or -1."""
+    over: dict[tuple[int, ...], list[int]] = {}
+    for f, face_mesh in enumerate(face_meshes):
+        cell = face_mesh.function.cell
+        across = normal_direction(cell)
+        parameters = tuple(-1 if d == across else p for d, p in enumerate(cell))
+        over.setdefault(parameters, []).append(f)
     result = np.full(len(face_meshes), -1)
-    for a, first in enumerate(face_meshes):
-        for b, second in enumerate(face_meshes):
-            d = normal_direction(first.function.cell)
-            same = all(
-                first.function.cell[k] == second.function.cell[k] for k in range(3) if k != d
-            )
-            if a != b and same and normal_direction(second.function.cell) == d:
-                result[a] = b
+    for row in over.values():
+        for f in row:
+            result[f] = next((other for other in reversed(row) if other != f), -1)
     return result
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from pc2cad.expression.identity import Verdict
@@ -123,6 +124,10 @@ class BoundaryComplex:
 
     def edge_uses(self) -> dict[int, list[tuple[int, EdgeUse]]]:
         """Return, per edge class, the (face, use) pairs that use it."""
+        return self._edge_uses
+
+    @cached_property
+    def _edge_uses(self) -> dict[int, list[tuple[int, EdgeUse]]]:
         uses: dict[int, list[tuple[int, EdgeUse]]] = {i: [] for i in range(len(self.edges))}
         for index, face in enumerate(self.faces):
             for use in face.uses:

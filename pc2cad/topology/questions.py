@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from pc2cad.expression.identity import Verdict
@@ -31,6 +32,6 @@ class Questions(Protocol):
         """Say whether two edges are one curve, equally (or oppositely) parametrised."""
         ...
 
-    def same_corner(self, first: Cell, second: Cell) -> bool:
-        """Say whether two corners are one point."""
+    def places(self, corners: Sequence[Cell]) -> list[list[Cell]]:
+        """Return corners in groups, each one point, in the order in which they come."""
         ...

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -103,10 +103,8 @@ def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> t
         if folded:
             fates[patch] = folded
     places = _corner_classes(candidates, questions)
-    for first, second in combinations(candidates, 2):
-        # sides that coincide have the same corners: others need not be asked about
-        same = places[first] == places[second]
-        glued = _partner(first, second, questions, labels) if same else None
+    for first, second in _with_equal(candidates, places):
+        glued = _partner(first, second, questions, labels)
         if glued is None:
             continue
         if fates[first] or fates[second]:
@@ -119,7 +117,19 @@ def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> t
     return tuple(fates[p] or SideFate(p, "face", Verdict.PROVED) for p in patches)
 
 
-def _corner_classes(patches: list[Cell], questions: Questions) -> dict[Cell, list[int]]:
+def _with_equal(
+    patches: list[Cell], places: dict[Cell, tuple[int, ...]]
+) -> Iterator[tuple[Cell, Cell]]:
+    """Yield the pairs with the same corners, in order: sides that coincide are among them."""
+    rows: dict[tuple[int, ...], list[Cell]] = defaultdict(list)
+    for patch in patches:
+        rows[places[patch]].append(patch)
+    for patch in patches:
+        row = rows[places[patch]]
+        yield from ((patch, other) for other in row[row.index(patch) + 1 :])
+
+
+def _corner_classes(patches: list[Cell], questions: Questions) -> dict[Cell, tuple[int, ...]]:
     """Return, for each patch, the ascending numbers of the places where its corners lie."""
     # the two edges along s end in all four corners
     corners = {
@@ -127,7 +137,7 @@ def _corner_classes(patches: list[Cell], questions: Questions) -> dict[Cell, lis
         for patch in patches
     }
     _, place_of = _vertices(sorted({c for row in corners.values() for c in row}), questions)
-    return {patch: sorted(place_of[c] for c in row) for patch, row in corners.items()}
+    return {patch: tuple(sorted(place_of[c] for c in row)) for patch, row in corners.items()}
 
 
 def _collapse(patch: Cell, questions: Questions) -> SideFate | None:
@@ -160,22 +170,10 @@ def _partner(first: Cell, second: Cell, questions: Questions, labels: Labels) ->
     return None
 
 
-def _group(items: list[Cell], same: Callable[[Cell, Cell], bool]) -> list[list[Cell]]:
-    groups: list[list[Cell]] = []
-    for item in items:
-        for group in groups:
-            if same(group[0], item):
-                group.append(item)
-                break
-        else:
-            groups.append([item])
-    return groups
-
-
 def _vertices(
     corners: list[Cell], questions: Questions
 ) -> tuple[tuple[VertexClass, ...], dict[Cell, int]]:
-    groups = _group(corners, questions.same_corner)
+    groups = questions.places(corners)
     vertex_of = {corner: i for i, group in enumerate(groups) for corner in group}
     return tuple(VertexClass(tuple(group)) for group in groups), vertex_of
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, Literal
 
 import numpy as np
@@ -115,7 +116,7 @@ def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
         return None
     forms = []
     for root in trees:
-        form = normal_form(root, LARGEST_FORM, _is_constant)
+        form = _form(root)
         if form is None or any(len(atom.symbols) > 1 for m in form for atom, _ in m):
             return None
         forms.append(form)
@@ -136,6 +137,12 @@ def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
             break
         del vectors[key]
     return Separation(axes, vectors, slack)
+
+
+@lru_cache(maxsize=1024)
+def _form(root: Expr) -> NormalForm | None:
+    """Return the normal form of a coordinate: cells side by side often have one in common."""
+    return normal_form(root, LARGEST_FORM, _is_constant)
 
 
 def _moves(key: tuple[Term, ...]) -> bool:
@@ -193,9 +200,12 @@ def _is_sum_of_products(node: Expr) -> bool:
 
 def _parted(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return the trees with sines and cosines of sums written out, parameter by parameter."""
+    if not any(node.op in ("sin", "cos") and node.symbols for node in walk(roots)):
+        return roots
     return rewrite(rewrite(roots, "sin", _sum_apart), "cos", _sum_apart)
 
 
+@lru_cache(maxsize=1024)
 def _sum_apart(node: Expr) -> Expr:
     parts = _parts(node.args[0])
     if parts is None or len(parts) < 2:

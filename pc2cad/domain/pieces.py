@@ -1,0 +1,68 @@
+"""M on one piece of the box: its trees without the pieces of functions that lie elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+from pc2cad.expression.breaks import resolve_pieces
+from pc2cad.expression.linear_terms import cancel_terms
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
+from pc2cad.geometry.splines.bernstein import degree_in
+from pc2cad.topology.cells import Cell
+
+
+def piece_at(
+    cell: Cell, bounds: Sequence[Sequence[float]]
+) -> tuple[tuple[tuple[float, float], ...], dict[str, Expr]]:
+    """Return the spans of the piece that a cell is in, or at a limit of, and which limits: 0 or 1.
+
+    `bounds` are the ascending limits of the pieces of each direction.
+    """
+    spans, limits = [], {}
+    for name, position, row in zip(PARAMETERS, cell, bounds, strict=True):
+        piece = position if position % 2 else min(position + 1, 2 * len(row) - 3)
+        spans.append((row[piece // 2], row[piece // 2 + 1]))
+        if position % 2 == 0:
+            limits[name] = number(int(position > piece))
+    return tuple(spans), limits
+
+
+@lru_cache(maxsize=1024)
+def in_piece(
+    coordinates: tuple[Expr, ...], spans: tuple[tuple[float, float], ...]
+) -> tuple[tuple[Expr, ...], bool]:
+    """Return trees in the local parameters of a piece of the box, and whether it is one of several.
+
+    All faces and edges of the piece take their trees from these: many have the parts of all pieces.
+    Every span is run through from 0 to 1 in the trees' own symbols.
+    """
+    alone = coordinates
+    for name, span in zip(PARAMETERS, spans, strict=True):
+        alone = _along(alone, name, span)
+    local = {
+        name: number(low) + (number(high) - number(low)) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, spans, strict=True)
+    }
+    whole = substitute(alone, local)
+    trees = cancel_terms(resolve_pieces(whole))
+    return trees, alone != coordinates or trees != whole
+
+
+@lru_cache(maxsize=1024)
+def _along(coordinates: tuple[Expr, ...], name: str, span: tuple[float, float]) -> tuple[Expr, ...]:
+    """Return trees without what is not met on a span of one parameter."""
+    low, high = (number(x).payload for x in span)
+    return resolve_pieces(coordinates, (name, low, high))
+
+
+@lru_cache(maxsize=1024)
+def degree_in_piece(
+    coordinates: tuple[Expr, ...], spans: tuple[tuple[float, float], ...], name: str
+) -> int | None:
+    """Return the degree of a piece's trees in a parameter; None where they are no polynomials."""
+    trees, _ = in_piece(coordinates, spans)
+    if any(node.op == "pieces" and name in node.symbols for node in walk(trees)):
+        return None
+    return degree_in(trees, name)
