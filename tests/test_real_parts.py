@@ -60,3 +60,17 @@ def test_a_helical_tooth_has_the_volume_of_a_spur_one() -> None:
     part = pc.compile_equation(template.bind({"beta": 0.2617993877991494}))
     assert part.report.solid.volume == pytest.approx(FITTED["gear_tooth"], rel=1e-7)
     assert [face.evidence for face in part.report.faces].count("bounded") == 4
+
+
+def test_the_ridge_of_a_metric_thread_has_its_volume() -> None:
+    """ISO 68-1, M10 x 1.5, four turns: 5/8 of the triangle's height, rounded as tables have it."""
+    u, v, w = pc.parameters()
+    pitch, outer, turns = 1.5, 5, 4
+    root = outer - 0.541266 * pitch
+    r = root + (outer - root) * w
+    half = pitch / 16 + (outer - r) / math.sqrt(3)
+    angle = 2 * math.pi * turns * u
+    along = turns * pitch * u + (2 * v - 1) * half
+    part = pc.compile_part((r * pc.cos(angle), r * pc.sin(angle), along))
+    assert part.report.solid.volume == pytest.approx(60.224384169784, rel=1e-7)
+    assert all(face.evidence in ("exact", "bounded") for face in part.report.faces)
