@@ -254,6 +254,8 @@ class Report(Evidence):
     mass: Mass | None = field(default=None, kw_only=True)
     #: integral, mean and extremes of each field, where they were asked for, as plain data
     fields: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    #: least and largest distance between the wall's faces, where asked for (sampled)
+    thickness: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
     #: what is known of the one equation; None where there are several bodies
@@ -373,11 +375,11 @@ _OF_EQUATION = (
     "name", "title", "units", "parameters", "size", "tolerance", "sides", "faces", "curves",
     "edges", "vertices", "genus", "euler", "frame", "limits", "determinant", "images",
     "contact_clearance", "injectivity", "overlap_depth", "overlap_open", "overlap_cells",
-    "equation", "solid", "triangles", "mass", "fields", "kernel_tolerance", "layers", "warnings",
-    "times", "shells", "deviation", "evidence",
+    "equation", "solid", "triangles", "mass", "fields", "thickness", "kernel_tolerance", "layers",
+    "warnings", "times", "shells", "deviation", "evidence",
 )  # fmt: skip
 _OF_BODIES = (
     "name", "title", "units", "parameters", "size", "tolerance", "result", "bodies", "steps",
     "faces", "curves", "edges", "vertices", "shells", "euler", "solid", "triangles",
-    "mass", "fields", "kernel_tolerance", "warnings", "times", "deviation", "evidence",
+    "mass", "fields", "thickness", "kernel_tolerance", "warnings", "times", "deviation", "evidence",
 )  # fmt: skip

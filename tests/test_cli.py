@@ -342,6 +342,7 @@ def test_check_is_a_table_and_writes_nothing(tmp_path, monkeypatch, capsys):
     assert err == ""
     for piece in (
         "\n  valid solid, deviation ", " (bounded), 4 faces\n", "\nBounding box (mm)\n",
+        "\nWall (mm; shortest distances, sampled)\n",
         "v=0  interface  proved  glued to v=1", "B-spline surface  bounded", "plane",
         "1 shell of genus 1; Euler number 0", "relative difference", "centroid z",
         "[expect]          met: faces, edges, vertices, shells, euler", "Times", "s = 0",

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,49 @@ def test_measures_of_a_box_are_its_own(tmp_path: Path) -> None:
         before = await page.evaluate("page.camera.zoom")
         await key(page, "+")
         assert await page.evaluate("page.camera.zoom") > before
+        assert page.complaints() == []
+
+    visit(path.as_uri(), tmp_path, act)
+
+
+def test_fingers_turn_move_zoom_and_measure_on_a_small_screen(tmp_path: Path) -> None:
+    path = tmp_path / "ball.html"
+    assert main(["view", "hollow_ball", "-o", str(path)]) == 0
+
+    async def act(page: Page) -> None:
+        await page.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=390, height=844, deviceScaleFactor=2, mobile=True,
+        )  # fmt: skip
+        await page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
+        await page.click("#home")
+        assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        x, y = await page.evaluate(MIDDLE)
+        place = "[...page.camera.position.toArray(), page.camera.zoom]"
+        seen = [await page.evaluate(place)]
+        await page.touch(*([(x - 60 + 20 * i, y + 5 * i)] for i in range(6)))
+        seen.append(await page.evaluate(place))
+        await page.touch(*([(x - 40 - 10 * i, y), (x + 40 + 10 * i, y)] for i in range(6)))
+        seen.append(await page.evaluate(place))
+        await page.touch(*([(x - 40, y + 10 * i), (x + 40, y + 10 * i)] for i in range(6)))
+        seen.append(await page.evaluate(place))
+        turned, zoomed, moved = (
+            [abs(b - a) for a, b in zip(*pair, strict=True)] for pair in pairwise(seen)
+        )
+        assert max(turned[:3]) > 1
+        assert turned[3] == 0
+        assert zoomed[3] > 1
+        assert max(moved[:3]) > 0.1
+        assert moved[3] == pytest.approx(0, abs=0.05)
+        await page.click("#home")
+        await page.click("[data-measure=thickness]")
+        await page.touch([(x, y)])
+        (wall,) = await page.evaluate("page.measured.results.map(r => r.value)")
+        assert wall == pytest.approx(1, rel=2e-2)
+        await page.click("#clear")
+        await page.touch([(x, y)])
+        assert await page.evaluate("page.hovered") == "w=1"
+        assert not await page.evaluate("document.getElementById('tip').hidden")
         assert page.complaints() == []
 
     visit(path.as_uri(), tmp_path, act)

@@ -57,6 +57,11 @@ def run(arguments: argparse.Namespace) -> int:
                 progress("mesh")
                 report = replace(report, triangles=part.triangle_integrals())
             report = with_figures(part, report, density, progress)
+            if report.own is not None:
+                from pc2cad.sampling.walls import thickness
+
+                progress("wall")
+                report = replace(report, thickness=thickness(part.checked.analysis))
     if arguments.json:
         say(json.dumps(report.to_dict(), indent=2, allow_nan=False))
     else:
@@ -84,6 +89,12 @@ def _paragraphs(report: Report, expected: Expectations, box: Array) -> Iterator[
         + [(axis, f"{low:.7g}", f"{high:.7g}", f"{high - low:.7g}")
            for axis, low, high in zip("xyz", *box, strict=True)]
     )  # fmt: skip
+    if report.thickness:
+        yield f"\nWall ({report.units}; shortest distances, sampled)"
+        yield table(
+            [("", "least", "largest")]
+            + [(name, f"{a:.6g}", f"{b:.6g}") for name, (a, b) in report.thickness.items()]
+        )
     if report.mass is not None:
         yield from _mass(report.mass, report.units)
     if report.fields:

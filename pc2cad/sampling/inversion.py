@@ -89,7 +89,7 @@ class Inverse:
             ranks = [rank + 1 for rank in starts]
             _, nearest = self._tree.query(targets[asked], k=ranks)
             for column in range(len(ranks)):
-                local, square = self._descend(targets[asked], self._places[nearest[:, column]])
+                local, square = self.descend(targets[asked], self._places[nearest[:, column]])
                 better = square < residual[asked]
                 best[asked[better]] = local[better]
                 residual[asked[better]] = square[better]
@@ -104,7 +104,7 @@ class Inverse:
             asked = np.flatnonzero(missed & (best[:, direction] == limit))
             if len(asked):
                 start = self._round_pole(targets[asked], best[asked], direction, limit, ignored)
-                local, square = self._descend(targets[asked], start)
+                local, square = self.descend(targets[asked], start)
                 better = square < residual[asked]
                 best[asked[better]] = local[better]
                 residual[asked[better]] = square[better]
@@ -124,9 +124,9 @@ class Inverse:
 
     def _settle(self, targets: Array, start: Array) -> tuple[Array, Array]:
         """Descend, then with one parameter held at a time: on a crease, steps across it fail."""
-        local, square = self._descend(targets, start)
+        local, square = self.descend(targets, start)
         for direction in range(3):
-            place, lower = self._descend(targets, local, held=direction)
+            place, lower = self.descend(targets, local, held=direction)
             better = lower < square
             local[better], square[better] = place[better], lower[better]
         return local, square
@@ -151,9 +151,8 @@ class Inverse:
                 best[better], least[better] = place[better], square[better]
         return best
 
-    def _descend(
-        self, targets: Array, start: Array, held: int | None = None
-    ) -> tuple[Array, Array]:
+    def descend(self, targets: Array, start: Array, held: int | None = None) -> tuple[Array, Array]:
+        """Return local minima (n, 3) of the distance, and its squares, one parameter held as is."""
         local = start.copy()
         damping = np.full(len(local), 1e-3)
         square = np.full(len(local), np.inf)

@@ -78,6 +78,17 @@ class Page:
             "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
         )
 
+    async def touch(self, *moves: list[tuple[float, float]]) -> None:
+        """Put fingers on the first places, move them over the others, and lift them."""
+        kinds = ["touchStart", *["touchMove"] * (len(moves) - 1)]
+        for kind, places in zip(kinds, moves, strict=True):
+            points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in enumerate(places)]
+            await self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        await self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        await self.evaluate(
+            "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
+        )
+
     async def click(self, selector: str) -> None:
         await self.evaluate(f"document.querySelector({json.dumps(selector)}).click()")
         await self.evaluate(
