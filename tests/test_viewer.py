@@ -61,6 +61,9 @@ def test_the_payload_is_the_solid_and_what_is_known_of_it(template):
         normals = read(face["normals"]).reshape(-1, 4)[:, :3].astype(float) / 127
         assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=0.02)
         corners.append(points[read(face["triangles"]).reshape(-1, 3)])
+        a, b, c = corners[-1].swapaxes(0, 1)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+        assert area == pytest.approx(known.area, rel=1e-2)
         assert (face["name"], face["evidence"], face["deviation"]) == (
             known.name, known.evidence, known.deviation,
         )  # fmt: skip

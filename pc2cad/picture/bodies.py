@@ -22,8 +22,14 @@ def shown_mesh(part: Part, turn: float) -> Triangles:
 
 
 def shown_faces(part: Part, mesh: Triangles, colour: Colour | None = None) -> Iterator[Surface]:
-    """Yield the faces in the report's order, in one colour or each in its own or its body's."""
-    for number, face in enumerate(faces_in_order(part.exportable(colours=True))):
+    """Yield the faces in the report's order, in one colour or each in its own or its body's.
+
+    Triangles count faces in the kernel's order, which has the outer shell first.
+    """
+    painted = part.exportable(colours=True)
+    numbers = {id(face): number for number, face in enumerate(faces_in_order(painted))}
+    for face in painted.faces:
+        number = numbers[id(face)]
         own = mesh.triangles[mesh.faces == number]
         used, triangles = np.unique(own, return_inverse=True)
         triangles, points = triangles.reshape(own.shape), mesh.vertices[used]
