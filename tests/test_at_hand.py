@@ -65,6 +65,8 @@ def test_texts_and_functions_are_coordinates(equation: Any) -> None:
     ("equation", "words"),
     [
         ("[u, v, q]", "unknown name 'q'"),
+        ("[u, v, np.sin(w)]", "write sin\\(…\\) instead of np.sin\\(…\\)"),
+        ("[u, v, np.pi*w]", "write pi instead of np.pi$"),
         (("u", "v", "[u, v, w]"), "a coordinate is Combination"),
         (5, "neither a point nor three coordinates"),
         (pc.read_template("ball"), "bind\\(\\) makes an equation of it"),

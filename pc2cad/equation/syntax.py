@@ -262,10 +262,11 @@ class _Parser:
             part = self._take()
             if part.text not in ("x", "y", "z"):
                 if isinstance(node, NameNode) and node.name in _MODULES:
+                    name = f"{part.text}(…)" if self._next.text == "(" else part.text
                     raise ExpressionSyntaxError(
-                        f"functions stand alone: write {part.text}(…) instead of "
-                        f"{node.name}.{part.text}(…)", node.column,
-                    )  # fmt: skip
+                        f"names stand alone: write {name} instead of {node.name}.{name}",
+                        node.column,
+                    )
                 raise ExpressionSyntaxError(
                     f"a point has the coordinates .x, .y and .z, not .{part.text}", point.column
                 )
