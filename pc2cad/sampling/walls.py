@@ -12,7 +12,6 @@ from scipy.spatial import cKDTree
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
-from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.sampling.inversion import Inverse
 from pc2cad.topology.cells import normal_direction
 
@@ -36,7 +35,7 @@ def thickness(analysis: Analysis) -> Mapping[str, tuple[float, float]]:
     if not walls:
         return {}
     wall = min(walls, key=lambda wall: float(np.median(wall.apart)))
-    names = [f"{PARAMETERS[wall.direction]}={x:g}" for x in wall.limits]
+    names = [f"{'uvw'[wall.direction]}={x:g}" for x in wall.limits]
     inverse, result = Inverse(analysis), {}
     for here, there in ((0, 1), (1, 0)):
         away = wall.distances(inverse, here, there)
