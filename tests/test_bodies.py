@@ -13,7 +13,12 @@ from shipped import CUBES
 import pc2cad as pc
 from pc2cad.brep import booleans
 from pc2cad.cli.main import main
-from pc2cad.csg.bodies import EmptyResultError, SeveralPiecesError, VolumesDisagreeError
+from pc2cad.csg.bodies import (
+    EmptyResultError,
+    KernelTooLooseError,
+    SeveralPiecesError,
+    VolumesDisagreeError,
+)
 from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
 from pc2cad.export.colours import body_colour
 from pc2cad.part import Part
@@ -221,12 +226,64 @@ def test_figures_of_the_result_are_held():
 def test_a_kernel_that_loses_volume_is_found_out(monkeypatch):
     right = booleans.combine
 
-    def wrong(kind, first, second):
-        return right("cut" if kind == "union" else kind, first, second)
+    def wrong(kind, *given):
+        return right("cut" if kind == "union" else kind, *given)
 
     monkeypatch.setattr("pc2cad.csg.bodies.combine", wrong)
     with pytest.raises(VolumesDisagreeError, match="does not add up"):
         cubes("union(big, small)", 1.5)
+
+
+def test_tolerances_of_a_hundredth_of_the_part_are_refused_in_the_end(monkeypatch):
+    right = booleans.combine
+
+    def loose(*given):
+        result = right(*given)
+        for edge in booleans.edges_between(result):
+            edge.loosen(0.05)
+        return result
+
+    monkeypatch.setattr("pc2cad.csg.bodies.combine", loose)
+    words = (
+        r"joined the bodies within 0.05 mm only, of a part of 3.\d+: it has lost where they meet"
+    )
+    with pytest.raises(KernelTooLooseError, match=words):
+        cubes("union(big, small)", 1.5)
+
+
+BEND_AND_PIPE = """
+title = "A bend that widens, and a pipe on its end"
+result = "union(bend, pipe)"
+[[bodies]]
+name = "bend"
+[bodies.let]
+r = "w*(1 + u/2)"
+[bodies.solid]
+x = "(3 + r*cos(2*pi*v))*cos(u)"
+y = "(3 + r*cos(2*pi*v))*sin(u)"
+z = "r*sin(2*pi*v)"
+[[bodies]]
+name = "pipe"
+[bodies.let]
+r = "w*(3/2 + u/4)"
+[bodies.solid]
+x = "(3 + r*cos(2*pi*v))*cos(1) - 4*u*sin(1)"
+y = "(3 + r*cos(2*pi*v))*sin(1) + 4*u*cos(1)"
+z = "r*sin(2*pi*v)"
+"""
+
+
+@pytest.mark.parametrize("size", [1, pytest.param(1e5, marks=pytest.mark.slow)])
+def test_sides_that_coincide_to_within_their_deviations_vanish(size):
+    """The bend's end is a circle to within its spline's deviation; the pipe's is one."""
+    text = BEND_AND_PIPE.replace("w*(", f"{size}*w*(").replace("(3 +", f"({3 * size} +")
+    part = pc.compile_equation(
+        parse_template(text.replace("4*u", f"{4 * size}*u"), "pipe").bind(), 1e-5 * size
+    )
+    exact = pi * (3 * (1 + 1 / 2 + 1 / 12) + 4 * (9 / 4 + 3 / 8 + 1 / 48)) * size**3
+    assert part.report.solid.volume == pytest.approx(exact, rel=1e-6)
+    names = sorted(face.name for face in part.report.faces)
+    assert names == ["bend:u=0", "bend:w=1", "pipe:u=1", "pipe:w=1"]
 
 
 def test_an_edge_off_its_faces_is_refused(monkeypatch):

@@ -158,3 +158,60 @@ def test_a_gap_below_what_is_known_of_a_face_is_contact(tolerance: float | None)
         return
     with pytest.raises(TouchingBodiesError, match="touch without crossing"):
         joined("cut(f, union(a, b))", CompileOptions(tolerance), **bodies)
+
+
+def boxed(size: float, *ranges: tuple[float, float]) -> str:
+    x, y, z = ((size * low, size * high) for low, high in ranges)
+    return box(x, y, z)
+
+
+def near(kind: str, size: float, gap: float) -> tuple[str, dict[str, str]]:
+    """Return bodies of a size, and what is made of them, which are a gap (a length) apart."""
+    half = gap / 2
+    if kind == "in a point":
+        cube = boxed(size, (-1, 1), (-1, 1), (-1, 1))
+        return "cut(a, b)", {"a": cube, "b": ball(size - gap)}
+    if kind == "along a curve":
+        high, low = (-2 * size, 2 * size), -size - half
+        block = boxed(size, (-3, 3), (-3, 3), (-1, 1))
+        bores = {"b": rod(size, low, 0, high), "c": rod(size, -low, 0, high)}
+        return "cut(cut(a, b), c)" if gap > 0 else "cut(a, union(b, c))", {"a": block} | bores
+    base = boxed(size, (-1, 1), (-1, 1), (-1, 0))
+    left, right = (box(x, (-size, size), (0, size)) for x in ((-size, -half), (half, size)))
+    return "union(a, b, c)", {"a": base, "b": left, "c": right}
+
+
+NEAR = [
+    pytest.param(kind, size, gap, marks=() if size == 0.01 and gap > 0 else slow)
+    for kind in ("in a point", "along a curve", "over a face")
+    for size, gap in ((0.01, 1e-7), (1, 1e-7), (1e3, 1e-7), (0.01, -1e-8))
+    # boxes that overlap are joined, and a ball that sticks out makes holes
+    if gap > 0 or kind == "along a curve"
+]
+
+
+@pytest.mark.parametrize(("kind", "size", "gap"), NEAR)
+def test_what_is_nearer_than_the_kernel_tells_is_contact_with_its_distance(
+    kind: str, size: float, gap: float
+) -> None:
+    result, bodies = near(kind, size, gap)
+    with pytest.raises(TouchingBodiesError) as error:
+        joined(result, **bodies)
+    found = re.search(r"come within (\S+) mm of one another (.*?) at", str(error.value))
+    assert found
+    assert float(found[1]) == pytest.approx(abs(gap), rel=0.1)
+    assert found[2] == kind
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["in a point", "along a curve", "over a face"])
+@pytest.mark.parametrize(("size", "share"), [(0.01, 1e-3), (1, 1e-6), (1e5, 1e-7)])
+def test_what_is_farther_is_built(kind: str, size: float, share: float) -> None:
+    result, bodies = near(kind, size, share * size)
+    exact = {
+        "in a point": 8 - 4 / 3 * np.pi * (1 - share) ** 3,
+        "along a curve": 72 - 4 * np.pi,
+        "over a face": 8 - 2 * share,
+    }
+    volume = joined(result, **bodies).report.solid.volume
+    assert volume == pytest.approx(exact[kind] * size**3, rel=1e-9)

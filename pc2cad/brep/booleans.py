@@ -73,21 +73,21 @@ class NamedShape:
         return tuple(found)
 
 
-def combine(kind: Kind, first: NamedShape, second: NamedShape) -> NamedShape:
+def combine(kind: Kind, first: NamedShape, second: NamedShape, one: float = 0.0) -> NamedShape:
     """Return the union, difference or common part of two shapes, of no solid where it is empty.
 
-    Every face of the result is a part of a face of theirs. Raises KernelError where the kernel
-    fails, or loses track of a face.
+    What is nearer than the length `one` is taken for one place. Every face of the result is a part
+    of a face of theirs. Raises KernelError where the kernel fails, or loses track of a face.
     """
     if not first.faces or not second.faces:
         kept = {"union": (first, second), "cut": (first,), "intersect": ()}[kind]
         return next((shape for shape in kept if shape.faces), NamedShape(_nothing(), ()))
-    return _carried_out(kind, first, [second])
+    return _carried_out(kind, first, [second], one)
 
 
-def fuse(shapes: Sequence[NamedShape]) -> NamedShape:
-    """Return the union of shapes, two or more, in one operation; raise as `combine` does."""
-    return _carried_out("union", shapes[0], shapes[1:])
+def fuse(shapes: Sequence[NamedShape], one: float = 0.0) -> NamedShape:
+    """Return the union of shapes, two or more, in one operation; see `combine`."""
+    return _carried_out("union", shapes[0], shapes[1:], one)
 
 
 def moved(shape: NamedShape, turn: Array, offset: Array, mark: str) -> NamedShape:
@@ -106,13 +106,16 @@ def moved(shape: NamedShape, turn: Array, offset: Array, mark: str) -> NamedShap
     return NamedShape(copy.Shape(), faces)
 
 
-def _carried_out(kind: Kind, first: NamedShape, others: Sequence[NamedShape]) -> NamedShape:
+def _carried_out(
+    kind: Kind, first: NamedShape, others: Sequence[NamedShape], one: float
+) -> NamedShape:
     algorithm = BRepAlgoAPI_BooleanOperation()
     algorithm.SetArguments(_listed([first.shape]))
     algorithm.SetTools(_listed([other.shape for other in others]))
     algorithm.SetOperation(_OPERATIONS[kind])
     algorithm.SetRunParallel(False)
     algorithm.SetNonDestructive(True)
+    algorithm.SetFuzzyValue(one)  # the kernel's own tolerance where that is more
     try:
         algorithm.Build()
     except Standard_Failure as failure:

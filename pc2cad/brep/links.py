@@ -16,15 +16,14 @@ from OCP.TopoDS import TopoDS_Shape
 
 from pc2cad.brep.booleans import NamedShape
 from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_vertex
-from pc2cad.topology.cells import SideKey
 
 
 @dataclass(frozen=True)
 class Branching:
     """An edge or a vertex at which a boundary branches."""
 
-    #: the faces that meet there, by what they are parts of
-    names: tuple[tuple[SideKey, ...], ...]
+    #: numbers of the faces that meet there in the shape
+    faces: tuple[int, ...]
     #: the vertex, or the middle of the edge
     point: tuple[float, float, float]
     is_edge: bool
@@ -63,11 +62,11 @@ def branchings(shape: NamedShape) -> Iterator[Branching]:
             edge = as_edge(edges.FindKey(index))
             first, last = BRep_Tool.Range_s(edge)
             middle = BRep_Tool.Curve_s(edge, first, last).Value((first + last) / 2).Coord()
-            yield Branching(_names(shape, set(at)), middle, is_edge=True)
+            yield Branching(tuple(sorted(set(at))), middle, is_edge=True)
     for index, here in corners.items():
         if _sheets(here) > 1:
             point = BRep_Tool.Pnt_s(as_vertex(vertices.FindKey(index))).Coord()
-            yield Branching(_names(shape, {face for face, _ in here}), point, is_edge=False)
+            yield Branching(tuple(sorted({face for face, _ in here})), point, is_edge=False)
 
 
 def _sheets(corners: list[tuple[int, set[int]]]) -> int:
@@ -78,10 +77,6 @@ def _sheets(corners: list[tuple[int, set[int]]]) -> int:
         parts = [part for part in parts if not part & edges]
         parts.append(edges.union(*joined))
     return len(parts)
-
-
-def _names(shape: NamedShape, faces: set[int]) -> tuple[tuple[SideKey, ...], ...]:
-    return tuple(dict.fromkeys(shape.faces[face][1] for face in sorted(faces)))
 
 
 def _explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:

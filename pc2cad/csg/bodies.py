@@ -12,16 +12,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between, fuse, label, moved
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
-from pc2cad.csg.contacts import check_contacts
+from pc2cad.csg.contacts import check_contacts, check_merged
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
+from pc2cad.csg.volumes import EMPTY, Relation, relation, sentence
 from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError
 from pc2cad.export.colours import body_colour
 from pc2cad.export.model import ExportOptions, NamedFace
@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 #: share of the kernel's tolerance, or of the part's, by which an edge may be off its faces, and of
 #: the size, below which none can be had
 NEAR, ROUNDING = 0.1, 1e-13
+#: share of volumes that they may differ by, and be equal
+ADD_UP = 1e-11
 #: share of a part's size that a tolerance of the kernel's may be
 LOOSEST = 0.01
 
@@ -113,9 +115,12 @@ class _Joining:
         self.placed: dict[str, Placement] = {}
         tolerances = [part.report.tolerance for part in parts.values()]
         self._reach = max(KERNEL_TOLERANCE, *tolerances)
-        size = max(part.report.size for part in parts.values())
+        self._size = max(part.report.size for part in parts.values())
+        self._units = next(iter(parts.values())).report.units
         #: how near edges between bodies come to their faces
-        self._near = max(NEAR * min(KERNEL_TOLERANCE, *tolerances), ROUNDING * size)
+        self._near = max(NEAR * min(KERNEL_TOLERANCE, *tolerances), ROUNDING * self._size)
+        #: what two faces or edges of bodies may be apart, whose equations have them in one place
+        self._one = 2 * max(_known(part) for part in parts.values())
 
     def join(self, tree: Tree) -> _Joined:
         """Return a body or a Boolean, with all that it is made of."""
@@ -168,13 +173,13 @@ class _Joining:
         """
         if len(copies) == 1:
             return copies[0], each, 0.0
-        shape = fuse(copies)
+        shape = fuse(copies, self._one)
         found = self._integrals(shape.shape)
         total, area = len(copies) * each.volume, len(copies) * each.area
         gap = total - found.volume
         if abs(gap) > self._slack(total, area):
             halves = [self._fused(copies[k::2], each) for k in (0, 1)]
-            common = combine("intersect", halves[0][0], halves[1][0])
+            common = combine("intersect", halves[0][0], halves[1][0], self._one)
             held = self._integrals(common.shape).volume
             gap = sum(half[1].volume for half in halves) - held - found.volume
             if abs(gap) > self._slack(total, area):
@@ -189,13 +194,14 @@ class _Joining:
 
     def _slack(self, volume: float, area: float) -> float:
         """Return what volumes may differ by that are equal but for the kernel's tolerance."""
-        return 2 * self._reach * area + 1e-11 * volume
+        return 2 * self._reach * area + ADD_UP * volume
 
     def _step(self, kind: Kind, first: _Joined, second: _Joined) -> _Joined:
         """Carry out one Boolean, and a second one that its volume is held against."""
         name = f"{kind}({first.name}, {second.name})"
-        result = combine(kind, first.shape, second.shape)
-        other = combine("cut" if kind == "intersect" else "intersect", first.shape, second.shape)
+        result = combine(kind, first.shape, second.shape, self._one)
+        held_against: Kind = "cut" if kind == "intersect" else "intersect"
+        other = combine(held_against, first.shape, second.shape, self._one)
         found, held = self._integrals(result.shape), self._integrals(other.shape).volume
         a, b = first.integrals.volume, second.integrals.volume
         gap = a - held - found.volume + (b if kind == "union" else 0.0)
@@ -207,60 +213,28 @@ class _Joining:
                 f"add up with those of its operands, {a:.12g} and {b:.12g}, and of the other "
                 f"Boolean of them, {held:.12g}"
             )
+        if abs(gap) > ADD_UP * (a + b):
+            known = {key: side.deviation for key, side in _sides(self).items()}
+            about = (name, self._size, self._units)
+            check_merged((first.shape, second.shape), self._one, known, about)
         if not result.solids:
-            raise EmptyResultError(f"{name} is empty: {_EMPTY[kind]}")
+            raise EmptyResultError(f"{name} is empty: {EMPTY[kind]}")
         result = with_own_edges(result, self._near)
         found = self._integrals(result.shape)
         common = found.volume if kind == "intersect" else held
-        relation = _relation(a, b, common, slack)
-        if kind == "cut" and relation is Relation.APART:
+        lie = relation(a, b, common, slack)
+        if kind == "cut" and lie is Relation.APART:
             self.idle.append(name)
-        sentence = _sentence(kind, relation, a, b, common, found.volume)
-        self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, sentence))
+        words = sentence(kind, lie, a, b, common, found.volume)
+        self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, words))
         return _Joined(f"step {len(self.steps)}", result, found)
 
 
-_EMPTY = {
-    "union": "both are",
-    "cut": "the first lies wholly inside what is cut from it",
-    "intersect": "they have no common part",
-}
-
-
-class Relation(Enum):
-    """How two shapes lie to one another."""
-
-    APART = "nothing in common"
-    SECOND_INSIDE = "the second lies inside the first"
-    FIRST_INSIDE = "the first lies inside the second"
-    ACROSS = "each has a part outside the other"
-
-
-def _relation(a: float, b: float, common: float, slack: float) -> Relation:
-    """Return how shapes of volumes a and b lie that have a volume in common."""
-    if common <= slack:
-        return Relation.APART
-    if abs(common - b) <= slack:
-        return Relation.SECOND_INSIDE
-    return Relation.FIRST_INSIDE if abs(common - a) <= slack else Relation.ACROSS
-
-
-def _sentence(
-    kind: Kind, relation: Relation, a: float, b: float, common: float, result: float
-) -> str:
-    if kind == "union":
-        if relation is Relation.APART:
-            return f"nothing in common, the volumes add up: {a:.10g} + {b:.10g} = {result:.10g}"
-        if relation is not Relation.ACROSS:
-            return f"one lies inside the other: {result:.10g}"
-        return f"{common:.10g} in common: {a:.10g} + {b:.10g} - {common:.10g} = {result:.10g}"
-    if kind == "cut":
-        if relation is Relation.APART:
-            return f"nothing in common, nothing is cut: {result:.10g}"
-        if relation is Relation.SECOND_INSIDE:
-            return f"wholly inside, the volumes subtract: {a:.10g} - {b:.10g} = {result:.10g}"
-        return f"{common:.10g} of {b:.10g} inside: {a:.10g} - {common:.10g} = {result:.10g}"
-    return f"{result:.10g} in common of {a:.10g} and {b:.10g}"
+def _known(part: Body) -> float:
+    """Return how far a body's faces and edges are from its equation's at most."""
+    model = part.model
+    faces = max(face.deviation for face in model.faces)
+    return max([faces, *(edge.deviation for edge in model.edges)])
 
 
 def _report(

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import combinations
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +21,7 @@ from scipy.spatial import cKDTree
 from pc2cad.arrays import Array, Booleans
 from pc2cad.brep.booleans import NamedEdge, NamedShape, label
 from pc2cad.brep.build import KERNEL_TOLERANCE
-from pc2cad.brep.links import branchings
+from pc2cad.brep.links import Branching, branchings
 from pc2cad.brep.pieces import Piece, Pieces, pieces_of
 from pc2cad.errors import KernelError, NotASolidError
 from pc2cad.topology.cells import SideKey
@@ -38,6 +40,13 @@ ZERO = 1e-13
 ON_SHARED = 1e-5
 #: sine of the angle from which on faces cross and do not touch
 CROSSING = 1e-3
+#: share of a face's parameters over which its normal's turn is looked at, and what two normals may
+#: turn apart along a length of the part's size where faces touch along it
+TURN, STRAIGHT = 1e-4, 1e-3
+#: places of two faces at which it is asked whether they touch over a face
+MANY = 5
+#: share of an edge by which one looks aside of a place
+ASIDE = 0.1
 
 
 class Reach(Protocol):
@@ -55,6 +64,15 @@ class MissedCrossingError(KernelError):
     """Faces of two bodies cross, and the kernel has made no edge there."""
 
 
+class Extent(Enum):
+    """How two faces that come together lie there."""
+
+    POINT = "in a point"
+    CURVE = "along a curve"
+    FACE = "over a face"
+    CROSSING = "crossing"
+
+
 @dataclass(frozen=True)
 class Contact:
     """Two pieces that come together where they have nothing in common."""
@@ -65,9 +83,7 @@ class Contact:
     #: between them there, and what can be told from none (model units)
     distance: float
     reach: float
-    #: whether it is an edge in common, or whether they are faces that cross
-    along: bool = False
-    crossing: bool = False
+    extent: Extent
 
 
 def check_contacts(
@@ -81,34 +97,72 @@ def check_contacts(
     `deviations` bound how far the bodies' faces are from their equations'; `part` is the result in
     words, its size and its unit. Raises MissedCrossingError where they cross unseen.
     """
-    title, size, units = part
+    _, size, _ = part
 
     def reach(*pieces: Iterable[SideKey]) -> float:
         return 2 * KERNEL_TOLERANCE + sum(max(deviations[n] for n in names) for names in pieces)
 
-    found = [
-        Contact(x.names, x.point, 0.0, reach(x.names[0]), x.is_edge) for x in branchings(shape)
-    ]
-    if not found:
-        pieces = pieces_of(shape)
-        found = [*faint_loops(pieces, edges, reach, size), *contacts(pieces, reach, size)]
+    seen = list(branchings(shape))
+    pieces = pieces_of(shape)
+    found = [_seen(pieces, branching, reach, size) for branching in seen] or [
+        *faint_loops(pieces, edges, reach, size), *contacts(pieces, reach, size)
+    ]  # fmt: skip
     if not found:
         return
+    raise _refusal(found, part)
+
+
+def check_merged(
+    shapes: tuple[NamedShape, NamedShape],
+    one: float,
+    deviations: Mapping[SideKey, float],
+    part: tuple[str, float, str],
+) -> None:
+    """Raise TouchingBodiesError where the kernel takes faces of two shapes for one that are apart.
+
+    `one` is the length below which it does so; the others are as for `check_contacts`. Faces that
+    are as near as what is known of them are one.
+    """
+    size, found = part[1], []
+    here, there = (pieces_of(shape).faces for shape in shapes)
+    farthest = max(one, 2 * (KERNEL_TOLERANCE + max(deviations.values())))
+    for i, k in _near(here, there, farthest):
+        first, second = here[i], there[k]
+        known = sum(max(deviations[name] for name in face.names) for face in (first, second))
+        far = max(one, 2 * KERNEL_TOLERANCE + known)
+        x, y, gaps = _descended(first, second, ZERO * size)
+        close = np.flatnonzero((gaps <= far) & (gaps > known + ZERO * size))
+        close = close[first.holds(x[close]) & second.holds(y[close])] if len(close) else close
+        for n in close[:MANY]:
+            point, other = first.jet(x[n][None])[0][0], second.jet(y[n][None])[0][0]
+            # faces side by side in one plane are no contact
+            over = abs(float(_bend(first, x[n])[0] @ (point - other))) > gaps[n] / 2
+            if over and _extent(first, second, x[n], y[n], size) is Extent.FACE:
+                px, py, pz = point.tolist()
+                names = (first.names, second.names)
+                found.append(Contact(names, (px, py, pz), float(gaps[n]), far, Extent.FACE))
+                break
+    if found:
+        raise _refusal(found, part)
+
+
+def _refusal(
+    found: Sequence[Contact], part: tuple[str, float, str]
+) -> TouchingBodiesError | MissedCrossingError:
+    title, size, units = part
     first = min(found, key=lambda contact: contact.distance)
     what = " and ".join(label(names) for names in first.names)
     point = ", ".join(f"{x if abs(x) > 1e-12 * size else 0:.6g}" for x in first.point)
     where = f"at ({point})" + (f" and {len(found) - 1} more places" if len(found) > 1 else "")
-    if first.crossing:
-        raise MissedCrossingError(
+    if first.extent is Extent.CROSSING:
+        return MissedCrossingError(
             f"{title}: the faces {what} cross {where}, and the CAD kernel has made no edge there; "
             "move one of the bodies a little, or turn its seam away"
         )
-    come = (
-        f"share an edge {where}" if first.along else
-        f"come within {first.distance:.2g} {units} of one another {where}"
-    )  # fmt: skip
-    raise TouchingBodiesError(
-        f"{title}: the bodies touch without crossing: the faces {what} {come}, and the result has "
+    apart = first.distance if first.distance > ZERO * size else 0.0
+    return TouchingBodiesError(
+        f"{title}: the bodies touch without crossing: the faces {what} come within {apart:.2g} "
+        f"{units} of one another {first.extent.value} {where}, and the result has "
         f"no thickness there; a gap or an overlap of more than {first.reach:.2g} {units} is told "
         "from contact: move one of them, or change its size"
     )
@@ -133,9 +187,10 @@ def contacts(pieces: Pieces, reach: Reach, size: float) -> Iterator[Contact]:
         points = first.jet(x[close])[0]
         for k in _distinct(points, ~_shared(pieces, first, second, points, size), 1e-3 * size):
             px, py, pz = points[k].tolist()
-            sine = _sine(first, second, x[close[k]][None], y[close[k]][None])
-            yield Contact((first.names, second.names), (px, py, pz), float(gaps[close[k]]), far,
-                          crossing=sine > CROSSING)  # fmt: skip
+            extent = _extent(first, second, x[close[k]], y[close[k]], size)
+            yield Contact(
+                (first.names, second.names), (px, py, pz), float(gaps[close[k]]), far, extent
+            )
 
 
 def faint_loops(
@@ -151,21 +206,37 @@ def faint_loops(
             continue
         far = reach(one.names, other.names)
         middle = edge.points[:-1].mean(axis=0)
-        feet = [_foot(middle, face, size) for face in (one, other)]
+        feet = [face.jet(_foot(middle, face, size)[None])[0][0] for face in (one, other)]
         apart = float(np.linalg.norm(feet[0] - feet[1]))
         radius = np.linalg.norm(edge.points - middle, axis=1).max()
         inside = np.linalg.norm(edge.points - feet[0], axis=1).min() > radius / 4
         if apart <= far and inside:
             x, y, z = middle.tolist()
-            yield Contact((one.names, other.names), (x, y, z), apart, far)
+            yield Contact((one.names, other.names), (x, y, z), apart, far, Extent.POINT)
+
+
+def _seen(pieces: Pieces, branching: Branching, reach: Reach, size: float) -> Contact:
+    """Return a contact that the kernel has seen, with the distance that it has not minded."""
+    faces = [pieces.faces[number] for number in branching.faces]
+    pairs = [pair for pair in combinations(faces, 2) if pair[0].bodies.isdisjoint(pair[1].bodies)]
+    point, extent = np.array(branching.point), Extent.POINT
+    feet = {id(face): face.jet(_foot(point, face, size)[None])[0][0] for face in faces}
+
+    def apart(pair: tuple[Piece, Piece]) -> float:
+        return float(np.linalg.norm(feet[id(pair[0])] - feet[id(pair[1])]))
+
+    one, other = max(pairs or [(faces[0], faces[-1])], key=apart)
+    far, names = reach(one.names, other.names), (one.names, other.names)
+    if branching.is_edge:
+        extent = Extent.CURVE
+    return Contact(names, branching.point, apart((one, other)), far, extent)
 
 
 def _foot(point: Array, face: Piece, size: float) -> Array:
-    """Return the place of a face's surface that is nearest to a point."""
+    """Return where on a face's surface, (2,), it is nearest to a point."""
     fixed = replace(face, jet=lambda at: (np.broadcast_to(point, (len(at), 3)), ()),
                     low=np.zeros(0), high=np.zeros(0), places=np.zeros((1, 0)))  # fmt: skip
-    _, found, _ = _descended(fixed, face, ZERO * size)
-    return np.asarray(face.jet(found)[0][0])
+    return np.asarray(_descended(fixed, face, ZERO * size)[1][0])
 
 
 def _pairs(pieces: Pieces, far: float) -> Iterator[tuple[Piece, Piece]]:
@@ -284,11 +355,46 @@ def _distinct(points: Array, kept: Booleans, apart: float) -> list[int]:
     return found
 
 
-def _sine(first: Piece, second: Piece, x: Array, y: Array) -> float:
-    """Return the sine of the angle between two faces, 0 of other pieces."""
-    along, across = first.jet(x)[1], second.jet(y)[1]
-    if len(along) < 2 or len(across) < 2:
-        return 0.0
-    one, other = (np.cross(a, b)[0] for a, b in (along, across))
-    lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return float(np.linalg.norm(np.cross(one, other))) / lengths if lengths else 0.0
+def _extent(first: Piece, second: Piece, x: Array, y: Array, size: float) -> Extent:
+    """Return how two pieces lie where they come together, at places (k,) of both.
+
+    Their distance grows from there as the difference of their curvatures says: in both directions,
+    in one, or in none.
+    """
+    if len(x) < 2:
+        return _along(first, second, x, size)
+    (normal, bend), (other, unbend) = (_bend(*at) for at in ((first, x), (second, y)))
+    if float(np.linalg.norm(np.cross(normal, other))) > CROSSING:
+        return Extent.CROSSING
+    turns = np.linalg.eigvalsh(bend - np.sign(normal @ other) * unbend)
+    # one is 0, across the faces
+    bent = int((np.abs(turns) * size > STRAIGHT).sum())
+    return (Extent.FACE, Extent.CURVE, Extent.POINT)[min(bent, 2)]
+
+
+def _along(piece: Piece, face: Piece, at: Array, size: float) -> Extent:
+    """Return how a vertex or an edge lies to a face that it comes near at a place."""
+    if not len(at):
+        return Extent.POINT
+    step = ASIDE * (piece.high - piece.low)
+    places = np.clip(at, piece.low + step, piece.high - step) + np.outer([-1, 0, 1], step)
+    points, (along,) = piece.jet(places)
+    apart = [float(np.linalg.norm(face.jet(_foot(p, face, size)[None])[0][0] - p)) for p in points]
+    length = float(np.linalg.norm(along[1])) * float(step[0])
+    near = max(apart) - min(apart) <= STRAIGHT * length**2 / size + ZERO * size
+    return Extent.CURVE if near else Extent.POINT
+
+
+def _bend(face: Piece, at: Array) -> tuple[Array, Array]:
+    """Return a face's unit normal at a place, and how it turns along each direction, (3, 3)."""
+    step = TURN * (face.high - face.low)
+    # no place of these is beyond a bound
+    middle = np.clip(at, face.low + step, face.high - step)
+    places = middle + np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * step
+    _, (along, across) = face.jet(places)
+    normals = np.cross(along, across)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    slopes = np.stack((along[0], across[0]))
+    turns = np.stack((normals[1] - normals[2], normals[3] - normals[4])) / (2 * step[:, None])
+    bend = np.linalg.pinv(slopes) @ turns
+    return normals[0], (bend + bend.T) / 2
