@@ -213,3 +213,16 @@ def test_it_says_what_faces_and_edges_rest_on(
         assert match.border.distance <= match.border_reach <= found.tolerance
     kinds = ["exact", "bounded", "sampled"]
     assert found.evidence == max(surfaces | edges, key=kinds.index)
+
+
+@pytest.mark.slow
+def test_the_border_of_a_needle_is_found(tmp_path: Path) -> None:
+    """It is a ten-thousandth of the edge wide: even samples do not see it."""
+    template = tmp_path / "needle.toml"
+    template.write_text(
+        'title = "needle"\n[solid]\nx = "u"\ny = "v"\nz = "w*(1+exp(-100000000*(u-0.3711)^2))"\n'
+    )
+    equation = read_template(template).bind()
+    path = tmp_path / "needle.step"
+    compile_solid(equation).write(path)
+    assert verification(parse_step(path.read_bytes()), equation).differences == ()

@@ -16,6 +16,7 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.topology.cells import Cell, directions_of
+from pc2cad.verify.edges import Edge
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.nearness import SEEN, Nearness
 from pc2cad.verify.splines import SplineSurface, closest, distinct, nearest
@@ -273,7 +274,7 @@ def _border(
         return Difference(np.inf, "the border", "the side has none")
     points = np.concatenate([part for e in own for part in (e.samples, _some(e.places))])
     best = np.full(len(points), np.inf)
-    start = np.linspace(0.0, 1.0, _BORDER)
+    start = _starts(own)
     near = 1e-12 * float(np.ptp(points, axis=0).max())
     # at the ends too: where a curve closes, the nearest sample may be on the other side of its seam
     for cell in cells:
@@ -291,6 +292,17 @@ def _border(
     k = int(np.argmax(best))
     x, y, z = points[k]
     return Difference(float(best[k]), "the border", f"at ({x:.6g}, {y:.6g}, {z:.6g})")
+
+
+def _starts(edges: Sequence[Edge]) -> Array:
+    """Return places on an edge of the equation: evenly, and where edges of the file have knots."""
+    found = [np.linspace(0.0, 1.0, _BORDER)]
+    for edge in edges:
+        low, high = sorted(edge.interval)
+        breaks = edge.curve.breaks(low, high)
+        shares = (np.linspace(breaks[:-1], breaks[1:], _PER_SPAN + 2).ravel() - low) / (high - low)
+        found += [shares, 1.0 - shares]
+    return np.unique(np.clip(np.concatenate(found), 0.0, 1.0))
 
 
 def _some(places: Array) -> Array:
