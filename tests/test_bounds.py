@@ -14,6 +14,8 @@ from scipy.interpolate import BSpline
 from shipped import checked_of
 
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
+from pc2cad.bounds.taylor_evaluation import enclose
+from pc2cad.bounds.taylor_models import Place
 from pc2cad.checked import CheckedMap
 from pc2cad.compiler import compile_part
 from pc2cad.domain.restrictions import RestrictedMap
@@ -266,3 +268,17 @@ def test_mixed_faces_are_bounded_in_the_parameter_of_their_arcs() -> None:
     seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
     assert 0 < seen <= face.deviation <= 2 * seen
     assert {e.evidence for e in part.model.edges} <= {"exact", "bounded"}
+
+
+def test_tanh_is_level_on_wide_discs_far_from_0():
+    """Its quotient of series knows nothing there; beside a ridge few boxes then do for many."""
+    centre = np.array([-30.0, -12.0, 12.0, 30.0])
+    place = Place(centre, np.full(4, 2.0), np.full(4, 8.0))
+    tree = call("tanh", symbol("u"))
+    (model,) = enclose([tree], ["u"], [place], 6)
+    radius = model.radius.ravel()
+    # the true distance from 1 or -1, at the disc's point that is nearest to 0
+    truth = 1 - np.tanh(np.abs(centre) - 8)
+    assert (radius >= truth).all()
+    assert (radius <= 1.01 * truth + 1e-15).all()
+    assert np.array_equal(model.centre.ravel(), np.sign(centre))

@@ -34,6 +34,8 @@ FEW = 64
 MOST_CELLS, MORE = (8_000, 500_000), 8
 #: boxes of two parameters whose models are held at once
 MOST_BOXES = 4096
+#: cells along each of two parameters in the boxes that are looked at first where cells are many
+COARSE = 8
 #: halvings of cells
 DEEPEST = 12
 #: degrees by which all cells may be raised at a time until no more than this share is bad: each
@@ -118,10 +120,11 @@ class Remainders:
         return masks if axis == 0 else masks[::-1]
 
     def after(self, axis: int, split: Booleans) -> Remainders:
-        """Return what is still known when some cells of one direction have been halved."""
-        wanted = split[:, None] if axis == 0 else split
-        along = [np.where(wanted, np.inf, x) if d == axis else x for d, x in enumerate(self.along)]
-        s, t, rounding = (np.repeat(x, 1 + split, axis=axis) for x in (*along, self.rounding))
+        """Return what is known when some cells of one direction have been halved.
+
+        A disc round a cell is one round its halves, which interpolation is off by less on.
+        """
+        s, t, rounding = (np.repeat(x, 1 + split, axis=axis) for x in (*self.along, self.rounding))
         return Remainders((s, t), rounding, np.repeat(self.sizes, 1 + split, axis=1 + axis))
 
 
@@ -163,10 +166,15 @@ def remainders(
     for axis in range(2):
         if axis not in axes:
             rest.along[axis][...] = 0.0
+    everywhere = np.ones(rest.rounding.shape, dtype=bool)
     if not axes:
-        everywhere = np.ones(rest.rounding.shape, dtype=bool)
-        _evaluate(vectors, directions, 0, _boxes(everywhere, directions, (1, 1)), rest)
+        _evaluate(vectors, directions, 0, _boxes(everywhere, directions, (1, 1)), rest, everywhere)
     part = allowed / max(1, len(axes))
+    if len(axes) == len(directions) == 2 and rest.rounding.size > 4 * MOST_BOXES:
+        # beside a narrow feature cells are smaller than they need be
+        boxes = _boxes(everywhere, directions, (COARSE, COARSE))
+        for axis in axes:
+            _evaluate(vectors, directions, axis, boxes, rest, everywhere)
     most = max(MOST_CELLS[len(axes) > 1], MORE * rest.rounding.size)
     for depth in range(DEEPEST + 1):
         hard = False
@@ -209,7 +217,7 @@ def _refine(
     wanted = np.ones_like(bad) if few else bad
     boxes = _boxes(wanted, directions, counts)
     before = directions[0].cells.lebesgue
-    directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, part)
+    directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, wanted, part)
     rest.along[1][...] *= directions[0].cells.lebesgue / before
     split = rest.to_split(axis, part, depth % 2 == 0)
     hard = any(mask.any() for mask in split)
@@ -263,17 +271,19 @@ def _evaluate(
     axis: int,
     groups: tuple[_Groups, _Groups],
     found: Remainders,
+    wanted: Booleans,
     goal: float = np.inf,
 ) -> Direction:
     """Evaluate the product of two lists of groups, complex along one axis; note what got better.
 
-    Return the direction of that axis, its degree raised if that leaves less than the goal.
+    Where there are many boxes, those without a `wanted` cell are left out. Return the direction of
+    that axis, its degree raised if that leaves less than the goal.
     """
     places = [_place(d, g, i == axis) for i, (d, g) in enumerate(zip(directions, groups,
               strict=False))]  # fmt: skip
     order = order_of(directions)
     names = [d.name for d in directions]
-    sizes, distance, rounding = _measured(vectors, names, places, order)
+    sizes, distance, rounding = _measured(vectors, names, places, order, _any(wanted, groups))
     # boxes that hold each cell
     row, column = (np.repeat(np.arange(len(g)), g[:, 1] - g[:, 0]) for g in groups)
     box = np.ix_(row, column)
@@ -297,7 +307,7 @@ def _evaluate(
 
 
 def _measured(
-    vectors: Vectors, names: Sequence[str], places: Sequence[Place], order: int
+    vectors: Vectors, names: Sequence[str], places: Sequence[Place], order: int, wanted: Booleans
 ) -> tuple[Array, Array, Array]:
     """Return the sizes of the vectors (k, n, m) on boxes, weighted radii and errors (n, m).
 
@@ -307,12 +317,14 @@ def _measured(
     shape = (len(places[0].centre), len(places[1].centre) if len(places) > 1 else 1)
     if len(places) > 1 and shape[0] > 1 and shape[0] * shape[1] > MOST_BOXES:
         step = max(1, MOST_BOXES // shape[1])
-        parts = [
-            _measured(vectors, names, [places[0].part(slice(i, i + step)), places[1]], order)
-            for i in range(0, shape[0], step)
-        ]
-        sizes, distance, rounding = zip(*parts, strict=True)
-        return np.concatenate(sizes, axis=1), np.concatenate(distance), np.concatenate(rounding)
+        found = np.full((len(vectors.trees) + 2, *shape), np.inf)
+        for start in range(0, shape[0], step):
+            rows = slice(start, min(start + step, shape[0]))
+            chosen = np.flatnonzero(wanted[rows].any(axis=0))
+            part = [places[0].part(rows), places[1].part(chosen)]
+            sizes, *rest = _measured(vectors, names, part, order, wanted[rows][:, chosen])
+            found[:, rows, chosen] = np.concatenate((sizes, rest))
+        return found[:-2], found[-2], found[-1]
     models = vectors.models(names, places, order)
     found = np.stack([
         np.broadcast_to(length([m.largest for m in row]), shape) for row in models
@@ -322,6 +334,12 @@ def _measured(
         radius += weight * length([m.radius for m in coordinates])
         error += weight * length([m.error for m in coordinates])
     return found, radius, error
+
+
+def _any(wanted: Booleans, groups: tuple[_Groups, _Groups]) -> Booleans:
+    """Say which boxes (n, m) hold a wanted cell."""
+    rows = np.stack([wanted[a:b].any(axis=0) for a, b in groups[0]])
+    return np.stack([rows[:, a:b].any(axis=1) for a, b in groups[1]], axis=1)
 
 
 def _bad(off: Array, goal: float) -> int:

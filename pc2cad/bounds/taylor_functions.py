@@ -149,6 +149,14 @@ def hyperbolic_tangent(x: Model, order: int) -> Model:
     # sinh and cosh over cosh of the centre, which alone would overflow
     t, one = np.tanh(x.centre), np.ones_like(x.centre)
     model = divide(_growing(x, (t, one), one, order), _growing(x, (one, t), one, order), order)
+    # far from 0 it is 1 or -1 to within 2E/(1 - E), E = exp(-2 Re|x|), on discs of any size
+    inner = np.abs(x.centre) - x.reach
+    small = np.exp(-2 * np.where(inner > 0, inner, np.nan))
+    flat = 2 * small / (1 - small) * (1 + 1e-9)
+    level = flat < np.where(np.isfinite(model.radius), model.radius, np.inf)
+    terms = np.where(level, 0.0, model.terms)
+    terms[0, 0] = np.where(level, np.sign(x.centre), terms[0, 0])
+    model = Model(terms, np.where(level, flat, model.radius), np.where(level, 0.0, model.error))
     return _one_call(model, x, 1 + model.largest**2)
 
 

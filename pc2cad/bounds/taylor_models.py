@@ -18,7 +18,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pc2cad.arrays import Array, linear
+from pc2cad.arrays import Array, Integers, linear
 
 #: unit of rounding of double precision
 UNIT = 2.0**-53
@@ -83,7 +83,7 @@ class Place:
     radius: Array
     error: float = 4 * UNIT
 
-    def part(self, which: slice) -> Place:
+    def part(self, which: slice | Integers) -> Place:
         """Return some of the boxes."""
         return Place(self.centre[which], self.half[which], self.radius[which], self.error)
 
