@@ -44,7 +44,7 @@ def within(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def assert_refused(equation, error, message, domain=None, seconds=5.0):
+def assert_refused(equation, error, message, domain=None, seconds=20.0):
     with within(seconds), pytest.raises(error, match=message) as caught:
         pc.compile_part(equation, domain)
     text = str(caught.value)
@@ -163,7 +163,7 @@ def test_the_bend_of_the_guide_decides_how_wide_a_pipe_may_be():
 @pytest.mark.parametrize("values", [{"delta": 5}, {"delta": 3, "s": 1}, {"delta": 20, "s": 0}])
 def test_walls_of_templates_that_are_too_thick(template, values):
     equation = pc.read_template(template_paths()[template]).bind(values)
-    with within(5), pytest.raises(NotASolidError, match="the channel is beyond its limit"):
+    with within(20), pytest.raises(NotASolidError, match="the channel is beyond its limit"):
         compile_equation(equation)
 
 
@@ -250,14 +250,14 @@ def test_nearly_coplanar_simplex_is_answered(exponent):
 def test_coplanar_template():
     text = template_paths()["pyramid"].read_text(encoding="utf-8")
     text = text.replace("D = [1, 1, 6]", "D = [0.7, 1.65, 0.4]").partition("[expect]")[0]
-    with within(5), pytest.raises(FlatMapError, match="the points lie in one plane"):
+    with within(20), pytest.raises(FlatMapError, match="the points lie in one plane"):
         compile_equation(parse_template(text, "flat").bind())
 
 
 @pytest.mark.parametrize("template", ["pyramid_cut", "pyramid_sum"])
 def test_cut_that_leaves_nothing(template):
     equation = pc.read_template(template_paths()[template]).bind({"p": 1, "q": 1, "r": 1})
-    with within(5), pytest.raises(NotASolidError, match=FLAT):
+    with within(20), pytest.raises(NotASolidError, match=FLAT):
         compile_equation(equation)
 
 
@@ -268,7 +268,7 @@ def test_cut_that_leaves_nothing_in_python():
 @pytest.mark.parametrize("name", ["p", "q", "r"])
 def test_cut_off_pyramid_without_height(name):
     equation = pc.read_template(template_paths()["pyramid_cut_off"]).bind({name: 0})
-    with within(5), pytest.raises(NotASolidError, match=FLAT):
+    with within(20), pytest.raises(NotASolidError, match=FLAT):
         compile_equation(equation)
 
 
@@ -309,7 +309,7 @@ def test_normal_towards_a_point_of_the_guide(guide):
 def test_normal_towards_a_point_of_the_guide_in_a_template():
     text = template_paths()["channel_ellipse"].read_text(encoding="utf-8")
     text = text.replace('E = "D"', 'E = "B"')
-    with within(5), pytest.raises(NotASolidError, match="no finite value on the side u=0"):
+    with within(20), pytest.raises(NotASolidError, match="no finite value on the side u=0"):
         compile_equation(parse_template(text, "undefined").bind())
 
 
