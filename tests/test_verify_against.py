@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -213,6 +214,31 @@ def test_it_says_what_faces_and_edges_rest_on(
         assert match.border.distance <= match.border_reach <= found.tolerance
     kinds = ["exact", "bounded", "sampled"]
     assert found.evidence == max(surfaces | edges, key=kinds.index)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("solid", "area"),
+    [
+        ('x = "u"\ny = "10*v"\nz = "w*(1+100*u*(u-0.5)^2)"', None),
+        (
+            'x = "u"\ny = "v"\nz = "w*(1+0.4*(128*t^8-256*t^6+160*t^4-32*t^2+1))"\n'
+            '[let]\nt = "2*u-1"',
+            12.340717384169,
+        ),
+        ('x = "w*cos(2*pi*u)^3"\ny = "w*sin(2*pi*u)^3"\nz = "2*v"', 12 + 3 * math.pi / 4),
+    ],
+    ids=["steep", "waves", "cusps"],
+)
+def test_places_on_steep_sides_are_found(solid: str, area: float | None, tmp_path: Path) -> None:
+    template, path = tmp_path / "steep.toml", tmp_path / "steep.step"
+    template.write_text(f'title = "steep"\n[solid]\n{solid}\n')
+    equation = read_template(template).bind()
+    compile_solid(equation).write(path)
+    found = verification(parse_step(path.read_bytes()), equation)
+    assert found.differences == ()
+    if area is not None:
+        assert found.file.solids[0].area == pytest.approx(area, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -12,8 +12,9 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.exchange import Parts
+from pc2cad.verify.inversion import Sampling
 from pc2cad.verify.records import DEEPEST, Record, Records, is_true, length, numbers, whole
-from pc2cad.verify.splines import Sampling, SplineCurve, make_curve
+from pc2cad.verify.splines import SplineCurve, make_curve
 
 TURN = 2.0 * np.pi
 HIGHEST_DEGREE = 40

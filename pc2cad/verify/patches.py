@@ -22,6 +22,8 @@ _CHUNK = 200_000
 _MOST_POINTS, _MOST_EXACT = 3_000_000, 100_000
 #: relative difference of two rules; of polynomials it is that of the area alone
 _SETTLED, _ENOUGH = 1e-13, 1e-11
+#: spans are halved where rules of more points differ by more than this share
+_ROUGH = 1e-7
 
 Rectangle: TypeAlias = tuple[Span, Span]
 
@@ -238,18 +240,29 @@ def patch_moments(surface: Surface, rectangle: Rectangle, origin: Array, corner:
     breaks = [surface.breaks(axis, *rectangle[axis]) for axis in (0, 1)]
     polynomial = isinstance(surface, SplineSurface) and not surface.rational
     fewer = 2 if polynomial and min(surface.points) > 4 else 0
+    most = _MOST_EXACT if polynomial else _MOST_POINTS
     previous = _integrate(surface, breaks, [n - fewer for n in surface.points], origin, corner)
     for extra in range(0 if fewer else 6, 60, 6):
         counts = [points + extra for points in surface.points]
-        size = int(np.prod([(len(b) - 1) * n for b, n in zip(breaks, counts, strict=True)]))
-        if extra and size > (_MOST_EXACT if polynomial else _MOST_POINTS):
+        if extra and _places(breaks, counts) > most:
             break
         moments = _integrate(surface, breaks, counts, origin, corner)
         moments = replace(moments, error=_difference(previous, moments))
         if moments.error <= (_ENOUGH if polynomial else _SETTLED):
             return moments
         previous = moments
+    counts = [points + 6 for points in surface.points]
+    while previous.error > _ROUGH:  # steep places between, which shorter spans resolve
+        breaks = [np.unique(np.append(b, 0.5 * (b[:-1] + b[1:]))) for b in breaks]
+        if _places(breaks, counts) > most:
+            break
+        moments = _integrate(surface, breaks, counts, origin, corner)
+        previous = replace(moments, error=_difference(previous, moments))
     return previous
+
+
+def _places(breaks: list[Array], counts: list[int]) -> int:
+    return int(np.prod([(len(b) - 1) * n for b, n in zip(breaks, counts, strict=True)]))
 
 
 def _difference(one: Moments, other: Moments) -> float:

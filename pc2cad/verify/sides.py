@@ -18,8 +18,9 @@ from pc2cad.geometry.carriers import Evidence
 from pc2cad.topology.cells import Cell, directions_of
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.faces import JudgedFace
+from pc2cad.verify.inversion import closest, nearest
 from pc2cad.verify.nearness import SEEN, Nearness
-from pc2cad.verify.splines import SplineSurface, closest, distinct, nearest
+from pc2cad.verify.splines import SplineSurface, distinct
 
 #: whether the axes are swapped, and which of a surface's own run backwards
 Turn: TypeAlias = tuple[bool, bool, bool]

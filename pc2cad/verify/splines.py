@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
@@ -10,18 +9,14 @@ from typing import TypeAlias
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.verify.inversion import MOST_STEPS, Sampling, closest, nearest
 
 Span: TypeAlias = tuple[float, float]
 Jet: TypeAlias = tuple[Array, Array, Array]
-#: points and derivatives of a curve at parameters
-Along: TypeAlias = Callable[[Array], tuple[Array, Array]]
-#: parameters dense enough to start an inversion, and the bounds it must keep
-Sampling: TypeAlias = tuple[Array, float, float]
 #: relative distance at which two ends are one
 CLOSED = 1e-9
 #: of the solid's coordinates: a point so near to a side of a surface is on it
 NEAR = 1e-9
-MOST_STEPS = 24
 #: rows of a basis that are multiplied at a time
 BAND = 64
 
@@ -148,43 +143,6 @@ def inner_breaks(knots: Array, domain: Span, period: float | None, a: float, b: 
     margin = 1e-12 * (b - a)
     inner = np.unique(inner[(inner > a + margin) & (inner < b - margin)])
     return np.concatenate([[a], inner, [b]])
-
-
-def closest(at: Along, sampling: Sampling, points: Array) -> Array:
-    """Return parameters of points near a curve: nearest sample, then Gauss-Newton."""
-    samples, low, high = sampling
-    known = at(samples)[0]
-    t = samples[nearest(known, points)]
-    best, least, moved = t, np.full(len(points), np.inf), np.inf
-    for _ in range(MOST_STEPS):
-        value, slope = at(t)
-        distance = np.linalg.norm(points - value, axis=1)
-        better = distance < least
-        best, least = np.where(better, t, best), np.minimum(distance, least)
-        if moved <= 1e-12 * (high - low):
-            break
-        speed = np.maximum((slope**2).sum(axis=1), 1e-300)
-        step = ((points - value) * slope).sum(axis=1) / speed
-        following = np.clip(t + step, low, high)
-        moved = float(np.abs(following - t).max(initial=0.0))
-        t = following
-    for end in (samples[0], samples[-1]):
-        distance = np.linalg.norm(points - at(np.array([end]))[0], axis=1)
-        snap = distance <= least + 1e-11 * (1e-3 + np.abs(points).max(initial=0.0))
-        best = np.where(snap & (np.abs(best - end) < 1e-6 * (high - low)), end, best)
-    return np.asarray(best)
-
-
-def nearest(known: Array, points: Array) -> Integers:
-    """Return for each point the number of the nearest of the known ones."""
-    middle = known.mean(axis=0)
-    shifted, size = known - middle, ((known - middle) ** 2).sum(axis=1)
-    found = np.empty(len(points), dtype=np.intp)
-    rows = max(1, 2_000_000 // max(1, len(known)))
-    for begin in range(0, len(points), rows):
-        part = points[begin : begin + rows] - middle
-        found[begin : begin + rows] = (size - 2.0 * part @ shifted.T).argmin(axis=1)
-    return found
 
 
 def make_curve(knots: Array, degree: int, poles: Array, rational: bool) -> SplineCurve:

@@ -20,8 +20,9 @@ from pc2cad.verify.curves import (
     spline_kind,
 )
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
+from pc2cad.verify.inversion import closest
 from pc2cad.verify.records import DEEPEST, Record, Records, length, number, numbers, sequence, whole
-from pc2cad.verify.splines import Jet, Span, SplineSurface, closest, make_surface
+from pc2cad.verify.splines import Jet, Span, SplineSurface, make_surface
 
 _INFINITE = (-np.inf, np.inf)
 
