@@ -59,7 +59,7 @@ def test_ci_installs_the_pins_and_nothing_else_and_runs_what_the_readme_says() -
     again = [line for line in reaching if "-u PIP_NO_INDEX" in line]
     assert len(again) == RUN.count("-u PIP_NO_INDEX") == 2
     assert all("--require-hashes --only-binary :all: -r" in line for line in again)
-    assert len(reaching) == 7
+    assert len(reaching) == 8
     assert "|| echo" not in RUN.replace('[ -z "$current" ] || echo', "")
     # the two commands of the README, word for word
     assert "$(grep '^python3 -m venv' README.md)" in RUN
