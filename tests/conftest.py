@@ -8,6 +8,7 @@ In CI (which `.ci/run` says by CI=true) no test may be skipped for want of a pro
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Generator
 from pathlib import Path
@@ -82,6 +83,8 @@ def spent() -> float:
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     begun = spent()
     result = yield
+    # a test's own gmsh lets a closed pipe end the process
+    signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE))
     if folder := item.config.getoption("--cpu"):
         name = os.environ.get("PYTEST_XDIST_WORKER", "main")
         with (Path(folder) / f"{name}.txt").open("a", encoding="utf-8") as file:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -117,6 +118,15 @@ def test_other_meshes_have_fields(kind: str) -> None:
 
 
 @pytest.mark.interop
+def test_who_meshes_survives_a_closed_pipe() -> None:
+    """gmsh.initialize lets SIGPIPE end the process: a server would be gone without a word."""
+    mesh_solid(part_of("hollow_cylinder").body, MeshOptions(size=1.0, shape="tetrahedra"))
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open(writing, "wb", buffering=0) as pipe, pytest.raises(BrokenPipeError):
+        pipe.write(b"x")
+
+
 def test_gmsh_shows_fields(tmp_path: Path) -> None:
     import gmsh
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import cadquery as cq
 import pytest
 from consumers.samples import AP214, SplineSolid, as_nurbs, write_step
 from consumers.step_edits import read_instances
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
+from OCP.gp import gp_Ax2, gp_Dir, gp_Parab, gp_Pnt
 from plain_step import box
 
 from pc2cad.cli.main import main
@@ -121,6 +124,16 @@ def plate() -> cq.Workplane:
     return cq.Workplane().box(20, 30, 5)
 
 
+def dish() -> cq.Solid:
+    """Three wide, its floor the paraboloid y = x²/8: a parabola turned about its own axis."""
+    drawn = gp_Parab(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 0, -1), gp_Dir(0, 1, 0)), 2.0)
+    floor = cq.Edge(BRepBuilderAPI_MakeEdge(drawn, gp_Pnt(0, 0, 0), gp_Pnt(3, 9 / 8, 0)).Edge())
+    corners = [cq.Vector(3, 9 / 8, 0), cq.Vector(0, 9 / 8, 0), cq.Vector(0, 0, 0)]
+    sides = [cq.Edge.makeLine(*ends) for ends in pairwise(corners)]
+    face = cq.Face.makeFromWires(cq.Wire.assembleEdges([floor, *sides]))
+    return cq.Solid.revolve(face, 360, cq.Vector(0, 0, 0), cq.Vector(0, 1, 0))
+
+
 #: solids of CadQuery with all kinds of surfaces and trimmed faces
 FOREIGN: dict[str, Callable[[], cq.Workplane | cq.Shape]] = {
     "plate": lambda: plate().faces(">Z").workplane().rect(14, 24, forConstruction=True)
@@ -147,6 +160,7 @@ FOREIGN: dict[str, Callable[[], cq.Workplane | cq.Shape]] = {
     "half ring": lambda: cq.Workplane().rect(2, 3).revolve(180, (5, 0, 0), (5, 1, 0)),
     "spun spline": lambda: cq.Workplane().moveTo(2, 0).spline([(4, 2), (3, 5)], includeCurrent=True)
     .lineTo(0, 5).lineTo(0, 0).close().revolve(),
+    "dish": dish,
     "text": lambda: cq.Workplane().text("Ab8", 10, 3),
     "screw": lambda: cq.Workplane().polygon(6, 10).twistExtrude(8, 60),
 }  # fmt: skip

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,7 @@ def _model(solid: TopoDS_Shape) -> Iterator[Any]:
         # it do not know the option, and say so unless they are silent
         quiet = ["pc2cad", "-v", "0", "-skip_petscrc"]
         gmsh.initialize(quiet, readConfigFiles=False, interruptible=False)
+        _let_closed_pipes_raise()
         gmsh.option.setNumber("General.Verbosity", 5)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("Geometry.OCCAutoFix", 0)
@@ -122,6 +124,12 @@ def _model(solid: TopoDS_Shape) -> Iterator[Any]:
             gmsh.model.remove()
         else:
             gmsh.finalize()
+
+
+def _let_closed_pipes_raise() -> None:
+    """Put back what Python does when who reads from us has gone: gmsh lets it end the process."""
+    with suppress(ValueError, AttributeError):  # not in the main thread; no such signal
+        signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE))
 
 
 def _check_order(

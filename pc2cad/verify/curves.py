@@ -120,6 +120,8 @@ class OpenConic:
     second: Array
     jet: Callable[[Array], tuple[Array, Array, Array, Array]]
     inverse: Callable[[Array], Array]
+    #: what counts as one where a parabola's parameter is the length across its axis
+    unit: float = 1.0
     period: float | None = None
     points: int = 20
 
@@ -240,6 +242,7 @@ def _read_conic(records: Records, record: Record) -> Curve:
         return OpenConic(
             origin, first * x, 2.0 * first * y,
             lambda t: (t * t, t, 2.0 * t, np.ones_like(t)), lambda along: along,
+            0.5 / first,
         )  # fmt: skip
     second = length(values[-1], record.ref)
     if record.keyword == "HYPERBOLA":

@@ -97,6 +97,27 @@ def judge_face(
         frame = records.frame(records.get(face.surface).values(2)[1])
         return _judge_plane(face, frame, origin, limit)
     surface = read_surface(records, face.surface, radian)
+    parts = surface.parts() if isinstance(surface, Spun) else [surface]
+    if len(parts) == 1:
+        return _judge_curved(surface, face, origin, limit)
+    found: list[JudgedFace] = []
+    refused: StepDefectError = StepUnknownError("")
+    for part in parts:  # halves that coincide have opposite normals: one of them fits at most
+        try:
+            found.append(_judge_curved(part, face, origin, limit))
+        except StepDefectError as error:
+            refused = error
+    if len(found) > 1:
+        raise StepUnknownError(
+            f"the swept curve of the face {face.label} crosses its axis: which of the parts is "
+            "meant is not said"
+        )
+    if not found:
+        raise refused
+    return found[0]
+
+
+def _judge_curved(surface: Surface, face: Face, origin: Array, limit: float) -> JudgedFace:
     try:
         return _judge_patch(surface, face, origin, limit)
     except AskewError:
@@ -168,11 +189,6 @@ def _require_stokes(face: Face, judged: JudgedFace) -> JudgedFace:
 
 
 def _judge_patch(surface: Surface, face: Face, origin: Array, limit: float) -> JudgedFace:
-    if isinstance(surface, Spun) and surface.crosses_axis():
-        raise StepUnknownError(
-            f"the swept curve of the face {face.label} crosses its axis: which of the two "
-            "coinciding parts is meant is not said"
-        )
     edges = {edge.ref: edge for loop in face.loops for edge, _ in loop.edges}
     traced = {r: trace_edge(surface, edge, limit, face.label) for r, edge in edges.items()}
     gaps = [gap for _, gap in traced.values()]

@@ -8,12 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.verify.curves import WRAPPERS, Curve, domain_of, read_curve
+from pc2cad.verify.curves import WRAPPERS, Curve, OpenConic, domain_of, read_curve
 from pc2cad.verify.defects import StepDefectError
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.records import Records, sequence
-from pc2cad.verify.surfaces import Round, Spun, Surface, read_surface
+from pc2cad.verify.surfaces import Pushed, Round, Spun, Surface, read_surface
 
 _SHARES = np.linspace(0.0, 1.0, 17)
 
@@ -38,8 +38,9 @@ class _Plane:
 class _Curved:
     """A surface, whose angles a file gives in its own unit."""
 
-    def __init__(self, surface: Surface, radian: float) -> None:
+    def __init__(self, surface: Surface, radian: float, unit: float = 1.0) -> None:
         self._surface, self._scale = surface, np.ones(2)
+        self._scale[0 if isinstance(surface, Pushed) else 1] = unit
         if isinstance(surface, Round | Spun):
             self._scale[0] = radian
         if isinstance(surface, Round) and np.isfinite(surface.limits[1]).all():
@@ -71,17 +72,22 @@ def check_pcurves(records: Records, judged: JudgedFace, radian: float, limit: fl
     if not found:
         return
     flat = records.flat()
-    carrier: _Carrier
+    carriers: list[_Carrier]
     if face.carrier == "PLANE":
-        carrier = _Plane(records.frame(records.get(face.surface).values(2)[1]))
+        carriers = [_Plane(records.frame(records.get(face.surface).values(2)[1]))]
     else:
-        carrier = _Curved(read_surface(records, face.surface, radian), radian)
+        surface = judged.surface or read_surface(records, face.surface, radian)
+        swept = surface.curve if isinstance(surface, Spun | Pushed) else None
+        # of swept parabolas OCCT writes its own parameter, a length, where the standard has another
+        units = {1.0, swept.unit} if isinstance(swept, OpenConic) else {1.0}
+        carriers = [_Curved(surface, radian, unit) for unit in sorted(units)]
     for edge, ref in found:
-        (curve,) = sequence(records.get(ref, "DEFINITIONAL_REPRESENTATION").values(2)[1])
-        off = min(_distances(carrier, edge, read_curve(flat, curve)), default=np.inf)
+        (line,) = sequence(records.get(ref, "DEFINITIONAL_REPRESENTATION").values(2)[1])
+        drawn = read_curve(flat, line)
+        off = min((x for each in carriers for x in _distances(each, edge, drawn)), default=np.inf)
         if not off <= limit:
             raise StepDefectError(
-                f"the curve {curve} in the parameters of the face {face.label} is {off:.2g} off "
+                f"the curve {line} in the parameters of the face {face.label} is {off:.2g} off "
                 f"its edge {edge.ref}"
             )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -20,7 +21,7 @@ from pc2cad.verify.curves import (
     spline_kind,
 )
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
-from pc2cad.verify.inversion import closest
+from pc2cad.verify.inversion import Sampling, closest
 from pc2cad.verify.records import DEEPEST, Record, Records, length, number, numbers, sequence, whole
 from pc2cad.verify.splines import Jet, Span, SplineSurface, make_surface
 
@@ -159,17 +160,52 @@ class Spun:
             return flat, np.stack([radial, slope @ self.axis], axis=1)
 
         flat, out = self._meridian(points)
-        v = closest(profile, self.curve.sampling(points), flat)
+        v = closest(profile, self._sampling(points), flat)
         start = self._meridian(self.curve.at(v)[0])[1]
         sine = (np.cross(start, out) * self.axis).sum(axis=1)
         return np.arctan2(sine, (start * out).sum(axis=1)), v
 
-    def crosses_axis(self) -> bool:
-        """Say whether the curve passes to the other side of the axis."""
-        samples = self.curve.sampling(self.centre[None])[0]
-        out = self._meridian(self.curve.at(samples)[0])[1]
+    def _sampling(self, points: Array) -> Sampling:
+        samples, low, high = self.curve.sampling(points)
+        if self.periods[1] is not None:
+            return samples, low, high
+        a, b = self.limits[1]
+        if self.curve.period is None:
+            a, b = max(a, low), min(b, high)
+        else:  # a part of a closed curve: it may go over where the curve's parameter begins
+            samples = np.append(samples, samples + self.curve.period)
+        inside = samples[(samples >= a) & (samples <= b)]
+        return np.unique(np.append(inside, (a, b))), a, b
+
+    def parts(self) -> list[Spun]:
+        """Return what the axis cuts it into: itself where its curve stays on one side."""
+        cuts, period = self._crossings(), self.curve.period
+        if not len(cuts):
+            return [self]
+        low, high = self.limits[1]
+        ends = [low, *cuts, high] if period is None else [*cuts, cuts[0] + period]
+        return [
+            replace(self, periods=(TURN, None), limits=(_INFINITE, (float(a), float(b))))
+            for a, b in pairwise(ends)
+        ]
+
+    def _crossings(self) -> Array:
+        """Return the parameters at which the curve passes to the other side of the axis."""
+        t = self.curve.sampling(self.centre[None])[0]
+        out = self._meridian(self.curve.at(t)[0])[1]
         far = out[np.linalg.norm(out, axis=1).argmax()]
-        return bool((out @ far).min() < -1e-9 * (far @ far))
+        side = out @ far
+        if side.min() >= -1e-9 * (far @ far):
+            return np.empty(0)
+        t = t[side != 0.0]
+        beyond = np.sign(side[side != 0.0])
+        at = np.flatnonzero(np.diff(beyond))
+        low, high, before = t[at], t[at + 1], beyond[at]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            same = np.sign(self._meridian(self.curve.at(middle)[0])[1] @ far) == before
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        return np.asarray(0.5 * (low + high))
 
     def breaks(self, axis: int, a: float, b: float) -> Array:
         """Return where it is smooth and short between."""
