@@ -44,7 +44,9 @@ def names(found) -> set[str]:
 def test_a_ring_of_pins_is_fused_once(monkeypatch) -> None:
     calls = []
     fuse = csg.fuse
-    monkeypatch.setattr(csg, "fuse", lambda shapes: calls.append(len(shapes)) or fuse(shapes))
+    monkeypatch.setattr(
+        csg, "fuse", lambda shapes, *rest: calls.append(len(shapes)) or fuse(shapes, *rest)
+    )
     found = part("union(slab, polar(pin, n))")
     assert calls == [6]
     assert found.report.solid.volume == pytest.approx(18 * 18 + 6 * pi * 3.5, rel=1e-9)
