@@ -19,6 +19,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.verify.curves import Conic, Curve, Line, Reversed
 from pc2cad.verify.edges import Edge
+from pc2cad.verify.inversion import divided
 from pc2cad.verify.patches import Trace
 from pc2cad.verify.splines import SplineCurve, SplineSurface
 from pc2cad.verify.surfaces import Pushed, Round, Spun, Surface
@@ -60,13 +61,7 @@ def gap_bound(carrier: Surface | Frame, edge: Edge, trace: Trace | None, seen: f
 def _cuts(edge: Edge, parts: int) -> Array:
     first, last = edge.interval
     breaks = edge.curve.breaks(min(first, last), max(first, last))
-    return _divided(breaks if last > first else breaks[::-1], parts)
-
-
-def _divided(cuts: Array, parts: int) -> Array:
-    shares = np.arange(parts) / parts
-    inner = cuts[:-1, None] + np.diff(cuts)[:, None] * shares
-    return np.append(inner.ravel(), cuts[-1])
+    return divided(breaks if last > first else breaks[::-1], parts)
 
 
 # -- curves as pieces ------------------------------------------------------------------------------
@@ -250,7 +245,7 @@ def _off_line_of(surface: Surface, edge: Edge, own: Pieces, trace: Trace, parts:
     ))  # fmt: skip
     shares = np.unique(np.clip(shares, 0.0, 1.0))
     shares = np.append(shares[:-1][np.diff(shares) > 1e-13], 1.0)
-    shares = _divided(shares, parts)
+    shares = divided(shares, parts)
     other = pieces(begin + (end - begin) * shares)
     apart = _apart(own(first + (last - first) * shares), other)
     ends = np.array([other[0, 0, :3] / other[0, 0, 3], other[-1, -1, :3] / other[-1, -1, 3]])

@@ -29,9 +29,7 @@ def closest(at: Along, sampling: Sampling, points: Array) -> Array:
     best, least, spacing = _descended(at, sampling, points)
     off = least > OFF * spacing
     if off.any():
-        shares = np.arange(FINER) / FINER
-        finer = np.append((samples[:-1, None] + np.diff(samples)[:, None] * shares), samples[-1])
-        again, nearer, _ = _descended(at, (finer, low, high), points[off])
+        again, nearer, _ = _descended(at, (divided(samples, FINER), low, high), points[off])
         best[off] = np.where(nearer < least[off], again, best[off])
         least[off] = np.minimum(least[off], nearer)
     for end in (samples[0], samples[-1]):
@@ -63,6 +61,13 @@ def _descended(at: Along, sampling: Sampling, points: Array) -> tuple[Array, Arr
         moved = float(np.abs(following - t).max(initial=0.0))
         t = following
     return best, least, spacing
+
+
+def divided(cuts: Array, parts: int) -> Array:
+    """Return parameters with each step from one to the next in some equal parts."""
+    shares = np.arange(parts) / parts
+    inner = cuts[:-1, None] + np.diff(cuts)[:, None] * shares
+    return np.append(inner.ravel(), cuts[-1])
 
 
 def nearest(known: Array, points: Array) -> Integers:

@@ -13,6 +13,7 @@ from pc2cad.arrays import Array, Integers
 from pc2cad.verify.curves import gauss_rule
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.edges import Edge
+from pc2cad.verify.inversion import divided
 from pc2cad.verify.splines import Span, SplineSurface
 from pc2cad.verify.surfaces import Surface
 
@@ -253,7 +254,7 @@ def patch_moments(surface: Surface, rectangle: Rectangle, origin: Array, corner:
         previous = moments
     counts = [points + 6 for points in surface.points]
     while previous.error > _ROUGH:  # steep places between, which shorter spans resolve
-        breaks = [np.unique(np.append(b, 0.5 * (b[:-1] + b[1:]))) for b in breaks]
+        breaks = [divided(b, 2) for b in breaks]
         if _places(breaks, counts) > most:
             break
         moments = _integrate(surface, breaks, counts, origin, corner)
