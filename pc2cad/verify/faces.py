@@ -15,7 +15,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.verify.defects import StepDefectError, StepOrientationError, StepUnknownError
-from pc2cad.verify.edges import EdgeReader, Loop
+from pc2cad.verify.edges import Edge, EdgeReader, Loop
 from pc2cad.verify.exchange import Ref
 from pc2cad.verify.gaps import Frame, gap_bound
 from pc2cad.verify.patches import (
@@ -53,6 +53,11 @@ class Face:
     def label(self) -> str:
         """What it is called in a sentence."""
         return f"'{self.name}' ({self.ref})" if self.name else str(self.ref)
+
+    @property
+    def edges(self) -> dict[Ref, Edge]:
+        """Its edges, each once, in the order of its loops."""
+        return {edge.ref: edge for loop in self.loops for edge, _ in loop.edges}
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +194,7 @@ def _require_stokes(face: Face, judged: JudgedFace) -> JudgedFace:
 
 
 def _judge_patch(surface: Surface, face: Face, origin: Array, limit: float) -> JudgedFace:
-    edges = {edge.ref: edge for loop in face.loops for edge, _ in loop.edges}
+    edges = face.edges
     traced = {r: trace_edge(surface, edge, limit, face.label) for r, edge in edges.items()}
     gaps = [gap for _, gap in traced.values()]
     gaps += [_vertex_gap(surface, loop.vertex) for loop in face.loops if loop.vertex is not None]
@@ -267,8 +272,7 @@ def _judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) ->
 
 
 def _gaps(carrier: Surface | Frame, face: Face, seen: float) -> float:
-    edges = {edge.ref: edge for loop in face.loops for edge, _ in loop.edges}
-    return max(gap_bound(carrier, edge, None, seen) for edge in edges.values())
+    return max(gap_bound(carrier, edge, None, seen) for edge in face.edges.values())
 
 
 def _judge_plane(face: Face, frame: Frame, origin: Array, limit: float) -> JudgedFace:

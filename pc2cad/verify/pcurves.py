@@ -65,9 +65,8 @@ def check_pcurves(records: Records, judged: JudgedFace, radian: float, limit: fl
 
     """
     face = judged.face
-    edges = {edge.ref: edge for loop in face.loops for edge, _ in loop.edges}
     found = [
-        (edge, ref) for edge in edges.values() for ref in _pcurves(records, edge, face.surface)
+        (edge, ref) for edge in face.edges.values() for ref in _pcurves(records, edge, face.surface)
     ]
     if not found:
         return

@@ -266,7 +266,7 @@ def _border(
 ) -> Difference:
     """Return the largest distance of a face's edges from those of the side, seams left out."""
     uses = Counter(edge.ref for loop in face.face.loops for edge, _ in loop.edges)
-    edges = {edge.ref: edge for loop in face.face.loops for edge, _ in loop.edges}
+    edges = face.face.edges
     own = [edge for ref, edge in edges.items() if uses[ref] == 1]
     cells = sides.border(patches)
     if not own:
