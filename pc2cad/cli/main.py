@@ -49,6 +49,8 @@ GUARDED: Final = (
     "build", "check", "sensitivities", "adjust", "mesh", "render", "view", "points", "spline",
     "verify",
 )  # fmt: skip
+#: verbs with products so small that further threads would only wait
+SMALL: Final = ("verify",)
 
 
 class UsageError(InputError):
@@ -161,6 +163,8 @@ def _run(argv: Sequence[str] | None) -> int:
     ended = guard(arguments)
     if ended is not None:
         return ended
+    if arguments.verb in SMALL:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with insistent():
         return int(arguments.run(arguments))
 

@@ -69,6 +69,10 @@ class Mapping3:
         """Return the derivatives of M in some directions (0: u, 1: v, 2: w); shapes as `points`."""
         return self._run(tuple(PARAMETERS[d] for d in directions), u, v, w)
 
+    def line(self, direction: int, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        """Return M and its derivative in one direction, evaluated together; shapes as `points`."""
+        return self._run(("M", PARAMETERS[direction]), u, v, w)
+
     def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         """Return M, M_u, M_v and M_w, evaluated together; shapes as `points`."""
         return self._run(("M", *PARAMETERS), u, v, w)

@@ -63,6 +63,9 @@ class Borders:
         return Nearness("exact" if exact else "bounded", max(proof.distance for proof in found))
 
     def _is_on(self, edge: Edge, places: Array) -> bool:
+        curve = edge.curve.curve if isinstance(edge.curve, Reversed) else edge.curve
+        if isinstance(curve, SplineCurve) and not curve.may_hold(places, self._tolerance):
+            return False
         on = edge.curve.at(edge.curve.locate(places))[0]
         return bool(np.linalg.norm(on - places, axis=1).max() <= self._tolerance)
 

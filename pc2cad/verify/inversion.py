@@ -19,30 +19,34 @@ MOST_STEPS = 24
 OFF, FINER = 1e-4, 8
 
 
-def closest(at: Along, sampling: Sampling, points: Array) -> Array:
+def closest(at: Along, sampling: Sampling, points: Array, known: Array | None = None) -> Array:
     """Return parameters of points near a curve: nearest sample, then Gauss-Newton.
 
     Points that stay off the curve are looked for once more, from samples that lie closer: beside a
-    steep place the nearest sample may be of another part of the curve.
+    steep place the nearest sample may be of another part of the curve. `known` are the points of
+    the samples, for who asks more than once.
     """
     samples, low, high = sampling
-    best, least, spacing = _descended(at, sampling, points)
+    known = at(samples)[0] if known is None else known
+    best, least, spacing = _descended(at, sampling, points, known)
     off = least > OFF * spacing
     if off.any():
-        again, nearer, _ = _descended(at, (divided(samples, FINER), low, high), points[off])
+        finer = divided(samples, FINER)
+        again, nearer, _ = _descended(at, (finer, low, high), points[off], at(finer)[0])
         best[off] = np.where(nearer < least[off], again, best[off])
         least[off] = np.minimum(least[off], nearer)
-    for end in (samples[0], samples[-1]):
-        distance = np.linalg.norm(points - at(np.array([end]))[0], axis=1)
+    for k in (0, -1):
+        end, distance = samples[k], np.linalg.norm(points - known[k], axis=1)
         snap = distance <= least + 1e-11 * (1e-3 + np.abs(points).max(initial=0.0))
         best = np.where(snap & (np.abs(best - end) < 1e-6 * (high - low)), end, best)
     return np.asarray(best)
 
 
-def _descended(at: Along, sampling: Sampling, points: Array) -> tuple[Array, Array, Array]:
+def _descended(
+    at: Along, sampling: Sampling, points: Array, known: Array
+) -> tuple[Array, Array, Array]:
     """Return parameters, their distances and the chords beside the samples they come from."""
     samples, low, high = sampling
-    known = at(samples)[0]
     start = nearest(known, points)
     chords = np.linalg.norm(np.diff(known, axis=0), axis=1)
     spacing = np.maximum(np.append(chords, 0.0), np.append(0.0, chords))[start]

@@ -14,7 +14,7 @@ from pc2cad.verify.curves import gauss_rule
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.inversion import divided
-from pc2cad.verify.splines import Span, SplineSurface
+from pc2cad.verify.splines import Jet, Span, SplineSurface
 from pc2cad.verify.surfaces import Surface
 
 #: of the length of a parameter: levels that differ by less are one
@@ -299,11 +299,10 @@ def trimmed_moments(
     run = (square * on_other - mixed * on_mine) / np.maximum(square * across - mixed**2, 1e-300)
     ends = parameters[axis]
     at, weights, row = _inward(surface, axis, level, ends)
-    weight = (run[row] * weights if axis == 0 else -run[row] * weights).reshape(-1, 1)
+    weight = run[row] * weights if axis == 0 else -run[row] * weights
     outer = parameters[1 - axis][row]
-    place, along_u, along_v = surface.at(*((at, outer) if axis == 0 else (outer, at)))
-    normal = np.cross(along_u, along_v)
-    return _moments(_sums(place, normal, weight, origin, corner), 1e-9)
+    jet = surface.at(*((at, outer) if axis == 0 else (outer, at)))
+    return _moments(_sums(jet, weight, origin, corner), 1e-9)
 
 
 def _inward(
@@ -334,20 +333,23 @@ def _integrate(
     for begin in range(0, len(u), rows):
         part = slice(begin, begin + rows)
         place, along_u, along_v = surface.grid(u[part], v)
-        weight = (u_weights[part, None] * v_weights[None, :]).reshape(-1, 1)
-        normal = np.cross(along_u, along_v).reshape(-1, 3)
-        total += _sums(place.reshape(-1, 3), normal, weight, origin, corner)
+        weight = u_weights[part, None] * v_weights[None, :]
+        total += _sums((place, along_u, along_v), weight, origin, corner)
     return _moments(total, np.inf)
 
 
-def _sums(place: Array, normal: Array, weight: Array, origin: Array, corner: Array) -> Array:
-    """Return all integrals of `Moments` in one row."""
-    area = np.linalg.norm(normal, axis=1) @ weight[:, 0]
-    normal, local, place = normal * weight, place - corner, place - origin
-    return np.concatenate((
-        [area], normal.sum(axis=0), (normal.T @ local).ravel(), [(normal * place).sum() / 3.0],
-        (normal * place**2).sum(axis=0) / 2.0,
-    ))  # fmt: skip
+def _sums(jet: Jet, weight: Array, origin: Array, corner: Array) -> Array:
+    """Return all integrals of `Moments` in one row, of points and derivatives (..., 3)."""
+    place, (a, b, c), (x, y, z) = (np.moveaxis(part, -1, 0) for part in jet)
+    normal = np.stack((b * z - c * y, c * x - a * z, a * y - b * x))
+    area = float((np.sqrt((normal**2).sum(axis=0)) * weight).sum())
+    normal = (normal * weight).reshape(3, -1)
+    local = (place - corner.reshape(-1, *[1] * weight.ndim)).reshape(3, -1)
+    vector, first, offset = normal.sum(axis=1), normal @ local.T, corner - origin
+    squares = (normal * local**2).sum(axis=1)
+    volume = float(np.trace(first) + offset @ vector) / 3.0
+    moment = 0.5 * (squares + 2.0 * offset * np.diag(first) + offset**2 * vector)
+    return np.concatenate(([area], vector, first.ravel(), [volume], moment))
 
 
 def _moments(total: Array, error: float) -> Moments:

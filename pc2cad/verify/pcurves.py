@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any, Protocol
 
 import numpy as np
@@ -83,8 +84,12 @@ def check_pcurves(records: Records, judged: JudgedFace, radian: float, limit: fl
     for edge, ref in found:
         (line,) = sequence(records.get(ref, "DEFINITIONAL_REPRESENTATION").values(2)[1])
         drawn = read_curve(flat, line)
-        off = min((x for each in carriers for x in _distances(each, edge, drawn)), default=np.inf)
-        if not off <= limit:
+        off = np.inf
+        for way in chain.from_iterable(_distances(each, edge, drawn) for each in carriers):
+            off = min(off, way)
+            if off <= limit:
+                break
+        else:
             raise StepDefectError(
                 f"the curve {line} in the parameters of the face {face.label} is {off:.2g} off "
                 f"its edge {edge.ref}"
@@ -107,11 +112,7 @@ def _distances(carrier: _Carrier, edge: Edge, curve: Curve) -> Iterator[float]:
     Its parameters are those of the curve in space, as most programs have it, or a turn away; or the
     ends are where the edge's are, or those of the curve itself.
     """
-    ends = carrier.parameters(edge.samples[[0, -1]])
-    first, last = (float(t) for t in curve.locate(np.pad(ends, ((0, 0), (0, 1)))))
-    period = edge.curve.period or 0.0
-    turns = [(edge.interval[0] + k * period, edge.interval[1] + k * period) for k in (0, 1, -1)]
-    for begin, end in (*turns[: 3 if period else 1], (first, last), domain_of(curve)):
+    for begin, end in _intervals(carrier, edge, curve):
         if not np.isfinite([begin, end]).all() or begin == end:
             continue
         t = begin + (end - begin) * _SHARES
@@ -124,3 +125,15 @@ def _distances(carrier: _Carrier, edge: Edge, curve: Curve) -> Iterator[float]:
         whole = max(off, float(gaps.min()))
         if np.isfinite(whole):
             yield whole
+
+
+def _intervals(carrier: _Carrier, edge: Edge, curve: Curve) -> Iterator[tuple[float, float]]:
+    first, last = edge.interval
+    yield first, last
+    if edge.curve.period is not None:
+        for turn in (edge.curve.period, -edge.curve.period):
+            yield first + turn, last + turn
+    ends = carrier.parameters(edge.samples[[0, -1]])
+    first, last = (float(t) for t in curve.locate(np.pad(ends, ((0, 0), (0, 1)))))
+    yield first, last
+    yield domain_of(curve)

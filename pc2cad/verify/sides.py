@@ -137,8 +137,8 @@ class Sides:
         (d,) = directions_of(cell)
         places = self._places(cell, [t])
         low, high = self.analysis.span(d, cell[d])
-        (slope,) = self.analysis.map.tangents((d,), *places)
-        return self.analysis.map.points(*places), slope * (high - low)
+        points, slope = self.analysis.map.line(d, *places)
+        return points, slope * (high - low)
 
     def border(self, patches: Sequence[Cell]) -> list[Cell]:
         """Return the edges round patches, collapsed ones left out."""
@@ -277,19 +277,21 @@ def _border(
     best = np.full(len(points), np.inf)
     start = _starts(own)
     near = 1e-12 * float(np.ptp(points, axis=0).max())
-    # at the ends too: where a curve closes, the nearest sample may be on the other side of its seam
+    held = []
     for cell in cells:
-        along = partial(sides.curve, cell)
-        known = along(start)[0]
-        step = float(np.linalg.norm(np.diff(known, axis=0), axis=1).max())
-        off = np.linalg.norm(known[nearest(known, points)] - points, axis=1)
-        best = np.fmin(best, off)
-        for first in (start, start[:1], start[-1:]):
-            open_ = np.flatnonzero((best > max(near, tolerance * 0.1)) & (off <= 2.0 * step))
-            if not len(open_):
-                break
-            t = closest(along, (first, 0.0, 1.0), points[open_])
-            best[open_] = np.fmin(best[open_], np.linalg.norm(along(t)[0] - points[open_], axis=1))
+        known = sides.curve(cell, start)[0]
+        held.append((cell, known, 2.0 * np.linalg.norm(np.diff(known, axis=0), axis=1).max()))
+    # where a curve closes, the nearest sample may be on the other side of its seam
+    for part in (slice(None), slice(1), slice(-1, None)):
+        for cell, known, step in held:
+            off = np.linalg.norm(known[part][nearest(known[part], points)] - points, axis=1)
+            best = np.fmin(best, off)
+            open_ = np.flatnonzero((best > max(near, tolerance * 0.1)) & (off <= step))
+            if len(open_):
+                along = partial(sides.curve, cell)
+                t = closest(along, (start[part], 0.0, 1.0), points[open_], known[part])
+                off = np.linalg.norm(along(t)[0] - points[open_], axis=1)
+                best[open_] = np.fmin(best[open_], off)
     k = int(np.argmax(best))
     x, y, z = points[k]
     return Difference(float(best[k]), "the border", f"at ({x:.6g}, {y:.6g}, {z:.6g})")

@@ -71,6 +71,11 @@ def banded(basis: Array, poles: Array) -> Array:
     return found
 
 
+def across(poles: Array, basis: Array) -> Array:
+    """Return poles @ basis.T, likewise."""
+    return np.swapaxes(banded(basis, np.swapaxes(poles, -1, -2)), -1, -2)
+
+
 def project(value: Array, slope: Array) -> tuple[Array, Array]:
     """Return point and derivative of homogeneous coordinates and their derivative."""
     weight = value[..., -1:]
@@ -105,7 +110,9 @@ class SplineCurve:
         if self.period is not None:
             outside = (t < low) | (t > high)
             t = np.where(outside, low + np.mod(t - low, self.period), t)
-        value, slope = (b @ self.poles for b in basis(self.knots, self.degree, len(self.poles), t))
+        columns, *rows = local_basis(self.knots, self.degree, len(self.poles), t)
+        some = self.poles[columns]
+        value, slope = (np.einsum("nj,njk->nk", row, some) for row in rows)
         return project(value, slope) if self.rational else (value, slope)
 
     def breaks(self, a: float, b: float) -> Array:
@@ -122,13 +129,17 @@ class SplineCurve:
         spans = distinct(self.knots, self.domain)
         return np.unique(np.linspace(spans[:-1], spans[1:], 2 * self.degree + 3))
 
+    @cached_property
+    def _known(self) -> Array:
+        return self.at(self._samples)[0]
+
     def locate(self, points: Array) -> Array:
         """Return the parameters of the nearest points."""
-        return closest(self.at, self.sampling(points), points)
+        return closest(self.at, self.sampling(points), points, self._known)
 
     def may_hold(self, points: Array, near: float) -> bool:
         """Say whether points may lie on the curve: none is far from all its samples."""
-        known = self.at(self._samples)[0]
+        known = self._known
         # a span's arc is seldom longer than twice its chords; the full search is for others
         step = 2.0 * float(np.linalg.norm(np.diff(known, axis=0), axis=1).max())
         off = np.linalg.norm(known[nearest(known, points)] - points, axis=1)
@@ -198,10 +209,14 @@ class SplineSurface:
     def grid(self, u: Array, v: Array) -> Jet:
         """Return point, u and v derivative on the tensor grid, (len(u), len(v), 3) each."""
         (bu, du), (bv, dv) = self._bases(0, u), self._bases(1, v)
-        n, m, k = self.poles.shape
-        flat = self.poles.reshape(n, m * k)
-        rows, slopes = (banded(b, flat).reshape(-1, m, k) for b in (bu, du))
-        return self._jet(banded(bv, rows), banded(bv, slopes), banded(dv, rows))
+        # one coordinate after the other in memory: products are then fast
+        flat = np.ascontiguousarray(np.moveaxis(self.poles, -1, 0))
+        rows, slopes = (banded(b, flat) for b in (bu, du))
+        value, along_u, along_v = (
+            np.moveaxis(across(part, b), 0, -1)
+            for part, b in ((rows, bv), (slopes, bv), (rows, dv))
+        )
+        return self._jet(value, along_u, along_v)
 
     def at(self, u: Array, v: Array) -> Jet:
         """Return point, u and v derivative at pairs of parameters, (len(u), 3) each."""
@@ -220,16 +235,18 @@ class SplineSurface:
     def locate(self, points: Array) -> tuple[Array, Array]:
         """Return places on a side of the parameter rectangle if the points lie there, else any."""
         scale = float(np.abs(cartesian(self.poles, self.rational)).max())
-        for axis in (0, 1):
-            for level in self.limits[axis]:
-                side = self.side(axis, level)
-                if not side.may_hold(points, NEAR * scale):
-                    continue
-                t = side.locate(points)
-                if np.abs(side.at(t)[0] - points).max() <= NEAR * scale:
-                    fixed = np.full(len(t), level)
-                    return (fixed, t) if axis == 0 else (t, fixed)
+        for axis, level, side in self._sides:
+            if not side.may_hold(points, NEAR * scale):
+                continue
+            t = side.locate(points)
+            if np.abs(side.at(t)[0] - points).max() <= NEAR * scale:
+                fixed = np.full(len(t), level)
+                return (fixed, t) if axis == 0 else (t, fixed)
         return self.search(points)
+
+    @cached_property
+    def _sides(self) -> list[tuple[int, float, SplineCurve]]:
+        return [(axis, x, self.side(axis, x)) for axis in (0, 1) for x in self.limits[axis]]
 
     def side(self, axis: int, level: float) -> SplineCurve:
         """Return the iso-parametric curve at a level of one parameter."""
