@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part import Body, Part
+    from pc2cad.report import Report
     from pc2cad.representation.volume import VolumeModel
 
 #: how often faces are halved for the kernel's checker
@@ -142,6 +143,27 @@ def compile_part(
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
     return compile_solid(point_equation(equation, domain, name=name, units=units), options)
+
+
+def with_arithmetic(
+    part: Part,
+    report: Report,
+    options: CompileOptions = DEFAULTS,
+    progress: Progress | None = None,
+) -> Report:
+    """Return the report with what is known of M as a sum of points, where it is written as one.
+
+    The points that are added are compiled, each by itself.
+    """
+    if not part.equation.written:
+        return report
+    from pc2cad.csg.arithmetic import written_findings
+
+    if progress is not None:
+        progress("arithmetic")
+    found = written_findings(part.body, lambda equation: compile_solid(equation, options).body)
+    sentences = tuple(finding.sentence for finding in found)
+    return replace(report, arithmetic=(*report.arithmetic, *sentences))
 
 
 # -- the volume ------------------------------------------------------------------------------------

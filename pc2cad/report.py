@@ -256,6 +256,8 @@ class Report(Evidence):
     fields: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
     #: least and largest distance between the wall's faces, where asked for (sampled)
     thickness: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
+    #: where M is written as a sum of points: which Boolean that is, proved, or what is missing
+    arithmetic: tuple[str, ...] = field(default=(), kw_only=True)
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
     #: what is known of the one equation; None where there are several bodies
@@ -375,8 +377,8 @@ _OF_EQUATION = (
     "name", "title", "units", "parameters", "size", "tolerance", "sides", "faces", "curves",
     "edges", "vertices", "genus", "euler", "frame", "limits", "determinant", "images",
     "contact_clearance", "injectivity", "overlap_depth", "overlap_open", "overlap_cells",
-    "equation", "solid", "triangles", "mass", "fields", "thickness", "kernel_tolerance", "layers",
-    "warnings", "times", "shells", "deviation", "evidence",
+    "equation", "solid", "triangles", "mass", "fields", "thickness", "arithmetic",
+    "kernel_tolerance", "layers", "warnings", "times", "shells", "deviation", "evidence",
 )  # fmt: skip
 _OF_BODIES = (
     "name", "title", "units", "parameters", "size", "tolerance", "result", "bodies", "steps",

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     options, density = read_options(arguments), read_densities(arguments.densities)
     with Progress() as progress:
         progress.first("loading the kernel")
-        from pc2cad.compiler import compile_solid
+        from pc2cad.compiler import compile_solid, with_arithmetic
 
         with named(arguments.template):
             part = compile_solid(equation, options, progress)
@@ -62,6 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
                 progress("wall")
                 report = replace(report, thickness=thickness(part.checked.analysis))
+                report = with_arithmetic(part, report, options, progress)
     if arguments.json:
         say(json.dumps(report.to_dict(), indent=2, allow_nan=False))
     else:
@@ -292,6 +293,7 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
         ]
     else:
         rows.append(("solid", "valid in the kernel and closed; volumes of all steps add up"))
+    rows += [("arithmetic", sentence) for sentence in report.arithmetic]
     rows.append(("[expect]", f"met: {', '.join(stated)}" if stated else "nothing stated"))
     return [(name, value) for name, value in rows]
 

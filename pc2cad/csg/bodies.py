@@ -4,7 +4,7 @@
             ─combine→  Booleans step by step, each held against the volumes of its operands
             ─report→   faces by body and side, edges where bodies meet, which volumes add up
 
-An arithmetic form of point equations (M1 + M2 - D) is one equation and does not come here.
+Differences that are one equation (M1 + M2 - K) have become that before (`csg.arithmetic`).
 """
 
 from __future__ import annotations
@@ -14,10 +14,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from pc2cad.brep.booleans import NamedEdge, NamedShape, combine, edges_between, fuse, label, moved
+from pc2cad.brep.booleans import (
+    Kind,
+    NamedEdge,
+    NamedShape,
+    combine,
+    edges_between,
+    fuse,
+    label,
+    moved,
+)
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
+from pc2cad.csg.arithmetic import Reduced
 from pc2cad.csg.contacts import check_contacts, check_merged
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
@@ -28,7 +38,7 @@ from pc2cad.export.model import ExportOptions, NamedFace
 from pc2cad.export.step import encode
 from pc2cad.part import Body, Part
 from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
-from pc2cad.templates.bodies import Bodies, Kind, Pattern, Tree
+from pc2cad.templates.bodies import Bodies, Pattern, Tree
 from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import SideKey
 
@@ -65,7 +75,7 @@ class VolumesDisagreeError(KernelError):
 
 
 def join_bodies(
-    bodies: Bodies, parts: Mapping[str, Body], tell: Callable[[str], None]
+    bodies: Bodies, made: Reduced, tell: Callable[[str], None]
 ) -> tuple[Part, dict[str, float]]:
     """Return the result of bodies that are compiled, and the seconds that it took.
 
@@ -74,8 +84,9 @@ def join_bodies(
     times = {}
     tell("combine")
     start = time.perf_counter()
-    joining = _Joining(parts)
-    joined = joining.join(bodies.result)
+    parts = made.parts
+    joining = _Joining(made)
+    joined = joining.join(made.result)
     times["combine"] = time.perf_counter() - start
     tell("validate")
     start = time.perf_counter()
@@ -104,9 +115,10 @@ class _Joined:
 class _Joining:
     """Carries out Booleans one by one, and remembers which volumes add up."""
 
-    def __init__(self, parts: Mapping[str, Body]) -> None:
-        self.parts = parts
-        self.steps: list[StepReport] = []
+    def __init__(self, made: Reduced) -> None:
+        self.parts = parts = made.parts
+        self.steps: list[StepReport] = list(made.steps)
+        self._reasons = made.reasons
         #: steps that change nothing
         self.idle: list[str] = []
         #: faces that a Boolean leaves as they are, integrated once
@@ -132,9 +144,10 @@ class _Joining:
             return _Joined(tree, NamedShape(part.shape, faces), self._integrals(part.shape))
         if isinstance(tree, Pattern):
             return self._pattern(tree)
+        kind: Kind = "cut" if tree.kind == "difference" else tree.kind
         first, *others = (self.join(operand) for operand in tree.operands)
         for other in others:
-            first = self._step(tree.kind, first, other)
+            first = self._step(kind, first, other, self._reasons.get(str(tree), ""))
         return first
 
     def _pattern(self, tree: Pattern) -> _Joined:
@@ -196,7 +209,7 @@ class _Joining:
         """Return what volumes may differ by that are equal but for the kernel's tolerance."""
         return 2 * self._reach * area + ADD_UP * volume
 
-    def _step(self, kind: Kind, first: _Joined, second: _Joined) -> _Joined:
+    def _step(self, kind: Kind, first: _Joined, second: _Joined, reason: str) -> _Joined:
         """Carry out one Boolean, and a second one that its volume is held against."""
         name = f"{kind}({first.name}, {second.name})"
         result = combine(kind, first.shape, second.shape, self._one)
@@ -226,6 +239,7 @@ class _Joining:
         if kind == "cut" and lie is Relation.APART:
             self.idle.append(name)
         words = sentence(kind, lie, a, b, common, found.volume)
+        words += f" (by the kernel, not one equation: {reason})" if reason else ""
         self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, words))
         return _Joined(f"step {len(self.steps)}", result, found)
 

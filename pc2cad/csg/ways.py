@@ -1,6 +1,7 @@
 """Ways to join bodies, in the order in which they are tried, until one gives a solid that holds.
 
     Bodies  ─compile→  a Body per equation
+            ─reduce→   one equation for each difference that is proved to be one
             ─join→     as they are; then with what closes cut in halves
             ─hold→     sums of volumes, edges on both faces, no contact, and a STEP file that reads
                        back with the same volume
@@ -12,12 +13,13 @@ that comes round to itself. Cut in halves such a face has no seam; the surfaces 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
+from pc2cad.csg.arithmetic import Reduced, reduced
 from pc2cad.csg.bodies import InvalidResultError, join_bodies
 from pc2cad.errors import KernelError, ToleranceNotReachedError, named
-from pc2cad.part import Body, Part
+from pc2cad.part import Body, Part, part_of
 from pc2cad.templates.bodies import Bodies
 from pc2cad.validation import check_expectations
 
@@ -43,10 +45,19 @@ def compile_bodies(
         with named(f"body {name}"):
             parts[name] = compile_body(equation, lambda stage, name=name: tell(f"{name}: {stage}"))
     times = {"bodies": time.perf_counter() - start}
-    try:
-        part, taken = join_bodies(bodies, parts, tell)
-    except _MENDED as error:
-        part, taken = _in_halves(bodies, parts, halve, tell, error)
+    start = time.perf_counter()
+    made = reduced(bodies, parts, lambda equation: compile_body(equation, tell))
+    times["arithmetic"] = time.perf_counter() - start
+    taken: dict[str, float] = {}
+    if isinstance(made.result, str):
+        (step,) = made.steps[-1:]
+        part = part_of(made.parts[made.result])
+        part = replace(part, report=replace(part.report, arithmetic=(step.sentence,)))
+    else:
+        try:
+            part, taken = join_bodies(bodies, made, tell)
+        except _MENDED as error:
+            part, taken = _in_halves(bodies, made, halve, tell, error)
     part = replace(part, report=replace(part.report, times=times | taken))
     check_expectations(bodies.expectations, part.report)
     return part
@@ -54,7 +65,7 @@ def compile_bodies(
 
 def _in_halves(
     bodies: Bodies,
-    parts: Mapping[str, Body],
+    made: Reduced,
     halve: Callable[[Body], Body],
     tell: Callable[[str], None],
     why: KernelError | ToleranceNotReachedError | InvalidResultError,
@@ -63,11 +74,11 @@ def _in_halves(
     start = time.perf_counter()
     tell("cut in halves")
     try:
-        halves = {name: halve(body) for name, body in parts.items()}
-        if all(halves[name] is body for name, body in parts.items()):
+        halves = {name: halve(body) for name, body in made.parts.items()}
+        if all(halves[name] is body for name, body in made.parts.items()):
             raise why
         cut = time.perf_counter() - start
-        part, times = join_bodies(bodies, halves, tell)
+        part, times = join_bodies(bodies, replace(made, parts=halves), tell)
     except _MENDED as error:
         if error is why:
             raise

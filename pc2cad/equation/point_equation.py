@@ -53,6 +53,19 @@ class Expectations:
     euler: int | None = None
 
 
+@dataclass(frozen=True)
+class Written:
+    """A sum as somebody has written it: M1 + M2 - K by name, and as trees over the box."""
+
+    #: ``M1 + M2 - D``
+    text: str
+    names: tuple[str, str]
+    core_name: str
+    first: tuple[Expr, Expr, Expr]
+    second: tuple[Expr, Expr, Expr]
+    core: tuple[Expr, Expr, Expr]
+
+
 @dataclass(frozen=True, repr=False)
 class PointEquation:
     """One solid M(u,v,w) over a box of parameters, with every template parameter bound.
@@ -78,6 +91,8 @@ class PointEquation:
     depth: Expr | None = None
     #: what varies over the solid beside its shape
     fields: tuple[Field, ...] = ()
+    #: what sums of points it is written as
+    written: tuple[Written, ...] = ()
     #: makes the equation again with other points, where it knows the names of its points
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False

@@ -29,15 +29,18 @@ from pc2cad.templates.tables import Tables, shown
 from pc2cad.templates.template import Header, Moved, Template, TemplateError, expectations
 
 MOST_BODIES: Final = 32
-Kind = Literal["union", "cut", "intersect"]
-KINDS: Final = ("union", "cut", "intersect")
+Kind = Literal["union", "cut", "intersect", "difference"]
+KINDS: Final = ("union", "cut", "intersect", "difference")
 _BODY_TABLES: Final = ("domain", "let", "guide", "frame", "solid", "fields", "expect")
 _SHARED: Final = ("parameters", "points", "data", "curves", "fourier", "tables", "let")
 
 
 @dataclass(frozen=True)
 class Operation:
-    """A Boolean of bodies and of other Booleans; a cut takes the others from the first."""
+    """A Boolean of bodies and of other Booleans; a cut takes the others from the first.
+
+    So does a difference, in one equation where the sum of two is proved to be that.
+    """
 
     kind: Kind
     operands: tuple[Tree, ...]
@@ -72,7 +75,7 @@ class Bodies:
     """The point equations of several bodies and how they make one solid."""
 
     equations: Mapping[str, PointEquation]
-    result: Operation | Pattern
+    result: Tree
     name: str
     title: str
     about: str
@@ -230,8 +233,8 @@ def _operation(node: Node, text: str, bodies: list[str]) -> Tree:
         return node.name
     if not isinstance(node, CallNode):
         raise ExpressionSyntaxError(
-            "bodies are joined by union(a, b), cut(a, b) and intersect(a, b); sums of points "
-            "belong into an equation", node.column,
+            "bodies are joined by union(a, b), cut(a, b), intersect(a, b) and difference(a, b); "
+            "sums of points belong into an equation", node.column,
         )  # fmt: skip
     if node.name in PATTERNS:
         check_operands(node)

@@ -14,6 +14,7 @@ from pc2cad.equation.point_equation import (
     Expectations,
     Interval,
     PointEquation,
+    Written,
     check_point,
     interval,
 )
@@ -209,6 +210,7 @@ class Template(Header):
             if self.frame and self.guide
             else "",
             fields=tuple(make_field(d.name, d.value) for d in self.fields),
+            written=self._sums(),
             mover=mover,
         )
         if not self.layers:
@@ -217,6 +219,16 @@ class Template(Header):
 
         below = depth([layer.value for layer in self.layers if isinstance(layer.value, Expr)])
         return equation.layered([layer.name for layer in self.layers], below(symbol("w")))
+
+    def _sums(self) -> tuple[Written, ...]:
+        """Return the sums of points that M is written as."""
+        if self.frame or len(self.solid) > 1:
+            return ()
+        from pc2cad.templates.forms import written_sums
+
+        named = (*self.points, *self.lets)
+        known = {d.name: d.value for d in named if isinstance(d.value, Combination)}
+        return written_sums(self.solid[0].text, known)
 
 
 def expectations(expected: Mapping[tuple[str, ...], tuple[Expr, ...]]) -> Expectations:
