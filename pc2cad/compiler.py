@@ -231,7 +231,8 @@ def mesh_equation(
         from pc2cad.validation import check_thickness
 
         checked = check_map(equation, options, stages, check_thickness, faces=True)
-        return mesh_solid(compile_checked(checked, options, stages), wanted, stages)
+        solid, known = compile_checked(checked, options, stages).to_mesh()
+        return mesh_solid(solid, known, wanted, stages)
     return mesh_volume(check_map(equation, stages=stages), wanted, stages)
 
 

@@ -54,7 +54,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     ),
     "csg": (
         "part", "export", "validation", "brep", "representation", "bounds", "topology",
-        "geometry", "templates", "equation", "report",
+        "geometry", "templates", "equation", "mesh", "report",
     ),
 }  # fmt: skip
 

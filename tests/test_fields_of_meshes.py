@@ -103,7 +103,7 @@ def test_other_meshes_have_fields(kind: str) -> None:
         mesh = mesh_of("ball", cells=(8, 4, 2), core="ogrid")
     else:
         body = replace(part_of("hollow_cylinder").body, checked=with_fields("hollow_cylinder"))
-        mesh = mesh_solid(body, MeshOptions(size=1.0, shape="tetrahedra"))[0]
+        mesh = mesh_solid(*body.to_mesh(), MeshOptions(size=1.0, shape="tetrahedra"))[0]
     assert mesh.columns is not None
     columns = {name: mesh.columns.at_nodes(name) for name in mesh.columns.sizes}
     holds(
@@ -120,7 +120,7 @@ def test_other_meshes_have_fields(kind: str) -> None:
 @pytest.mark.interop
 def test_who_meshes_survives_a_closed_pipe() -> None:
     """gmsh.initialize lets SIGPIPE end the process: a server would be gone without a word."""
-    mesh_solid(part_of("hollow_cylinder").body, MeshOptions(size=1.0, shape="tetrahedra"))
+    part_of("hollow_cylinder").mesh(size=1.0, shape="tetrahedra")
     reading, writing = os.pipe()
     os.close(reading)
     with open(writing, "wb", buffering=0) as pipe, pytest.raises(BrokenPipeError):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from pc2cad.brep.booleans import (
@@ -31,6 +32,7 @@ from pc2cad.csg.arithmetic import Reduced
 from pc2cad.csg.contacts import check_contacts, check_merged
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
+from pc2cad.csg.regions import Told, regions
 from pc2cad.csg.volumes import EMPTY, Relation, relation, sentence
 from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError
 from pc2cad.export.colours import body_colour
@@ -97,7 +99,11 @@ def join_bodies(
         NamedFace(label(names), face, body_colour(order.index(_original(names[0].body))))
         for face, names in joined.shape.faces
     )
-    part = Part(parts, joined.shape.solids[0], faces, report, edges, bodies.about)
+    told = Told(report.name, report.units, report.solid.volume, joining.one)
+    part = Part(
+        parts, joined.shape.solids[0], faces, report, edges, bodies.about,
+        partial(regions, made.result, parts, told),
+    )  # fmt: skip
     encode(part.exportable(), ExportOptions())  # it has to read back as it is
     times["validate"] = time.perf_counter() - start
     return part, times
@@ -132,7 +138,7 @@ class _Joining:
         #: how near edges between bodies come to their faces
         self._near = max(NEAR * min(KERNEL_TOLERANCE, *tolerances), ROUNDING * self._size)
         #: what two faces or edges of bodies may be apart, whose equations have them in one place
-        self._one = 2 * max(_known(part) for part in parts.values())
+        self.one = 2 * max(_known(part) for part in parts.values())
 
     def join(self, tree: Tree) -> _Joined:
         """Return a body or a Boolean, with all that it is made of."""
@@ -186,13 +192,13 @@ class _Joining:
         """
         if len(copies) == 1:
             return copies[0], each, 0.0
-        shape = fuse(copies, self._one)
+        shape = fuse(copies, self.one)
         found = self._integrals(shape.shape)
         total, area = len(copies) * each.volume, len(copies) * each.area
         gap = total - found.volume
         if abs(gap) > self._slack(total, area):
             halves = [self._fused(copies[k::2], each) for k in (0, 1)]
-            common = combine("intersect", halves[0][0], halves[1][0], self._one)
+            common = combine("intersect", halves[0][0], halves[1][0], self.one)
             held = self._integrals(common.shape).volume
             gap = sum(half[1].volume for half in halves) - held - found.volume
             if abs(gap) > self._slack(total, area):
@@ -212,9 +218,9 @@ class _Joining:
     def _step(self, kind: Kind, first: _Joined, second: _Joined, reason: str) -> _Joined:
         """Carry out one Boolean, and a second one that its volume is held against."""
         name = f"{kind}({first.name}, {second.name})"
-        result = combine(kind, first.shape, second.shape, self._one)
+        result = combine(kind, first.shape, second.shape, self.one)
         held_against: Kind = "cut" if kind == "intersect" else "intersect"
-        other = combine(held_against, first.shape, second.shape, self._one)
+        other = combine(held_against, first.shape, second.shape, self.one)
         found, held = self._integrals(result.shape), self._integrals(other.shape).volume
         a, b = first.integrals.volume, second.integrals.volume
         gap = a - held - found.volume + (b if kind == "union" else 0.0)
@@ -229,7 +235,7 @@ class _Joining:
         if abs(gap) > ADD_UP * (a + b):
             known = {key: side.deviation for key, side in _sides(self).items()}
             about = (name, self._size, self._units)
-            check_merged((first.shape, second.shape), self._one, known, about)
+            check_merged((first.shape, second.shape), self.one, known, about)
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {EMPTY[kind]}")
         result = with_own_edges(result, self._near)

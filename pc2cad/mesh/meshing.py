@@ -6,7 +6,7 @@ Input: CheckedMap (no kernel is loaded), or a compiled part. Output: VolumeMesh 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 from pc2cad.checked import CheckedMap, Stages
 from pc2cad.errors import InputError, require
@@ -17,12 +17,11 @@ from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.ogrid import o_grid
 from pc2cad.mesh.places import FoundPlaces, GridPlaces, Places
 from pc2cad.mesh.quality import measure
-from pc2cad.mesh.report import MeshReport, by_side, report_on, side_areas
+from pc2cad.mesh.report import MeshReport, report_on, side_areas
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.topology.cells import SideKey
 
 if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
+    from pc2cad.mesh.tetrahedra import KernelSolid
 
 
 @dataclass(frozen=True)
@@ -55,30 +54,6 @@ class MeshOptions:
             raise InputError(f"elements have order 1 or 2, not {self.order}")
 
 
-class KernelSolid(Protocol):
-    """A part as far as tetrahedra need it: its solid, and what its equation says of it."""
-
-    @property
-    def checked(self) -> CheckedMap:
-        """What is known of the equation."""
-
-    @property
-    def shape(self) -> TopoDS_Solid:
-        """The kernel's solid."""
-
-    @property
-    def kernel_sides(self) -> dict[SideKey, TopoDS_Face]:
-        """The kernel's faces by their side."""
-
-    @property
-    def side_areas(self) -> dict[SideKey, float]:
-        """The equation's areas of the same faces, in units squared."""
-
-    @property
-    def layers(self) -> dict[str, TopoDS_Solid]:
-        """The solids that the part consists of by name, where there are several."""
-
-
 def mesh_volume(
     checked: CheckedMap, options: MeshOptions | None = None, stages: Stages | None = None
 ) -> tuple[VolumeMesh, MeshReport]:
@@ -102,28 +77,30 @@ def mesh_volume(
     check_whole(mesh, quality.volume)
     cells = None if is_o_grid else grid.cells
     areas = side_areas(checked)
-    return mesh, report_on(mesh, quality, checked.mass, areas, cells, run.times)
+    volumes = (checked.mass.volume, [volume for volume, _ in checked.mass.layers])
+    return mesh, report_on(mesh, quality, volumes, areas, cells, run.times)
 
 
 def mesh_solid(
-    part: KernelSolid, options: MeshOptions | None = None, stages: Stages | None = None
+    part: KernelSolid,
+    checked: CheckedMap | None,
+    options: MeshOptions | None = None,
+    stages: Stages | None = None,
 ) -> tuple[VolumeMesh, MeshReport]:
     """Return tetrahedra of a part's own solid by gmsh, and the report on them.
 
-    Raises PackageMissingError without gmsh, and MeshingFailedError.
+    Of one equation, which is `checked`, the mesh has u, v, w and fields. Raises PackageMissingError
+    without gmsh, and MeshingFailedError.
     """
     require("gmsh", "tetrahedra")
     from pc2cad.mesh.tetrahedra import tetrahedra
 
     options, run = options or MeshOptions(shape="tetrahedra"), stages or Stages()
-    mass, equation = part.checked.mass, part.checked.equation
-    size = options.size or float(mass.volume ** (1 / 3)) / 10
-    mesh = run(
-        "mesh",
-        lambda: tetrahedra(part.shape, part.kernel_sides, size, options.order,
-                           name=equation.name, units=equation.units, layers=part.layers),
-    )  # fmt: skip
-    mesh = replace(mesh, columns=Columns(part.checked, mesh, FoundPlaces(part.checked, mesh)))
+    size = options.size or float(part.volume ** (1 / 3)) / 10
+    mesh = run("mesh", lambda: tetrahedra(part, size, options.order))
+    if checked is not None:
+        mesh = replace(mesh, columns=Columns(checked, mesh, FoundPlaces(checked, mesh)))
     quality = run("quality", lambda: measure(mesh))
     check_whole(mesh, quality.volume)
-    return mesh, report_on(mesh, quality, mass, by_side(part.side_areas.items()), None, run.times)
+    volumes = (part.volume, list(part.layers.values()))
+    return mesh, report_on(mesh, quality, volumes, part.areas, None, run.times)

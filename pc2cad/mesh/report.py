@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from pc2cad.checked import CheckedMap
-from pc2cad.integrals.mass_properties import MassProperties
 from pc2cad.mesh.quality import Quality
 from pc2cad.mesh.volume_mesh import VolumeMesh, by_whole_side
 from pc2cad.topology.cells import SideKey
@@ -62,24 +61,24 @@ class MeshReport:
 def report_on(
     mesh: VolumeMesh,
     quality: Quality,
-    properties: MassProperties,
+    volumes: tuple[float, Sequence[float]],
     areas: Mapping[str, float],
     cells: tuple[int, int, int] | None,
     times: Mapping[str, float],
 ) -> MeshReport:
-    """Return the report on a mesh; `properties` and the sides' `areas` are the equation's."""
+    """Return the report on a mesh; `volumes` (of all, and of each layer) and `areas` are true."""
     sides = {
         side: SideMeasure(sum(len(f.elements) for f in facets), mesh.area(side), areas[side])
         for side, facets in mesh.sides.items()
     }
     layers = {
         name: LayerMeasure(sum(map(len, layer.values())), quality.layers[name], volume)
-        for (name, layer), (volume, _) in zip(mesh.layers.items(), properties.layers, strict=False)
+        for (name, layer), volume in zip(mesh.layers.items(), volumes[1], strict=False)
     }
     return MeshReport(
         mesh.name, mesh.units, mesh.order, cells, len(mesh.points),
         {kind: len(block) for kind, block in mesh.blocks.items()},
-        quality, mesh.volume(), properties.volume, sides, layers, times,
+        quality, mesh.volume(), volumes[0], sides, layers, times,
     )  # fmt: skip
 
 

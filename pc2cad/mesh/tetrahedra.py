@@ -6,7 +6,7 @@ import signal
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,38 +24,64 @@ from pc2cad.arrays import Integers
 from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
-from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer, by_whole_side
-from pc2cad.topology.cells import SideKey
+from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer
 
 #: gmsh numbers the last two middles of a tetrahedron the other way round
 _FROM_GMSH = {1: [0, 1, 2, 3], 2: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
+
+
+@dataclass(frozen=True, eq=False)
+class NamedSurface:
+    """A face of the solid, and the sets that its triangles belong to."""
+
+    face: TopoDS_Face
+    #: the side, and its own piece of one where that is in several
+    sets: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class KernelSolid:
+    """A part as far as tetrahedra need it: its solid, and what is known of it (model units)."""
+
+    shape: TopoDS_Shape
+    name: str
+    units: str
+    volume: float
+    surfaces: tuple[NamedSurface, ...]
+    #: names of sets that are pieces of a side
+    pieces: frozenset[str]
+    #: set -> its area
+    areas: Mapping[str, float]
+    #: the solids that it consists of, which share the faces between them: the layer (or region)
+    #: that each belongs to, and its volume
+    solids: tuple[tuple[str, TopoDS_Shape, float], ...] = ()
+    #: faces between solids by name: their nodes are a set
+    interfaces: tuple[NamedSurface, ...] = ()
+
+    @property
+    def layers(self) -> dict[str, float]:
+        """The volume of each layer by name."""
+        found: dict[str, float] = {}
+        for name, _, volume in self.solids:
+            found[name] = found.get(name, 0.0) + volume
+        return found
 
 
 class MeshingFailedError(KernelError):
     """Gmsh made no mesh of the solid, or not of all its faces."""
 
 
-def tetrahedra(
-    solid: TopoDS_Shape,
-    faces: Mapping[SideKey, TopoDS_Face],
-    size: float,
-    order: int = 1,
-    *,
-    name: str = "part",
-    units: str = "mm",
-    layers: Mapping[str, TopoDS_Shape] | None = None,
-) -> VolumeMesh:
+def tetrahedra(part: KernelSolid, size: float, order: int = 1) -> VolumeMesh:
     """Return tetrahedra with edges of about `size` (model units) that fill a solid.
 
-    `faces` are the solid's faces by their side, `layers` the solids that it consists
-    of, which share the faces between them. Needs gmsh (``pc2cad[fea]``). Raises MeshingFailedError.
+    Needs gmsh (``pc2cad[fea]``). Raises MeshingFailedError.
     """
-    layers = layers or {}
-    solid = _together(layers.values()) if layers else solid
-    names = _in_order(solid, faces)
+    layers = list(part.layers)
+    solid = _together(solid for _, solid, _ in part.solids) if layers else part.shape
+    faces = _in_order(solid, (*part.surfaces, *part.interfaces))
     with _model(solid) as gmsh:
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
-        _check_order(gmsh, surfaces, names, faces)
+        _check_order(gmsh, surfaces, faces)
         gmsh.option.setNumber("Mesh.MeshSizeMin", size / 2)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
@@ -70,12 +96,19 @@ def tetrahedra(
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         parts, triangles = _elements(gmsh, surfaces, order)
     block = np.concatenate(parts) if parts else np.empty((0, TETRAHEDRON.size(order)), np.int64)
-    if not len(block) or len(parts) != max(1, len(layers)):
+    if not len(block) or len(parts) != max(1, len(part.solids)):
         raise MeshingFailedError("gmsh made no tetrahedra of the solid; another --size may help")
-    on_sides = {side: rows for side, rows in zip(names, triangles, strict=True) if side is not None}
-    mesh = _mesh(tags, coordinates, block, on_sides, order, name, units)
-    number = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    return replace(mesh, layers=by_layer(list(layers), {TETRAHEDRON.name: number}))
+    between = {id(surface) for surface in part.interfaces}
+    on_sides: dict[str, list[Integers]] = {}
+    inside: dict[str, list[Integers]] = {}
+    for surface, rows in zip(faces, triangles, strict=True):
+        for name in surface.sets if surface is not None else ():
+            found = inside if id(surface) in between else on_sides
+            found.setdefault(name, []).append(rows)
+    mesh = _mesh(part, tags, coordinates, block, on_sides, inside, order)
+    own = [layers.index(name) for name, _, _ in part.solids] or [0]
+    number = np.repeat(own, [len(rows) for rows in parts])
+    return replace(mesh, layers=by_layer(layers, {TETRAHEDRON.name: number}))
 
 
 def _together(solids: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
@@ -87,12 +120,12 @@ def _together(solids: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
     return whole
 
 
-def _in_order(solid: TopoDS_Shape, faces: Mapping[SideKey, TopoDS_Face]) -> list[SideKey | None]:
-    """Return the faces' names in the order in which gmsh numbers them; None between layers."""
+def _in_order(solid: TopoDS_Shape, surfaces: Iterable[NamedSurface]) -> list[NamedSurface | None]:
+    """Return faces in the order in which gmsh numbers them; None for those without a name."""
     found = IndexedMapOfShape()
     TopExp.MapShapes_s(solid, TopAbs_FACE, found)
-    names = {found.FindIndex(face): name for name, face in faces.items()}
-    return [names.get(index) for index in range(1, found.Extent() + 1)]
+    named = {found.FindIndex(surface.face): surface for surface in surfaces}
+    return [named.get(index) for index in range(1, found.Extent() + 1)]
 
 
 @contextmanager
@@ -135,23 +168,22 @@ def _let_closed_pipes_raise() -> None:
 def _check_order(
     gmsh: Any,
     surfaces: list[int],
-    names: list[SideKey | None],
-    faces: Mapping[SideKey, TopoDS_Face],
+    faces: list[NamedSurface | None],
 ) -> None:
     """Hold the area of each surface in gmsh against that of the face it is taken for."""
-    if len(surfaces) != len(names):
+    if len(surfaces) != len(faces):
         raise MeshingFailedError(
-            f"gmsh read {len(surfaces)} faces of a solid that has {len(names)}"
+            f"gmsh read {len(surfaces)} faces of a solid that has {len(faces)}"
         )
-    for tag, name in zip(surfaces, names, strict=True):
-        if name is None:
+    for tag, surface in zip(surfaces, faces, strict=True):
+        if surface is None:
             continue
         found = GProp_GProps()
-        BRepGProp.SurfaceProperties_s(faces[name], found)
+        BRepGProp.SurfaceProperties_s(surface.face, found)
         here, there = found.Mass(), gmsh.model.occ.getMass(2, tag)
         if abs(here - there) > 1e-3 * here:
             raise MeshingFailedError(
-                f"gmsh's surface {tag} has the area {there:.6g}, the face {name.label} {here:.6g}"
+                f"gmsh's surface {tag} has the area {there:.6g}, the face {surface.sets[-1]} {here:.6g}"
             )
 
 
@@ -175,40 +207,46 @@ def _elements(gmsh: Any, surfaces: list[int], order: int) -> tuple[list[Integers
 
 
 def _mesh(
+    part: KernelSolid,
     tags: Any,
     coordinates: Any,
     block: Integers,
-    triangles: dict[SideKey, Integers],
+    triangles: Mapping[str, list[Integers]],
+    inside: Mapping[str, list[Integers]],
     order: int,
-    name: str,
-    units: str,
 ) -> VolumeMesh:
+    """Return the mesh of tetrahedra in gmsh's numbers of nodes, and of triangles by set."""
     used = np.unique(block)
     place = np.empty(int(np.max(tags)) + 1, dtype=np.int64)
     place[np.asarray(tags, dtype=np.int64)] = np.arange(len(tags))
     points = np.asarray(coordinates).reshape(-1, 3)[place[used]]
     block = np.searchsorted(used, block)
-    on_side = {
-        side: _facets(block, np.searchsorted(used, rows)) for side, rows in triangles.items()
-    }
     kind = TETRAHEDRON.name
-    sides: dict[str, tuple[Facets, ...]] = {}
-    for side, (elements, faces) in on_side.items():
-        # a side in pieces is one set as well
-        for label in by_whole_side(side):
-            sides[label] = (*sides.get(label, ()), Facets(kind, elements, faces))
-    pieces = frozenset(side.label for side in triangles if side.is_piece)
-    mesh = VolumeMesh(name, units, order, points, {kind: block}, sides, {}, pieces=pieces)
-    sets = {side: np.unique(mesh.facet_nodes(side)["triangle"]) for side in sides}
+    found = {
+        name: Facets(kind, *_facets(block, np.searchsorted(used, np.concatenate(rows))))
+        for name, rows in {**triangles, **inside}.items()
+    }
+    sides = {name: (found[name],) for name in triangles}
+    mesh = VolumeMesh(
+        part.name, part.units, order, points, {kind: block}, sides, {}, pieces=part.pieces
+    )
+    # between solids there are nodes only: facets of the mesh bound it
+    every = replace(mesh, sides={name: (facets,) for name, facets in found.items()})
+    sets = {name: np.unique(every.facet_nodes(name)["triangle"]) for name in found}
     return replace(mesh, node_sets=sets)
 
 
 def _facets(block: Integers, triangles: Integers) -> tuple[Integers, Integers]:
-    """Return the tetrahedra and the faces of theirs that some triangles are."""
+    """Return the tetrahedra and the faces of theirs that some triangles are.
+
+    Of two that share a triangle between solids it is one.
+    """
     rings = [np.sort(block[:, list(ring)], axis=1) for ring in TETRAHEDRON.faces]
     rows = np.concatenate([np.sort(triangles, axis=1), *rings])
     _, key = np.unique(rows, axis=0, return_inverse=True)
-    found = np.flatnonzero(np.isin(key.ravel()[len(triangles) :], key.ravel()[: len(triangles)]))
+    wanted, of_faces = key.ravel()[: len(triangles)], key.ravel()[len(triangles) :]
+    found = np.flatnonzero(np.isin(of_faces, wanted))
+    found = found[np.unique(of_faces[found], return_index=True)[1]]
     if len(found) != len(triangles):
         raise MeshingFailedError("gmsh's triangles are not the faces of its tetrahedra")
     return found % len(block), (found // len(block)).astype(np.int8)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
     from pc2cad.brep.booleans import NamedEdge
+    from pc2cad.mesh.tetrahedra import KernelSolid
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,12 @@ class Part(OfOneEquation):
     #: edges between differently named faces, where Booleans have made them
     edges: tuple[NamedEdge, ...] = ()
     about: str = ""
+    #: of several bodies: cuts them along one another, for tetrahedra
+    regions: Callable[[], KernelSolid] | None = None
+
+    def to_mesh(self) -> tuple[KernelSolid, CheckedMap | None]:
+        """Return what tetrahedra are made of, and the map whose u, v and w they know."""
+        return self.body.to_mesh() if self.regions is None else (self.regions(), None)
 
     @property
     def body(self) -> Body:

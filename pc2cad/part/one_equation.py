@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
-    from pc2cad.checked import FieldFigures
+    from pc2cad.checked import CheckedMap, FieldFigures
     from pc2cad.integrals.inertia import Mass
     from pc2cad.integrals.sensitivity import Sensitivity
     from pc2cad.mesh.grid import Growth
     from pc2cad.mesh.results import Results
+    from pc2cad.mesh.tetrahedra import KernelSolid
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part import Body
     from pc2cad.representation.volume import VolumeModel
@@ -53,6 +54,27 @@ class OfOneEquation(ABC):
         model, areas = self.body.model, self.body.checked.mass.face_areas
         outer = (model.faces[i] for i in model.outer)
         return {face.key: sum(areas[cell] for cell in face.cells) for face in outer}
+
+    def to_mesh(self) -> tuple[KernelSolid, CheckedMap | None]:
+        """Return what tetrahedra are made of, and the map whose u, v and w they know."""
+        from pc2cad.mesh.report import by_side
+        from pc2cad.mesh.tetrahedra import KernelSolid, NamedSurface
+        from pc2cad.mesh.volume_mesh import by_whole_side
+
+        body, layers = self.body, self.layers
+        surfaces = [
+            NamedSurface(face, tuple(by_whole_side(side)))
+            for side, face in self.kernel_sides.items()
+        ]
+        mass, equation = body.checked.mass, body.checked.equation
+        solid = KernelSolid(
+            body.shape, equation.name, equation.units, mass.volume, tuple(surfaces),
+            frozenset(side.label for side in self.kernel_sides if side.is_piece),
+            by_side(self.side_areas.items()),
+            tuple((name, layer, volume) for (name, layer), (volume, _) in
+                  zip(layers.items(), mass.layers if layers else (), strict=True)),
+        )  # fmt: skip
+        return solid, body.checked
 
     @property
     def faces(self) -> dict[str, TopoDS_Face]:
@@ -97,7 +119,8 @@ class OfOneEquation(ABC):
 
         options = MeshOptions(cells, size, order, shape, gradings(grading or {}), core)
         if shape == "tetrahedra":
-            return mesh_solid(self.body, options)[0]
+            solid, checked = self.to_mesh()
+            return mesh_solid(solid, checked, options)[0]
         return mesh_volume(self.body.checked, options)[0]
 
     def splines(
