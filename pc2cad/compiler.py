@@ -207,20 +207,22 @@ def spline_part(
 
 
 def mesh_equation(
-    equation: PointEquation,
+    equation: PointEquation | Bodies,
     mesh: MeshOptions | None = None,
     progress: Progress | None = None,
     options: CompileOptions = DEFAULTS,
 ) -> tuple[VolumeMesh, MeshReport]:
-    """Return the mesh of a point equation and the report on it.
+    """Return the mesh of a point equation, or of several bodies, and the report on it.
 
     `options` are those of the part that tetrahedra are made of. Raises InputError for any with
     hexahedra, NotASolidError where the image is no solid or an element of the mesh is inverted, and
     UnsuitableGridError where the cells do not fit the solid.
     """
-    from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
+    from pc2cad.mesh.meshing import MeshOptions, mesh_volume
 
     wanted, stages = mesh or MeshOptions(), Stages(progress)
+    if isinstance(equation, Bodies):
+        return compile_solid(equation, options, progress).meshed(wanted, stages)
     if options != DEFAULTS and wanted.shape != "tetrahedra":
         raise InputError(
             "tolerance, degree, max_degree and profile are for the B-rep that tetrahedra are made "
@@ -231,8 +233,7 @@ def mesh_equation(
         from pc2cad.validation import check_thickness
 
         checked = check_map(equation, options, stages, check_thickness, faces=True)
-        solid, known = compile_checked(checked, options, stages).to_mesh()
-        return mesh_solid(solid, known, wanted, stages)
+        return compile_checked(checked, options, stages).meshed(wanted, stages)
     return mesh_volume(check_map(equation, stages=stages), wanted, stages)
 
 

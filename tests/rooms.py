@@ -41,7 +41,10 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "verify": ("integrals", "domain", "bounds", "topology", "geometry", "templates", "equation",
                "expression"),
     "sampling": ("checked", "domain", "topology"),
-    "mesh": ("sampling", "checked", "integrals", "domain", "topology", "geometry", "expression"),
+    "mesh": (
+        "sampling", "checked", "integrals", "domain", "topology", "geometry", "equation",
+        "expression",
+    ),
     "brep": ("representation", "topology", "geometry"),
     "validation": (
         "brep", "representation", "checked", "integrals", "solidity", "domain", "topology",

@@ -146,7 +146,7 @@ def test_what_belongs_to_one_equation_is_asked_of_one_body():
     for name in ONE_EQUATION:
         with pytest.raises(SeveralBodiesError, match=r"several bodies \(big, small\)"):
             attrgetter(name)(part)
-    calls = (part.mesh, part.splines, part.sample, lambda: part.locate([[0.5, 0.5, 0.5]]))
+    calls = (part.splines, part.sample, lambda: part.locate([[0.5, 0.5, 0.5]]))
     for call in calls:
         with pytest.raises(SeveralBodiesError, match="belongs to one equation"):
             call()
@@ -396,11 +396,11 @@ def test_every_verb(tmp_path, monkeypatch, capsys):
     assert "result = cut(big, small)" in capsys.readouterr().out
     assert main(["show", "t.toml", "--latex"]) == 0
     capsys.readouterr()
-    for verb in (
-        ["mesh", "--cells", "2x2x2", "-ot.vtu"],
-        ["spline", "-ot.xml"],
-        ["points", "-ot.ply"],
-    ):
+    cells = ["--cells", "2x2x2", "-ot.vtu"]
+    assert main(["mesh", "t.toml", *cells]) == 2
+    assert "several bodies (big, small) have a size of cells" in capsys.readouterr().err
+    assert main(["mesh", "t.toml", "--body", "small", *cells]) == 0
+    for verb in (["spline", "-ot.xml"], ["points", "-ot.ply"]):
         assert main([verb[0], "t.toml", *verb[1:]]) == 2
         assert "--body: big, small" in capsys.readouterr().err
         assert main([verb[0], "t.toml", "--body", "small", *verb[1:]]) == 0

@@ -19,7 +19,7 @@ from pc2cad.cli.main import main
 from pc2cad.errors import InputError
 from pc2cad.export.mesh_files import write_mesh
 from pc2cad.export.spline_files import write_splines
-from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
+from pc2cad.mesh.meshing import MeshOptions, mesh_volume
 from pc2cad.mesh.volume_mesh import VolumeMesh
 from pc2cad.representation.volume import represent_volume
 
@@ -103,7 +103,7 @@ def test_other_meshes_have_fields(kind: str) -> None:
         mesh = mesh_of("ball", cells=(8, 4, 2), core="ogrid")
     else:
         body = replace(part_of("hollow_cylinder").body, checked=with_fields("hollow_cylinder"))
-        mesh = mesh_solid(*body.to_mesh(), MeshOptions(size=1.0, shape="tetrahedra"))[0]
+        mesh = body.meshed(MeshOptions(size=1.0, shape="tetrahedra"))[0]
     assert mesh.columns is not None
     columns = {name: mesh.columns.at_nodes(name) for name in mesh.columns.sizes}
     holds(

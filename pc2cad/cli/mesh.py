@@ -15,7 +15,7 @@ from pc2cad.cli.inputs import (
     add_template,
     bind,
     check_different,
-    load_one,
+    load,
     read_length,
     read_options,
     read_triple,
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Mesh the template and write every file."""
-    template, path = load_one(arguments)
+    template, path = load(arguments)
     equation = bind(template, arguments)
     wanted = read_options(arguments)
     deck = read_deck(arguments)

@@ -20,24 +20,32 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import combinations, permutations, product
+from itertools import combinations, product
 from math import hypot, isfinite
 
 from pc2cad.equation.point_equation import Expectations, PointEquation, Written
+from pc2cad.equation.unit_box import (
+    Trees,
+    at_end,
+    common_sides,
+    minus,
+    over_own_box,
+    over_unit_box,
+    parity,
+    replaced,
+    seem_one,
+    size_of,
+    turned,
+)
 from pc2cad.expression.identity import Verdict, is_zero
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ONE, ZERO, Expr, number, substitute, symbol
+from pc2cad.expression.tree import Expr, number, symbol
 
-#: the coordinates of a point, as trees
-Trees = tuple[Expr, Expr, Expr]
 #: places along a parameter at which planes are looked for; rational, so that constants stay exact
 _PLACES = tuple(number(Fraction(k, 7)) for k in (1, 4, 6))
-#: of the size: what is less counts as nothing where a core is looked for
-_NEAR = 1e-9
-_ENDS = (ZERO, ONE)
-#: places of the box at which maps are compared before algebra is asked
-_SEEN = ((0.21, 0.37, 0.74), (0.83, 0.59, 0.31), (0.47, 0.91, 0.13))
+#: of the size squared: a normal that is shorter is none
+_FLAT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -60,20 +68,11 @@ def sums(first: PointEquation, second: PointEquation) -> Iterator[Sum]:
 
     The parameters of the second may be exchanged and turned round.
     """
-    one, other = _unit(first), _unit(second)
-    near = _NEAR * _size(one)
+    one, other = over_unit_box(first), over_unit_box(second)
     flawed = []
     for p, end in product(range(3), range(2)):
-        places = [_put(place, p, end) for place in _SEEN]
-        core = [_values(one, place) for place in places]
-        for names, flips in product(permutations(range(3)), product((False, True), repeat=3)):
-            ends = (_through(_put(place, p, 1 - end), names, flips) for place in places)
-            if not all(
-                _apart(k, _values(other, x)) <= near for k, x in zip(core, ends, strict=True)
-            ):
-                continue
-            sign = _parity(names) * (-1) ** sum(flips)
-            found = _examined(first, (one, _turned(other, names, flips)), p, end, sign)
+        for turn, _ in common_sides(one, other, p, end, opposite=True):
+            found = _examined(first, (one, turned(other, turn)), p, end, parity(turn))
             if found.unmet:
                 flawed.append(found)
             else:
@@ -83,12 +82,13 @@ def sums(first: PointEquation, second: PointEquation) -> Iterator[Sum]:
 
 def as_written(equation: PointEquation, form: Written) -> Sum:
     """Return what algebra says of a sum as it is written, with the parameters as they are."""
-    inward = _inward(equation)
-    one, other, core = (_with(trees, inward) for trees in (form.first, form.second, form.core))
-    size = _size(one)
+    one, other, core = (
+        over_unit_box(equation, trees) for trees in (form.first, form.second, form.core)
+    )
+    size = size_of(one)
     for p, end in product(range(3), range(2)):
-        ends = _at(one, p, end), _at(other, p, 1 - end)
-        if all(_seem_one(trees, core, size) for trees in ends):
+        ends = at_end(one, p, end), at_end(other, p, 1 - end)
+        if all(seem_one(trees, core, size) for trees in ends):
             return _examined(equation, (one, other), p, end, 1)
     first, second = form.names
     text = (
@@ -103,18 +103,18 @@ def _examined(
 ) -> Sum:
     """Return the sum of two maps over the unit box, the first of which begins in the core."""
     one, other = maps
-    core = _at(one, p, end)
+    core = at_end(one, p, end)
     x, y, z = (a + b - k for a, b, k in zip(one, other, core, strict=True))
     names = tuple(f"{PARAMETERS[p]}={(end, 1 - end)[k]}" for k in range(2))
     made = replace(
-        equation, coordinates=_with((x, y, z), _outward(equation)), layers=(), depth=None,
+        equation, coordinates=over_own_box(equation, (x, y, z)), layers=(), depth=None,
         guide=None, frame="", fields=(), written=(), mover=None, freer=None,
         expectations=Expectations(),
     )  # fmt: skip
-    size = _size(one)
+    size = size_of(one)
     asked = _Asked(size)
     unmet, sides = "", []
-    if not asked.zero(*(a - b for a, b in zip(core, _at(other, p, 1 - end), strict=True))):
+    if not asked.zero(*(a - b for a, b in zip(core, at_end(other, p, 1 - end), strict=True))):
         unmet = f"the core of both is one {asked.last}"
     for q in (k for k in range(3) if k != p):
         if unmet:
@@ -133,7 +133,7 @@ def _across(
         return f"{name} closes", ""
     found = []
     for end in range(2):
-        one, other, middle = (_at(trees, q, end) for trees in (*maps, core))
+        one, other, middle = (at_end(trees, q, end) for trees in (*maps, core))
         if asked.zero(*_along(one, r), *_along(other, r)):
             found.append(f"{name}={end} collapses")
         elif _on_rays(asked, (one, other, middle), p, q):
@@ -153,13 +153,13 @@ def _closed(asked: _Asked, maps: tuple[Trees, Trees], q: int) -> bool:
     """Say whether the sides across a parameter coincide, in both maps."""
     return asked.zero(
         *(a - b for trees in maps
-          for a, b in zip(_at(trees, q, 0), _at(trees, q, 1), strict=True))
+          for a, b in zip(at_end(trees, q, 0), at_end(trees, q, 1), strict=True))
     )  # fmt: skip
 
 
 def _along(trees: Trees, r: int) -> Trees:
     """Return how points change along a parameter, from its beginning."""
-    return _minus(trees, _at(trees, r, 0))
+    return minus(trees, at_end(trees, r, 0))
 
 
 def _on_rays(asked: _Asked, sides: Sequence[Trees], p: int, free: int) -> bool:
@@ -168,8 +168,8 @@ def _on_rays(asked: _Asked, sides: Sequence[Trees], p: int, free: int) -> bool:
     `free` is a parameter that the sides do not have.
     """
     one, other, core = sides
-    along = [_minus(trees, core) for trees in (one, other)]
-    beside = [_with(trees, {PARAMETERS[p]: symbol(PARAMETERS[free])}) for trees in along]
+    along = [minus(trees, core) for trees in (one, other)]
+    beside = [replaced(trees, {PARAMETERS[p]: symbol(PARAMETERS[free])}) for trees in along]
     pairs = ((along[0], beside[0]), (along[1], beside[1]), (along[0], beside[1]))
     return all(asked.zero(*_cross(a, b), degree=2) for a, b in pairs)
 
@@ -181,18 +181,20 @@ def _in_plane(
     p, q, r = of
     one, other, _ = sides
     places = [{PARAMETERS[p]: a, PARAMETERS[r]: b} for a, b in product(_PLACES, repeat=2)]
-    seen = [_with(trees, at) for trees in (one, other) for at in places]
+    seen = [replaced(trees, at) for trees in (one, other) for at in places]
     origin = seen[0]
-    spans = [_minus(place, origin) for place in seen[1:]]
+    spans = [minus(place, origin) for place in seen[1:]]
     normal = max((_cross(a, b) for a, b in combinations(spans, 2)), key=_length)
-    if not _length(normal) > _NEAR * asked.size**2:
+    if not _length(normal) > _FLAT * asked.size**2:
         return False
     for trees in (one, other):
-        if not asked.zero(_dot(normal, _minus(trees, origin)), degree=3):
+        if not asked.zero(_dot(normal, minus(trees, origin)), degree=3):
             return False
     if _closed(asked, maps, r):
         return True
-    return all(_on_rays(asked, [_at(trees, r, end) for trees in sides], p, q) for end in range(2))
+    return all(
+        _on_rays(asked, [at_end(trees, r, end) for trees in sides], p, q) for end in range(2)
+    )
 
 
 class _Asked:
@@ -217,51 +219,6 @@ class _Asked:
         return "in no place but a few" if self.refuted else "wherever it was looked at: not proved"
 
 
-def _unit(equation: PointEquation) -> Trees:
-    """Return the coordinates over the unit box."""
-    return _with(equation.coordinates, _inward(equation))
-
-
-def _inward(equation: PointEquation) -> dict[str, Expr]:
-    return {
-        name: low + (high - low) * symbol(name)
-        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-    }
-
-
-def _outward(equation: PointEquation) -> dict[str, Expr]:
-    return {
-        name: (symbol(name) - low) / (high - low)
-        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-    }
-
-
-def _turned(trees: Trees, names: Sequence[int], flips: Sequence[bool]) -> Trees:
-    """Return a map with its parameters exchanged, and some of them turned round."""
-    values = {}
-    for own, other, flip in zip(PARAMETERS, names, flips, strict=True):
-        there = symbol(PARAMETERS[other])
-        values[own] = ONE - there if flip else there
-    return _with(trees, values)
-
-
-def _parity(names: Sequence[int]) -> int:
-    return -1 if sum(a > b for a, b in combinations(names, 2)) % 2 else 1
-
-
-def _with(trees: Trees, values: dict[str, Expr]) -> Trees:
-    x, y, z = substitute(trees, values)
-    return x, y, z
-
-
-def _at(trees: Trees, direction: int, end: int) -> Trees:
-    return _with(trees, {PARAMETERS[direction]: _ENDS[end]})
-
-
-def _minus(a: Trees, b: Trees) -> Trees:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
 def _cross(a: Trees, b: Trees) -> Trees:
     return (
         a[1] * b[2] - a[2] * b[1],
@@ -278,32 +235,3 @@ def _length(trees: Trees) -> float:
     """Return the length of a constant vector; nothing where it has none."""
     found = hypot(*(evaluate(tree, {}) for tree in trees))
     return found if isfinite(found) else 0.0
-
-
-def _size(trees: Trees) -> float:
-    """Return about how large the image of the unit box is."""
-    seen = [_values(trees, at) for at in product((0.1, 0.6, 0.9), repeat=3)]
-    return max(_apart(seen[0], place) for place in seen[1:])
-
-
-def _seem_one(a: Trees, b: Trees, size: float) -> bool:
-    """Say whether two maps have the same points at a few places."""
-    return all(_apart(_values(a, at), _values(b, at)) <= _NEAR * size for at in _SEEN)
-
-
-def _put(place: Sequence[float], p: int, end: int) -> list[float]:
-    return [float(end) if k == p else x for k, x in enumerate(place)]
-
-
-def _through(place: Sequence[float], names: Sequence[int], flips: Sequence[bool]) -> list[float]:
-    """Return the parameters that a map has at a place before they are exchanged (`_turned`)."""
-    return [1.0 - place[k] if flip else place[k] for k, flip in zip(names, flips, strict=True)]
-
-
-def _apart(a: Sequence[float], b: Sequence[float]) -> float:
-    return hypot(*(x - y for x, y in zip(a, b, strict=True)))
-
-
-def _values(trees: Trees, at: Sequence[float]) -> list[float]:
-    names = dict(zip(PARAMETERS, at, strict=True))
-    return [evaluate(tree, names) for tree in trees]

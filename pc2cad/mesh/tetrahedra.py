@@ -183,7 +183,8 @@ def _check_order(
         here, there = found.Mass(), gmsh.model.occ.getMass(2, tag)
         if abs(here - there) > 1e-3 * here:
             raise MeshingFailedError(
-                f"gmsh's surface {tag} has the area {there:.6g}, the face {surface.sets[-1]} {here:.6g}"
+                f"gmsh's surface {tag} has the area {there:.6g}, the face {surface.sets[-1]} "
+                f"{here:.6g}"
             )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.brep.build import BuiltSolid
 from pc2cad.brep.inspect import bounding_box
-from pc2cad.checked import CheckedMap
+from pc2cad.checked import CheckedMap, Stages
 from pc2cad.errors import require
 from pc2cad.export.colours import side_colour
 from pc2cad.export.files import by_ending, write_atomically
@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
     from pc2cad.brep.booleans import NamedEdge
+    from pc2cad.mesh.meshing import MeshOptions
+    from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.tetrahedra import KernelSolid
+    from pc2cad.mesh.volume_mesh import VolumeMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +76,30 @@ class Part(OfOneEquation):
     #: of several bodies: cuts them along one another, for tetrahedra
     regions: Callable[[], KernelSolid] | None = None
 
-    def to_mesh(self) -> tuple[KernelSolid, CheckedMap | None]:
-        """Return what tetrahedra are made of, and the map whose u, v and w they know."""
-        return self.body.to_mesh() if self.regions is None else (self.regions(), None)
+    def to_mesh(self) -> KernelSolid:
+        """Return what tetrahedra are made of."""
+        return self.body.to_mesh() if self.regions is None else self.regions()
+
+    def meshed(
+        self, options: MeshOptions, stages: Stages | None = None
+    ) -> tuple[VolumeMesh, MeshReport]:
+        """Return the mesh that `mesh` returns, and the report on it.
+
+        Tetrahedra of several bodies have a set for each region (of the places that lie in the same
+        bodies) and for each body's side; hexahedra need bodies that share whole sides. Raises
+        SidesNotSharedError besides.
+        """
+        if len(self.bodies) == 1:
+            return self.body.meshed(options, stages)
+        if options.shape == "tetrahedra":
+            from pc2cad.mesh.meshing import mesh_solid
+
+            return mesh_solid(self.to_mesh(), None, options, stages)
+        from pc2cad.mesh.joined import Whole, mesh_joined
+
+        report, checked = self.report, {name: body.checked for name, body in self.bodies.items()}
+        whole = Whole(report.name, report.units, report.solid.volume, report.solid.area)
+        return mesh_joined(checked, whole, options, stages or Stages())
 
     @property
     def body(self) -> Body:

@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
-    from pc2cad.checked import CheckedMap, FieldFigures
+    from pc2cad.checked import FieldFigures, Stages
     from pc2cad.integrals.inertia import Mass
     from pc2cad.integrals.sensitivity import Sensitivity
     from pc2cad.mesh.grid import Growth
+    from pc2cad.mesh.meshing import MeshOptions
+    from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.results import Results
     from pc2cad.mesh.tetrahedra import KernelSolid
     from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -55,8 +57,8 @@ class OfOneEquation(ABC):
         outer = (model.faces[i] for i in model.outer)
         return {face.key: sum(areas[cell] for cell in face.cells) for face in outer}
 
-    def to_mesh(self) -> tuple[KernelSolid, CheckedMap | None]:
-        """Return what tetrahedra are made of, and the map whose u, v and w they know."""
+    def to_mesh(self) -> KernelSolid:
+        """Return what tetrahedra are made of."""
         from pc2cad.mesh.report import by_side
         from pc2cad.mesh.tetrahedra import KernelSolid, NamedSurface
         from pc2cad.mesh.volume_mesh import by_whole_side
@@ -67,14 +69,13 @@ class OfOneEquation(ABC):
             for side, face in self.kernel_sides.items()
         ]
         mass, equation = body.checked.mass, body.checked.equation
-        solid = KernelSolid(
+        return KernelSolid(
             body.shape, equation.name, equation.units, mass.volume, tuple(surfaces),
             frozenset(side.label for side in self.kernel_sides if side.is_piece),
             by_side(self.side_areas.items()),
             tuple((name, layer, volume) for (name, layer), (volume, _) in
                   zip(layers.items(), mass.layers if layers else (), strict=True)),
         )  # fmt: skip
-        return solid, body.checked
 
     @property
     def faces(self) -> dict[str, TopoDS_Face]:
@@ -115,13 +116,20 @@ class OfOneEquation(ABC):
         too coarse.
         """
         from pc2cad.mesh.grid import gradings
-        from pc2cad.mesh.meshing import MeshOptions, mesh_solid, mesh_volume
+        from pc2cad.mesh.meshing import MeshOptions
 
         options = MeshOptions(cells, size, order, shape, gradings(grading or {}), core)
-        if shape == "tetrahedra":
-            solid, checked = self.to_mesh()
-            return mesh_solid(solid, checked, options)[0]
-        return mesh_volume(self.body.checked, options)[0]
+        return self.meshed(options)[0]
+
+    def meshed(
+        self, options: MeshOptions, stages: Stages | None = None
+    ) -> tuple[VolumeMesh, MeshReport]:
+        """Return the mesh that `mesh` returns, and the report on it."""
+        from pc2cad.mesh.meshing import mesh_solid, mesh_volume
+
+        if options.shape == "tetrahedra":
+            return mesh_solid(self.to_mesh(), self.body.checked, options, stages)
+        return mesh_volume(self.body.checked, options, stages)
 
     def splines(
         self,
