@@ -153,7 +153,8 @@ def equation_of(
         read = read_template(find_template(os.fspath(template)))
     if isinstance(read, BodiesTemplate):
         raise InputError(
-            f"{read.name} has several bodies and no equation of its own to be held against"
+            f"{read.name} has several bodies and no equation of its own to be held against; "
+            "without a template the file is held against itself"
         )
     return read.bind(values)
 

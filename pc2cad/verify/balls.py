@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from math import pi
 from typing import Any, Final
 
@@ -31,7 +32,8 @@ class Jet:
     """Taylor coefficients along one parameter, as balls over a grid of cells.
 
     Centres and radii have the shape (order + 1, cells along s, cells along t). What does not depend
-    on the parameter has the order 0, and what is the same in all cells of a direction has one.
+    on the parameter has the order 0, and what is the same in all cells of a direction has one. One
+    radius may be that of all cells.
     """
 
     def __init__(self, c: Any, r: Any) -> None:
@@ -43,6 +45,16 @@ class Jet:
         """The largest absolute values."""
         return np.asarray(np.abs(self.c) + self.r)
 
+    @property
+    def most(self) -> float:
+        """The largest absolute centre."""
+        return max(float(self.c.max()), -float(self.c.min()))
+
+    @property
+    def coarse(self) -> Jet:
+        """The same with one radius for all cells."""
+        return self if self.r.size == 1 else Jet(self.c, [[[self.r.max()]]])
+
     def __getitem__(self, part: slice) -> Jet:
         """Return some of the coefficients."""
         return Jet(self.c[part], self.r[part])
@@ -50,7 +62,8 @@ class Jet:
     def __add__(self, other: Jet) -> Jet:
         """Return the sum."""
         c, r = _sum(self.c, other.c), _sum(self.r, other.r)
-        return Jet(c, (r + UNIT * np.abs(c)) * OUT)
+        size = self.most + other.most if r.size == 1 else np.abs(c)
+        return Jet(c, (r + UNIT * size) * OUT)
 
     def __neg__(self) -> Jet:
         """Return the negative."""
@@ -58,11 +71,14 @@ class Jet:
 
     def __sub__(self, other: Jet) -> Jet:
         """Return the difference."""
-        return self + (-other)
+        return self + -other
 
     def __mul__(self, other: Jet) -> Jet:
         """Return the product, cut off behind the longer series."""
         a, b = (self, other) if len(self.c) <= len(other.c) else (other, self)
+        if a.r.size == b.r.size == 1:
+            (x, r), (y, s) = (a.most, a.r), (b.most, b.r)
+            return Jet(a.c * b.c, (x * s + r * (y + s) + UNIT * x * y) * OUT + 1e-300)
         # |a| r_b + r_a |b|, each with what rounding adds
         size, rounding = b.size, (len(b.c) + 3) * UNIT
         rest = _product(np.abs(a.c), b.r + rounding * size)
@@ -91,7 +107,7 @@ def _product(a: Array, b: Array) -> Array:
 
 def constant(value: float, rounding: float = UNIT) -> Jet:
     """Return a number that is off by a relative rounding."""
-    return Jet(np.full((1, 1, 1), value), np.full((1, 1, 1), abs(value) * rounding))
+    return Jet([[[value]]], [[[abs(value) * rounding]]])
 
 
 def _summed(shares: Array, a: Jet, b: Jet) -> Jet:
@@ -209,6 +225,7 @@ OPERATIONS: Final[dict[str, Callable[[Jet, Jet], Jet]]] = {
 }
 
 
+@lru_cache(maxsize=LONGEST)
 def _exact(text: str) -> Fraction:
     if not _NUMBER.fullmatch(text):
         raise ReplayError(f"{text[:40]!r} is read where a fraction is needed")
@@ -216,8 +233,12 @@ def _exact(text: str) -> Fraction:
 
 
 def run(program: Sequence[Sequence[Any]], s: Jet, t: Jet) -> list[Jet]:
-    """Return the values of all rows of a program at two parameters."""
+    """Return the values of all rows of a program at two parameters.
+
+    Where these have one radius for all places, so have the values.
+    """
     values: list[Jet] = []
+    coarse = s.r.size == t.r.size == 1 == len(s.c) == len(t.c)
     if len(program) > LONGEST:
         raise ReplayError(f"a program of more than {LONGEST} rows")
     for op, *rest in program:
@@ -241,4 +262,6 @@ def run(program: Sequence[Sequence[Any]], s: Jet, t: Jet) -> list[Jet]:
             values.append(OPERATIONS[op](values[rest[0]], values[rest[1]]))
         else:
             raise ReplayError(f"the operation {op!r}, which is not known here")
+        if coarse:
+            values[-1] = values[-1].coarse
     return values

@@ -268,7 +268,8 @@ class Difference:
         for points, m in zip(rows, self.degrees, strict=True):
             x = 0.5 - 0.5 * np.cos(pi * np.arange(m + 1) / m)
             nodes.append(points[:-1, None] + np.diff(points)[:, None] * x)
-        rounded = [Jet(x[None], np.full(x[None].shape, 4 * UNIT))
+        one = isinstance(self._surface, Spline)  # distances from others may be roots
+        rounded = [Jet(x[None], np.full((1, 1, 1) if one else x[None].shape, 4 * UNIT))
                    for x in (nodes[0].reshape(-1, 1), nodes[1].reshape(1, -1))]  # fmt: skip
         found, _ = self._at(*rounded)
         (c, i), (d, j) = nodes[0].shape, nodes[1].shape
@@ -297,8 +298,7 @@ class Difference:
             half = (0.5 * np.diff(points) * OUT + 2 * UNIT).reshape(shape)
             order = m + 1 if k == axis else 0
             c, r = np.zeros((2, order + 1, *middle.shape))
-            c[0], r[0] = middle, half
-            c[1:2] = half
+            c[0], r[0], c[1:2] = middle, half, half
             jets.append(Jet(c, r))
         found, radius = self._at(jets[0], jets[1])
         rests = [jet.size[m + 1] ** 2 for jet in found if len(jet.c) > m + 1]
