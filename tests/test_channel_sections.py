@@ -14,8 +14,10 @@ from pc2cad.channels.curves import SectionError
 from pc2cad.compiler import compile_equation
 from pc2cad.domain.analysis import analyse
 from pc2cad.errors import InputError
+from pc2cad.expression.scalar import evaluate
 from pc2cad.integrals.mass_properties import integrate
 from pc2cad.templates.file import parse_template
+from pc2cad.templates.template import TemplateError
 
 u, v, w = pc.parameters()
 LINE = pc.polyline([(0, 0, 0), (0, 0, 1)])
@@ -127,7 +129,7 @@ def test_taper_and_varying_walls():
         (lambda: pc.channel(LINE, (v, v), 1, side="up"), ChannelError, "the side of the wall"),
         (lambda: pc.channel(LINE, (v, v), 1, measured="x"), ChannelError, "radial or normal"),
         (lambda: pc.channel(LINE, pc.polygon(RECTANGLE, v, [0, 1, 0, 0]), 0.1, measured="normal"),
-         ChannelError, "the section has a corner at v = "),
+         SectionError, "the section has a corner at v = "),
     ],
 )  # fmt: skip
 def test_what_is_no_section_or_wall_is_refused(make, error, message):
@@ -142,3 +144,57 @@ def test_walls_round_the_arcs_of_a_section_are_exact():
     assert report.evidence == "exact"
     assert Counter(f.carrier for f in report.faces) == {"cylinder": 8, "plane": 10}
     assert report.solid.volume == pytest.approx(0.2 * (8 + pi), rel=1e-12)
+
+
+EVEN = """
+title = "t"
+[parameters]
+wall = {{ default = 0.3, min = 0.01, max = 0.8 }}
+size = {{ default = 2, min = 1, max = 3 }}
+[guide]
+kind = "polyline"
+points = [[0, 0, 0], [0, 0, 1]]
+[curves]
+c = {{ {curve} }}
+[let]
+K = "N + (R-N)*c_x(v) + (Q-N)*c_y(v)"
+out = "(R-N)*c_nx(v) + (Q-N)*c_ny(v)"
+[solid]
+M = "K + out*wall*(w - 0.5)"
+"""
+
+
+@pytest.mark.parametrize(
+    ("curve", "section"),
+    [
+        ('kind = "ellipse", a = "size", b = 1.2', lambda s: pc.ellipse(s, 1.2, v)),
+        ('kind = "polar", r = "size*(1 - cos(3*phi)/20)"',
+         lambda s: tuple(s * (1 - pc.cos(6 * pc.pi * v) / 20) * f(2 * pc.pi * v)
+                         for f in (pc.cos, pc.sin))),
+        ('kind = "polygon", points = [["size", 1], [-2, 1], [-2, -1], [2, -1]]',
+         lambda s: pc.polygon([(s, 1), *RECTANGLE[1:]], v)),
+        ('kind = "polygon", points = [[2, -1], [-2, -1], [-2, 1], ["size", 1]]',
+         lambda s: pc.polygon([*RECTANGLE[:0:-1], (s, 1)], v)),
+        ('kind = "contour", points = [["size", 0], [0, 1], [-1, 0], [0, -1]]',
+         lambda s: pc.contour([(s, 0), (0, 1), (-1, 0), (0, -1)], v)),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("size", [2, 2.5])
+def test_even_walls_of_templates_are_those_of_python(curve, section, size):
+    bound = parse_template(EVEN.format(curve=curve), "t").bind({"size": size})
+    made = pc.channel(pc.frame(LINE), section(size), 0.3, measured="normal")
+    places = [{"u": 0.3, "v": t, "w": s} for t in (0.03, 0.26, 0.61, 0.97) for s in (0, 0.7, 1)]
+    for a, b in zip(bound.coordinates, made.coordinates, strict=True):
+        assert [evaluate(a, p) for p in places] == pytest.approx(
+            [evaluate(b, p) for p in places], rel=1e-13, abs=1e-13
+        )
+
+
+def test_a_corner_without_a_normal_is_refused_where_it_is_asked_for():
+    rounded = (
+        'kind = "polygon", points = [[2, 1], [-2, 1], [-2, -1], [2, -1]], radius = [0, 0, 1, 0]'
+    )
+    with pytest.raises(TemplateError, match=r"\[let\] out.*has a corner at v = "):
+        parse_template(EVEN.format(curve=rounded), "t").bind()
+    radial = EVEN.format(curve=rounded).replace("(R-N)*c_nx(v) + (Q-N)*c_ny(v)", "(K-N)/hypot(c_x(v), c_y(v))")
+    assert parse_template(radial, "t").bind().name == "t"

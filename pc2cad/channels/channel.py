@@ -9,28 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from itertools import pairwise
-from math import hypot
 from typing import Final
 
 from pc2cad.channels.frames import Frame
 from pc2cad.channels.layers import depth
+from pc2cad.channels.outward import length, outward
 from pc2cad.equation.point_equation import Domain, PointEquation, point_equation
 from pc2cad.errors import InputError
-from pc2cad.expression.breaks import find_breaks
-from pc2cad.expression.derivatives import derivatives
-from pc2cad.expression.normal_form import normal_form
-from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import (
     ONE,
     ZERO,
     Expr,
-    Layout,
     Number,
     as_expr,
-    call,
     number,
-    piece_rows,
     pieces,
     symbol,
 )
@@ -113,90 +105,10 @@ def _laid(wall: Wall | None, side: str | None) -> tuple[Expr, Expr]:
 
 
 def _radial(x: Expr, y: Expr, core: Expr, out: Expr) -> tuple[Expr, Expr]:
-    factor = core + out / _length(x, y)
+    factor = core + out / length(x, y)
     return x * factor, y * factor
 
 
 def _normal(x: Expr, y: Expr, core: Expr, out: Expr) -> tuple[Expr, Expr]:
-    along, across = derivatives((x, y), "v")
-    turning = _turning(x, y, along, across)
-    if _is_polygon(x, y):
-        nx, ny = _offsets(x, y, turning)
-        return x * core + nx * out, y * core + ny * out
-    _check_corners((x, y), along, across)
-    factor = turning * out / _length(along, across)
-    return x * core + across * factor, y * core - along * factor
-
-
-def _is_polygon(x: Expr, y: Expr) -> bool:
-    """Say whether both are piecewise linear in v, with corners at the same places."""
-    return all(
-        n.op == "pieces"
-        and n.args[0] is V
-        and n.payload == Layout(x.payload.breaks, 2, 0, True)
-        and not any(c.symbols for c in n.args[1:])
-        for n in (x, y)
-    )
-
-
-def _offsets(x: Expr, y: Expr, turning: int) -> tuple[Expr, Expr]:
-    """Return the piecewise linear field that moves every side of a polygon out by 1."""
-    breaks = x.payload.breaks
-    speeds = [
-        (evaluate(a[1], {}), evaluate(b[1], {}))
-        for a, b in zip(piece_rows(x), piece_rows(y), strict=True)
-    ]
-    normals = [(turning * b / hypot(a, b), -turning * a / hypot(a, b)) for a, b in speeds]
-    corners = []
-    for (a, b), (c, d) in zip([normals[-1], *normals[:-1]], normals, strict=True):
-        size = 1 + a * c + b * d
-        if size < 1e-6:
-            raise ChannelError("the polygon turns back on itself: its walls have no common corner")
-        corners.append(((a + c) / size, (b + d) / size))
-    following = [*corners[1:], corners[0]]
-    widths = [float(q - p) for p, q in pairwise(breaks)]
-    nx, ny = (
-        pieces(
-            V,
-            breaks,
-            tuple(
-                (number(p[axis]), number((q[axis] - p[axis]) / h))
-                for p, q, h in zip(corners, following, widths, strict=True)
-            ),
-            smoothness=0,
-        )
-        for axis in (0, 1)
-    )
-    return nx, ny
-
-
-def _check_corners(section: tuple[Expr, Expr], along: Expr, across: Expr) -> None:
-    """Raise ChannelError where the tangent of the section jumps."""
-    for b in find_breaks(section)[1]:
-        before, after = b.position * (1 - 1e-14) if b.position else 1.0, b.position % 1
-        directions = []
-        for v in (before, after):
-            a, c = (evaluate(t, {"u": 0.381966, "v": v}) for t in (along, across))
-            directions.append((a / hypot(a, c), c / hypot(a, c)))
-        (a, c), (d, e) = directions
-        if abs(a * e - c * d) > 1e-6 or a * d + c * e < 0:
-            raise ChannelError(
-                f"the section has a corner at v = {b.position:.6g}, where its normal jumps: round "
-                "it, measure the wall radially, or take a polygon (whose walls meet in a mitre)"
-            )
-
-
-def _turning(x: Expr, y: Expr, along: Expr, across: Expr) -> int:
-    """Return 1 where the section runs counter-clockwise about the guide, else -1."""
-    place = {"u": 0.381966, "v": 0.618034}
-    a, b, c, d = (evaluate(t, place) for t in (x, y, along, across))
-    return 1 if a * d - b * c > 0 else -1
-
-
-def _length(x: Expr, y: Expr) -> Expr:
-    """Return √(x² + y²), a number where the normal form shows that it is one."""
-    square = x**2 + y**2
-    form = normal_form(square, largest=200)
-    if form is not None and set(form) == {()}:
-        square = number(form[()])
-    return call("sqrt", square)
+    nx, ny = outward((x, y))
+    return x * core + nx * out, y * core + ny * out

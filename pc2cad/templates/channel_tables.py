@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.channels import curves
+from pc2cad.channels.outward import V, outward
 from pc2cad.equation.points import Combination, Value
 from pc2cad.errors import InputError
 from pc2cad.expression.scalar import evaluate
@@ -78,14 +79,28 @@ def attempt(tables: Tables, key: str, make: Callable[[], Any]) -> Any:
 
 
 def read_curve(tables: Tables, name: str, raw: Any) -> None:
-    """Define NAME_x(t) and NAME_y(t) for a curve."""
+    """Define NAME_x(t) and NAME_y(t) for a curve, and its outward normal NAME_nx(t), NAME_ny(t)."""
     key = f"[curves.{shown(name)}]"
     kind = _check_kind(tables, key, raw, CURVES)
     pair = attempt(tables, key, partial(_curve, tables, key, kind, raw))
     tables.define(key, name, None)
-    for axis, function in zip("xy", pair, strict=True):
+    functions = (*pair, *_normal(tables, pair))
+    for axis, function in zip(("x", "y", "nx", "ny"), functions, strict=True):
         tables.define(key, f"{name}_{axis}", None)
         tables.curves[f"{name}_{axis}"] = function
+
+
+def _normal(tables: Tables, pair: curves.Curve) -> curves.Curve:
+    """Return the curve's outward normal, which is not looked for before it is asked for."""
+
+    @lru_cache(maxsize=1)
+    def found() -> tuple[Expr, Expr]:
+        return outward((pair[0](V), pair[1](V)), tables.valued)
+
+    def along(axis: int, t: Expr) -> Expr:
+        return substitute((found()[axis],), {"v": t})[0]
+
+    return partial(along, 0), partial(along, 1)
 
 
 def _curve(tables: Tables, key: str, kind: str, raw: dict[str, Any]) -> curves.Curve:
