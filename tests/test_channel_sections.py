@@ -196,5 +196,6 @@ def test_a_corner_without_a_normal_is_refused_where_it_is_asked_for():
     )
     with pytest.raises(TemplateError, match=r"\[let\] out.*has a corner at v = "):
         parse_template(EVEN.format(curve=rounded), "t").bind()
-    radial = EVEN.format(curve=rounded).replace("(R-N)*c_nx(v) + (Q-N)*c_ny(v)", "(K-N)/hypot(c_x(v), c_y(v))")
-    assert parse_template(radial, "t").bind().name == "t"
+    normal, radial = "(R-N)*c_nx(v) + (Q-N)*c_ny(v)", "(K-N)/hypot(c_x(v), c_y(v))"
+    text = EVEN.format(curve=rounded).replace(normal, radial)
+    assert parse_template(text, "t").bind().name == "t"

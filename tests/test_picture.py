@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -126,10 +127,32 @@ def test_names_of_hidden_and_collapsed_sides_say_so():
     assert "w=0 (behind)" in [shape.text for shape in hidden if isinstance(shape, Text)]
 
 
+def test_pieces_without_room_are_named_once_beside_the_part():
+    scene = drawing(cube(), Style(labels=True))
+    camera = camera_for(scene, VIEWS["iso"], (640, 520))
+    seen = raster.depths(scene, camera)
+    one, *_ = (label for label in scene.labels if label.text == "w=1")
+    across = np.argsort(-camera.project(one.places)[0][:, 0])[:40]  # beside the outline
+    pieces = tuple(
+        replace(one, text=f"w=1 (piece {i} of u)", places=one.places[across], whole="w=1")
+        for i in range(40)
+    )
+    few = [s for s in overlay(pieces[:2], None, camera, seen) if isinstance(s, Text)]
+    assert [s.text for s in few] == ["w=1 (piece 0 of u)", "w=1 (piece 1 of u)"]
+    (text,) = (s for s in overlay(pieces, None, camera, seen) if isinstance(s, Text))
+    assert text.text == "w=1 (40 faces)"
+    rows = slice(int(text.y - TEXT_HEIGHT / 2), int(text.y + TEXT_HEIGHT / 2))
+    assert (seen[rows, int(text.x) : int(text.x + text.width)] == seen.min()).all()
+
+
 def test_names_without_room_are_counted_and_none_lies_upon_another():
     scene = drawing(part_of("pyramid"), Style(labels=True))
     camera = camera_for(scene, VIEWS["iso"], (640, 520))
-    crowd = scene.labels * 20
+    crowd = tuple(
+        replace(label, text=f"{label.text} {i}", whole="")
+        for i in range(20)
+        for label in scene.labels
+    )
     *names, note = [s for s in overlay(crowd, None, camera, None) if isinstance(s, Text)]
     assert 10 <= len(names) < len(crowd)
     assert note.text == f"no room for the names of {len(crowd) - len(names)} seen"

@@ -52,7 +52,11 @@ def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
         Surface(f.name, f.points + o, f.triangles, f.normals, f.colour)
         for f, o in zip(faces, offsets, strict=True)
     )
-    labels = tuple(Label(f.name, f.points[f.triangles].mean(axis=1)) for f in moved if style.labels)
+    labels = tuple(
+        Label(f.name, f.points[f.triangles].mean(axis=1), whole=f.name.rpartition(":")[0])
+        for f in moved
+        if style.labels
+    )
     lines: tuple[Lines, ...] = ()
     if style.edges:
         ways = [

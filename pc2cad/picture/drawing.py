@@ -80,7 +80,7 @@ def _labels(part: Part, patches: list[Patch], offsets: Array) -> list[Label]:
     labels = []
     for index, face in enumerate(part.model.faces):
         points = np.concatenate([_meshes(p) for p in patches if p.index == index])
-        labels.append(Label(face.name, points + offsets[index]))
+        labels.append(Label(face.name, points + offsets[index], whole=face.key.whole.label))
     return labels
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -92,8 +93,34 @@ def overlay(
 ) -> list[Shape]:
     """Return the shapes of names and colour scale; `seen` is the depth at each pixel.
 
-    Faces that are seen are named first. What finds no room near its place is counted instead.
+    Faces that are seen are named first. Where there is no room for all of these, what belongs
+    together is named once, ``w=1 (12 faces)``; what finds no room even so is counted instead.
     """
+    shapes, (left_out, behind) = _arranged(labels, camera, seen)
+    if left_out and (merged := _merged(labels)) != labels:
+        shapes, (left_out, behind) = _arranged(merged, camera, seen)
+    if left_out or behind:
+        shapes.append(_without_room([left_out, behind], camera))
+    return shapes + (_scale(bar, camera) if bar is not None else [])
+
+
+def _merged(labels: tuple[Label, ...]) -> tuple[Label, ...]:
+    """Return one label for all that belong together, in the place of their first."""
+    groups: dict[str, list[Label]] = {}
+    for label in labels:
+        groups.setdefault(label.whole or label.text, []).append(label)
+    return tuple(
+        group[0] if len(group) == 1 else
+        replace(group[0], text=f"{whole} ({len(group)} faces)",
+                places=np.concatenate([label.places for label in group]))
+        for whole, group in groups.items()
+    )  # fmt: skip
+
+
+def _arranged(
+    labels: tuple[Label, ...], camera: Camera, seen: Array | None
+) -> tuple[list[Shape], tuple[int, int]]:
+    """Return names beside their places, and how many of seen and hidden ones found no room."""
     placed: list[tuple[bool, Text, float, float]] = []
     for label in labels:
         pixels, depth = camera.project(label.places)
@@ -111,16 +138,14 @@ def overlay(
         text = f"{label.text} (behind)" if hidden else label.text
         name = Text(text, 0, 0, GREY if hidden else label.colour, halo=True)
         placed.append((hidden, name, float(x), float(y)))
+    room = _Room(camera, seen)
     shapes: list[Shape] = []
-    taken: list[tuple[float, float, float]] = []
     left_out = [0, 0]
     for hidden, name, x, y in sorted(placed, key=lambda each: each[0]):
-        found = _named(name, x, y, TRIES_BEHIND if hidden else TRIES, camera, taken)
+        found = room.named(name, x, y, TRIES_BEHIND if hidden else TRIES)
         left_out[hidden] += not found
         shapes += found
-    if any(left_out):
-        shapes.append(_without_room(left_out, camera))
-    return shapes + (_scale(bar, camera) if bar is not None else [])
+    return shapes, (left_out[0], left_out[1])
 
 
 def _without_room(left_out: list[int], camera: Camera) -> Text:
@@ -131,37 +156,49 @@ def _without_room(left_out: list[int], camera: Camera) -> Text:
     return Text(text, 8, camera.size[1] - TEXT_HEIGHT, GREY, halo=True)
 
 
-def _named(
-    name: Text,
-    x: float,
-    y: float,
-    tries: int,
-    camera: Camera,
-    taken: list[tuple[float, float, float]],
-) -> list[Shape]:
-    """Return a text beside its place with a leader, away from those before it; none for no room."""
-    width, height = camera.size
-    right, left_of = x + 26, x - 26 - name.width
-    sides = (right, left_of) if x >= width / 2 else (left_of, right)
-    for step, left in product(range(tries), sides):
-        # up and down in turn, further out each time
-        down = (1 if step % 2 else -1) * (20 + 0.6 * TEXT_HEIGHT * (step // 2))
-        if not 4 <= left <= width - name.width - 4:
-            continue
-        top = min(max(y + down, TEXT_HEIGHT), height - TEXT_HEIGHT)
-        if all(
+class _Room:
+    """Where names may still stand in a picture: not upon one another, and beside the part first."""
+
+    def __init__(self, camera: Camera, seen: Array | None) -> None:
+        self._size = camera.size
+        self._taken: list[tuple[float, float, float]] = []
+        covered = np.zeros(camera.size[::-1]) if seen is None else seen > seen.min()
+        sums = np.cumsum(np.cumsum(covered, axis=0, dtype=np.int64), axis=1)
+        self._covered = np.pad(sums, ((1, 0), (1, 0)))
+
+    def named(self, name: Text, x: float, y: float, tries: int) -> list[Shape]:
+        """Return a text beside its place with a leader; none where there is no room."""
+        places = [place for place in self._places(name, x, y, tries) if self._free(name, *place)]
+        if not places:
+            return []
+        left, top = min(places, key=lambda place: self._hides(name, *place))  # the first of equals
+        self._taken.append((left, left + name.width, top))
+        near = min(max(x, left), left + name.width)
+        leader = Stroke((x, y), (near, top), name.colour, dot=True)
+        return [leader, replace(name, x=left, y=top)]
+
+    def _places(self, name: Text, x: float, y: float, tries: int) -> Iterator[tuple[float, float]]:
+        """Yield left ends: up and down in turn, further out each time."""
+        width, height = self._size
+        right, left_of = x + 26, x - 26 - name.width
+        sides = (right, left_of) if x >= width / 2 else (left_of, right)
+        for step, left in product(range(tries), sides):
+            down = (1 if step % 2 else -1) * (20 + 0.6 * TEXT_HEIGHT * (step // 2))
+            if 4 <= left <= width - name.width - 4:
+                yield left, min(max(y + down, TEXT_HEIGHT), height - TEXT_HEIGHT)
+
+    def _free(self, name: Text, left: float, top: float) -> bool:
+        return all(
             abs(top - other) > 1.2 * TEXT_HEIGHT or left > end or left + name.width < start
-            for start, end, other in taken
-        ):
-            break
-    else:
-        return []
-    taken.append((left, left + name.width, top))
-    near = min(max(x, left), left + name.width)
-    return [
-        Stroke((x, y), (near, top), name.colour, dot=True),
-        replace(name, x=left, y=top),
-    ]
+            for start, end, other in self._taken
+        )
+
+    def _hides(self, name: Text, left: float, top: float) -> bool:
+        """Say whether a name would lie over the part."""
+        a, b = int(left), int(left + name.width)
+        c, d = int(top - TEXT_HEIGHT / 2), int(top + TEXT_HEIGHT / 2)
+        sums = self._covered
+        return bool(sums[d, b] - sums[c, b] - sums[d, a] + sums[c, a])
 
 
 def _scale(bar: Bar, camera: Camera) -> list[Shape]:

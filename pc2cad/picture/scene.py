@@ -48,11 +48,15 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A name for something; its places (n, 3) are where it may point to."""
+    """A name for something; its places (n, 3) are where it may point to.
+
+    `whole` is what it is a part of, where several belong together.
+    """
 
     text: str
     places: Array
     colour: Colour = INK
+    whole: str = ""
 
 
 @dataclass(frozen=True, eq=False)
