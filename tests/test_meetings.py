@@ -190,7 +190,7 @@ def test_pipes_at_any_angle_and_of_any_size(turn, rise, radius, scale, moved):
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(
     turn=tenths(-10, 10), rise=tenths(-6, 6), radius=tenths(2, 8), wave=tenths(1, 4),
     scale=st.sampled_from([1.0, 30.0, 1e4]),
