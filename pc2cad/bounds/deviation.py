@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.bounds.cells import Cells, conversion_loss, halving, to_bernstein, windows
 from pc2cad.bounds.remainder import Direction, Remainders
@@ -177,12 +178,12 @@ def direction_along(trees: tuple[Expr, ...], name: str, knots: Array, degree: in
     if known is not None and known > max(degree, HIGHEST_EXACT):
         known = None
     nodes = degree + EXTRA if known is None else max(degree, known)
-    points = np.unique(knots)
+    points = distinct(knots)
     breaks = []
     for position in (b.position for b in find_breaks(trees, analytic=True)[PARAMETERS.index(name)]):
         nearest = points[np.argmin(np.abs(points - position))]
         breaks.append(float(nearest) if abs(nearest - position) < SAME_POSITION else position)
-    points = np.unique(np.concatenate((points, breaks)))
+    points = distinct(np.concatenate((points, breaks)))
     return Direction(name, Cells(points, nodes), known is not None, tuple(breaks))
 
 

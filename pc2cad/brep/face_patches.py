@@ -17,6 +17,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.brep.from_kernel import path_function, surface_function
 from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_face
 from pc2cad.errors import KernelError
@@ -94,7 +95,7 @@ class Patch:
             even = abs(ends[1, axis] - (first + last) / 2) <= 1e-9 * abs(last - first)
             if known is not None and straight and even:
                 shares = (known - first) / (last - first)
-                return np.unique([0.0, *shares[(shares > 1e-9) & (shares < 1 - 1e-9)], 1.0])
+                return distinct([0.0, *shares[(shares > 1e-9) & (shares < 1 - 1e-9)], 1.0])
         return np.empty(0)
 
 

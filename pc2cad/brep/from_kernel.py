@@ -41,6 +41,7 @@ from OCP.Geom2d import (
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.brep.spline_integrals import differences, flat_knots, read_curve, read_patch, spline_jet
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import CurveFunction, Jet, Sizes, SurfaceFunction
@@ -166,7 +167,7 @@ def _spline(
         def weight(t: Array) -> Array:
             return weights(t)[0][:, 0]
 
-    return CurveFunction(jet, np.unique(knots), degree, sizes, weight)
+    return CurveFunction(jet, distinct(knots), degree, sizes, weight)
 
 
 def net_sizes(
@@ -255,7 +256,7 @@ def surface_function(surface: Geom_Surface, origin: Array) -> SurfaceFunction:
 def _patch(surface: Geom_BSplineSurface, origin: Array) -> SurfaceFunction:
     patch = read_patch(surface, origin)
     return SurfaceFunction(
-        patch.scattered, (np.unique(patch.knots[0]), np.unique(patch.knots[1])), patch.degrees,
+        patch.scattered, (distinct(patch.knots[0]), distinct(patch.knots[1])), patch.degrees,
         cache(lambda: net_sizes(patch.poles, patch.knots, patch.degrees)),
         weight=patch.weight if patch.poles.shape[2] > 3 else None, product=patch.on_grid,
     )  # fmt: skip

@@ -11,6 +11,7 @@ from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.errors import KernelError
 from pc2cad.geometry.splines.spline_basis import (
@@ -32,7 +33,7 @@ def flux(points: Array, normals: Array, weights: Array) -> Array:
 
 def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
     """Return the nodes and weights of a Gauss rule on every span between knots."""
-    spans = np.unique(knots)
+    spans = distinct(knots)
     x, weight = legendre(count)
     half = np.diff(spans)[:, None] / 2
     nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
@@ -160,7 +161,7 @@ class Patch:
     @property
     def accuracy(self) -> float:
         """What the area is worth: all digits on few pieces (exact forms), a fit's own on many."""
-        pieces = [len(np.unique(knots)) - 1 for knots in self.knots]
+        pieces = [len(distinct(knots)) - 1 for knots in self.knots]
         return 1e-13 if pieces[0] * pieces[1] <= MOST_EXACT_PIECES else 1e-10
 
     def integrate(self) -> Array:
@@ -184,7 +185,7 @@ class Patch:
         low, high = self.knots[1 - direction][0], self.knots[1 - direction][-1]
         lines = low + (high - low) * _LINES
         accuracy = self.accuracy
-        panels = np.unique(self.knots[direction])
+        panels = distinct(self.knots[direction])
         panels = np.stack((panels[:-1], panels[1:]), axis=1)
         done: list[tuple[Array, Array]] = []
         sizes: Array | float = 0.0

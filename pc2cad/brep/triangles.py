@@ -22,6 +22,7 @@ from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopLoc import TopLoc_Location
 
 from pc2cad.arrays import AnyArray, Array, Booleans, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.brep.face_patches import shapes_of
 from pc2cad.brep.kernel import as_face
 from pc2cad.brep.triangle_agreement import Reference, Slack, face_slack
@@ -202,7 +203,7 @@ def edge_defects(triangles: Integers, vertex_count: int) -> EdgeDefects:
     if np.array_equal(ahead, back) and (np.diff(ahead) > 0).all():
         return EdgeDefects(0, 0)
     forward, counts = np.unique(ahead, return_counts=True)
-    backward = np.unique(back)
+    backward = distinct(back)
     lonely = np.setdiff1d(forward, backward, assume_unique=True)
     return EdgeDefects(open=int(lonely.size), repeated=int((counts - 1).sum()))
 

@@ -24,6 +24,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
 from pc2cad.brep.kernel import as_edge, as_face
@@ -237,14 +238,14 @@ def plane_moments(
         t, weights = gauss_on(cuts, 2 * basis.degree)
         return np.asarray(product(moments(t), weights))
     pieces = 1 if basis.breaks is not None else max(1, int(np.ceil((last - first) / STEP)))
-    cuts = np.unique(np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)]))
+    cuts = distinct(np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)]))
 
     def rule(cells: Array, orders: tuple[int, ...]) -> Array:
         t, weights = _nodes(cells, orders[0])
         values = moments(t.ravel()).reshape(6, *t.shape)
         return np.asarray((values * weights).sum(axis=-1).T)
 
-    point, slope = basis.jet(np.unique(np.linspace(cuts[:-1], cuts[1:], 9)))
+    point, slope = basis.jet(distinct(np.linspace(cuts[:-1], cuts[1:], 9)))
     reach, speed = (float(np.abs(x @ axes.T).max()) for x in (point, slope))
     worth = (last - first) * speed * reach ** np.array([1, 2, 2, 3, 3, 3])
     cells = np.stack((cuts[:-1], cuts[1:]), axis=1)

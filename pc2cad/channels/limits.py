@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.breaks import find_breaks
@@ -103,7 +104,7 @@ class _Channel:
         breaks = find_breaks((*M, *N))
         self._axes = [_axis([b.position for b in row]) for row in breaks]
         across = [0.0, *(b.position for b in breaks[2] if 0 < b.position < 1), 1.0]
-        self._axes[2] = np.unique([*across, *((a + b) / 2 for a, b in pairwise(across))])
+        self._axes[2] = distinct([*across, *((a + b) / 2 for a, b in pairwise(across))])
 
     # -- values over the box ------------------------------------------------------------------
 
@@ -134,7 +135,7 @@ class _Channel:
             ]
             for d in range(3):
                 # the places of what was found stay among those looked at
-                axes[d] = np.unique(np.append(axes[d], place[d]))
+                axes[d] = distinct(np.append(axes[d], place[d]))
         return smallest, (place[0], place[1], place[2])
 
     def _shown(self, place: tuple[float, ...]) -> str:
@@ -260,7 +261,7 @@ class _Channel:
     def _near_pairs(self) -> tuple[Array, float]:
         """Return places (n, 2) whose distance is a local minimum, and the step between samples."""
         u = self._axes[0]
-        fine = np.unique(np.concatenate([u, (u[1:] + u[:-1]) / 2]))
+        fine = distinct(np.concatenate([u, (u[1:] + u[:-1]) / 2]))
         _, first = self._curve(fine)
         speed = _norm(first)
         moving = speed > 0  # where the guide stands still, its neighbours tell how it turns
@@ -332,7 +333,7 @@ def _axis(breaks: list[float]) -> Array:
     for low, high in pairwise(limits):
         ends = np.where(share == 1.0, 1 - 1e-12, share) if high < 1 else share
         rows.append(low + (high - low) * ends)
-    return np.unique(np.concatenate(rows))
+    return distinct(np.concatenate(rows))
 
 
 def _product(a: Sequence[Array], b: Sequence[Array]) -> Array:

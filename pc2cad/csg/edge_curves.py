@@ -18,6 +18,7 @@ from numpy.polynomial import chebyshev
 from scipy.special import comb
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.jets import CurveFunction, EdgeFunction, Sizes, Trace, crossings
 
 #: of the pieces: values and tangents at both ends, and four values between
@@ -210,7 +211,7 @@ def _cuts(planes: _Planes) -> Array:
         for axis, breaks in enumerate(trace.surface.breaks):
             if breaks is not None and len(breaks) > 2:
                 found.append(crossings(path, np.linspace(0.0, 1.0, 9), axis, breaks[1:-1]))
-    cuts = np.unique(np.concatenate(found))
+    cuts = distinct(np.concatenate(found))
     cuts = cuts[np.append(True, np.diff(cuts) > SHORTEST)]
     return np.append(cuts[:-1], 1.0) if len(cuts) > 1 else np.array([0.0, 1.0])
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.equation.fields import SYMBOLS, Field
@@ -97,6 +98,6 @@ def looked_at(analysis: Analysis, field: LocalField, inside: int = 9) -> Array:
     for d in range(3):
         limits = sorted({*analysis.bounds[d], *field.breaks[d]})
         parts = [np.linspace(a, b, inside) for a, b in pairwise(limits)]
-        rows.append(np.unique(np.concatenate(parts)))
+        rows.append(distinct(np.concatenate(parts)))
     grid = np.broadcast_arrays(*open_grid(*rows))
     return np.stack([g.ravel() for g in grid], axis=1)

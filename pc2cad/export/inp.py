@@ -14,6 +14,7 @@ from typing import TextIO
 import numpy as np
 
 from pc2cad.arrays import Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.export.mesh_files import plain_names
 from pc2cad.mesh.elements import COLLAPSED_PYRAMID
 from pc2cad.mesh.volume_mesh import VolumeMesh
@@ -59,7 +60,7 @@ def put(stream: TextIO, mesh: VolumeMesh, types: Mapping[str, str]) -> None:
     for name in mesh.sides:
         rows = facets(mesh, name)
         stream.write(f"*ELSET, ELSET={names[name]}\n")
-        _numbers(stream, np.unique(rows[:, 0]))
+        _numbers(stream, distinct(rows[:, 0]))
         stream.write(f"*SURFACE, NAME={names[name]}, TYPE=ELEMENT\n")
         put_rows(stream, "%d, S%d\n", rows)
 

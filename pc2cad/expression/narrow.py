@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays.distinct import distinct
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
@@ -57,7 +58,7 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
             break
         width /= 2**STEP
         low = (low[:, None] + width * np.arange(2**STEP)).ravel()
-    limits = np.unique(np.concatenate([np.empty(0), *found]))
+    limits = distinct(np.concatenate([np.empty(0), *found]))
     return np.asarray(limits[(limits > 0) & (limits < 1)])
 
 

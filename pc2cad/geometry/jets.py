@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 
 Jet = tuple[Array, Array, Array]
 
@@ -94,7 +95,7 @@ def cuts_between(span: tuple[float, float], *breaks: Array | None) -> Array:
     """Return the ends of a range of a parameter and all breaks between them, ascending."""
     first, last = span
     found = [b[(b > first) & (b < last)] for b in breaks if b is not None]
-    return np.unique(np.concatenate([[first, last], *found]))
+    return distinct(np.concatenate([[first, last], *found]))
 
 
 def crossings(path: CurveFunction, cuts: Array, axis: int, values: Array) -> Array:
@@ -102,7 +103,7 @@ def crossings(path: CurveFunction, cuts: Array, axis: int, values: Array) -> Arr
 
     It is looked at between its `cuts`; values that it reaches at their ends only are left out.
     """
-    t = np.unique(np.concatenate([np.linspace(a, b, 17) for a, b in pairwise(cuts)]))
+    t = distinct(np.concatenate([np.linspace(a, b, 17) for a, b in pairwise(cuts)]))
     at = path.jet(t)[0][:, axis]
     lowest, highest = float(at.min()), float(at.max())
     inner = values[(values > lowest) & (values < highest)]

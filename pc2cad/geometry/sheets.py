@@ -14,6 +14,7 @@ from math import comb
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
 
 #: arcs of conics are no longer than this (radians)
@@ -183,7 +184,7 @@ def circle_pieces(start: float, end: float) -> Array:
 
 def spans(knots: Array) -> Array:
     """Return the ends of a spline's polynomial pieces."""
-    return np.unique(knots)
+    return distinct(knots)
 
 
 def _to_pieces(knots: Array, degree: int) -> tuple[Integers, Array]:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import along
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.analysis import Analysis
@@ -148,7 +149,7 @@ class _Layout:
         node_sets = {
             name: found[found >= 0]
             for name, parts in sets.items()
-            for found in (np.unique(place_of[np.concatenate(parts)]),)
+            for found in (distinct(place_of[np.concatenate(parts)]),)
         }
         equation = self._analysis.equation
         of_layer = by_layer(equation.layers, {HEXAHEDRON.name: np.concatenate(layers)})

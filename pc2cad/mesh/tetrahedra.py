@@ -21,6 +21,7 @@ from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_FormatVersion
 
 from pc2cad.arrays import Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
@@ -217,7 +218,7 @@ def _mesh(
     order: int,
 ) -> VolumeMesh:
     """Return the mesh of tetrahedra in gmsh's numbers of nodes, and of triangles by set."""
-    used = np.unique(block)
+    used = distinct(block)
     place = np.empty(int(np.max(tags)) + 1, dtype=np.int64)
     place[np.asarray(tags, dtype=np.int64)] = np.arange(len(tags))
     points = np.asarray(coordinates).reshape(-1, 3)[place[used]]
@@ -233,7 +234,7 @@ def _mesh(
     )
     # between solids there are nodes only: facets of the mesh bound it
     every = replace(mesh, sides={name: (facets,) for name, facets in found.items()})
-    sets = {name: np.unique(every.facet_nodes(name)["triangle"]) for name in found}
+    sets = {name: distinct(every.facet_nodes(name)["triangle"]) for name in found}
     return replace(mesh, node_sets=sets)
 
 
@@ -244,10 +245,10 @@ def _facets(block: Integers, triangles: Integers) -> tuple[Integers, Integers]:
     """
     rings = [np.sort(block[:, list(ring)], axis=1) for ring in TETRAHEDRON.faces]
     rows = np.concatenate([np.sort(triangles, axis=1), *rings])
-    _, key = np.unique(rows, axis=0, return_inverse=True)
+    _, key = distinct(rows, axis=0, return_inverse=True)
     wanted, of_faces = key.ravel()[: len(triangles)], key.ravel()[len(triangles) :]
     found = np.flatnonzero(np.isin(of_faces, wanted))
-    found = found[np.unique(of_faces[found], return_index=True)[1]]
+    found = found[distinct(of_faces[found], return_index=True)[1]]
     if len(found) != len(triangles):
         raise MeshingFailedError("gmsh's triangles are not the faces of its tetrahedra")
     return found % len(block), (found // len(block)).astype(np.int8)

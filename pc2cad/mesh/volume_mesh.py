@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.mesh.elements import TYPES, gradients, rule, shapes
 from pc2cad.topology.cells import SideKey
@@ -101,7 +102,7 @@ class VolumeMesh:
         found: dict[str, list[Integers]] = {}
         for facets in self.sides[side]:
             kind = TYPES[facets.kind]
-            for face in np.unique(facets.faces):
+            for face in distinct(facets.faces):
                 rows = facets.elements[facets.faces == face]
                 local = kind.face_nodes(int(face), order)
                 shape = "quad" if len(kind.faces[face]) == 4 else "triangle"

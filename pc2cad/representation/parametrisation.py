@@ -18,6 +18,7 @@ from functools import reduce
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.restrictions import (
     DirectionClasses,
     Piece,
@@ -190,7 +191,7 @@ class Parametrisations:
         """Return the places of a class that are looked at closely, in the splines' parameter."""
         focus = np.array(aim.focus.get(owner, ()), dtype=float)
         symmetric = self._classes.rules(owner).symmetric
-        return np.unique(np.concatenate((focus, 1 - focus))) if symmetric else focus
+        return distinct(np.concatenate((focus, 1 - focus))) if symmetric else focus
 
     def _rules(self, owner: Piece) -> DirectionRules:
         rules = self._classes.rules(owner)

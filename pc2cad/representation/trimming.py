@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     CurveCarrier,
@@ -147,7 +148,7 @@ def _breaks(carrier: CurveCarrier) -> Array:
     if not isinstance(carrier, SplineCurve):
         return np.array([0.0, 0.5, 1.0])
     simple = len(carrier.knots) <= 40 * (carrier.degree + 1)
-    return np.unique(carrier.knots) if simple else np.array([0.0, 1.0])
+    return distinct(carrier.knots) if simple else np.array([0.0, 1.0])
 
 
 class _Places:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.sampling.nearest import Boundary
@@ -32,7 +33,7 @@ def seed_points(analysis: Analysis) -> tuple[Array, Array]:
         grid = analysis.map.points(*open_grid(*_line(d)))
         steps = np.sqrt((np.diff(grid.reshape(-1, 3), axis=0) ** 2).sum(axis=1)).sum()
         many = int(np.clip(_SEEDS * steps / max(analysis.size, 1e-300), 3, 40 * _SEEDS))
-        nodes.append(np.unique(np.concatenate((np.linspace(0, 1, many), inner))))
+        nodes.append(distinct(np.concatenate((np.linspace(0, 1, many), inner))))
     places = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)
     return places, analysis.map.points(*places.T)
 

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.topology.cells import normal_direction
@@ -107,7 +108,7 @@ class Boundary:
     def _nodes(self, direction: int, cells: int) -> Array:
         """Return the ends and middles of cells, none of them across a break."""
         inner = [b.position for b in self._analysis.breaks[direction] if 0 < b.position < 1]
-        ends = np.unique(np.concatenate((np.linspace(0, 1, cells + 1), inner)))
+        ends = distinct(np.concatenate((np.linspace(0, 1, cells + 1), inner)))
         nodes = np.empty(2 * len(ends) - 1)
         nodes[::2], nodes[1::2] = ends, (ends[1:] + ends[:-1]) / 2
         return nodes

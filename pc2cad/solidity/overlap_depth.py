@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.solidity.nearest_places import descended
@@ -74,7 +75,7 @@ class _Boundary:
         even = np.linspace(0.0, 1.0, _PLACES)
         found = [_Samples(k, f, (even, even)) for k, f in enumerate(self.functions)]
         for face, place in self.contact:
-            s, t = (np.unique(np.clip(x + _ABOUT, 0.0, 1.0)) for x in place)
+            s, t = (distinct(np.clip(x + _ABOUT, 0.0, 1.0)) for x in place)
             found.append(_Samples(face, self.functions[face], (s, t)))
         return found
 

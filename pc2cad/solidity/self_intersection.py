@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
 from pc2cad.solidity.bounding_volumes import (
     BETWEEN,
@@ -216,7 +217,7 @@ class _Descent:
         extent = np.abs(parts.samples - parts.samples[:, 1:2, 1:2]).max(axis=(1, 2, 3))[pairs]
         # of a large and a small part only the large one is cut
         cut = extent >= 0.5 * extent[:, ::-1]
-        whole, chosen = np.unique(pairs[~cut]), np.unique(pairs[cut])
+        whole, chosen = distinct(pairs[~cut]), distinct(pairs[cut])
         finer, children = self._cut(parts.take(chosen))
         row = np.full((len(parts.face), 4), -1)
         row[chosen] = np.where(children >= 0, children + len(whole), -1)
@@ -243,7 +244,7 @@ class _Descent:
         children = np.full((len(g), 4), -1)
         pieces: list[_Parts] = []
         count = 0
-        for f in np.unique(parts.face):
+        for f in distinct(parts.face):
             for along, across in ((True, True), (True, False), (False, True)):
                 rows = np.flatnonzero(
                     (parts.face == f) & (cut[:, 0] == along) & (cut[:, 1] == across)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.expression.breaks import Break
@@ -131,7 +132,7 @@ def _checks(space: SplineSpace) -> tuple[Array, Integers]:
     places = np.empty(own.sum() + 1)
     places[-1] = 1.0
     lengths = np.diff(space.points)
-    for count in np.unique(own):
+    for count in distinct(own):
         which = np.flatnonzero(own == count)
         shares = CHECKS if count == len(CHECKS) else np.arange(count) / count
         places[starts[which, None] + np.arange(count)] = (
@@ -269,7 +270,7 @@ def closer(places: Array) -> Array:
     """Return limits in ]0, 1[ that come ever closer to some places, as far as knots may."""
     steps = 0.5 ** np.arange(3, _CLOSEST + 1)
     limits = (places[:, None] + np.concatenate((-steps, [0.0], steps))).ravel()
-    return np.unique(limits[(limits > 0) & (limits < 1)])
+    return distinct(limits[(limits > 0) & (limits < 1)])
 
 
 def _first_pieces(rules: DirectionRules, limits: Array) -> Array:
@@ -277,7 +278,7 @@ def _first_pieces(rules: DirectionRules, limits: Array) -> Array:
     pieces = rules.pieces
     start = np.linspace(0, 1, max(2, -(-4 // (len(pieces) - 1))) + 1)[:-1]
     first = np.append((pieces[:-1, None] + np.diff(pieces)[:, None] * start).ravel(), 1.0)
-    new = np.unique(limits)
+    new = distinct(limits)
     new = new[np.append(True, np.diff(new) > FINEST_INTERVAL)[: len(new)]]
     new = new[np.abs(new[:, None] - first).min(axis=1, initial=np.inf) > FINEST_INTERVAL]
     return np.sort(np.concatenate((first, new)))

@@ -19,6 +19,7 @@ from math import comb, factorial
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.splines.spline_basis import SparseRows, basis_matrix, local_basis
 from pc2cad.geometry.splines.spline_projection import NORMAL_EQUATIONS, projector
 
@@ -84,7 +85,7 @@ class SplineSpace:
         sites = np.empty(own.sum())
         weights = np.empty_like(sites)
         first = np.cumsum(own) - own
-        for count in np.unique(own):
+        for count in distinct(own):
             which = np.flatnonzero(own == count)
             at = first[which, None] + np.arange(count)
             places, share = _rule_on_interval(int(count), p)

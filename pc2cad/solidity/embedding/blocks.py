@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.sheets import projected
 from pc2cad.solidity.embedding.holds import hold
 from pc2cad.solidity.embedding.separation import boxes
@@ -35,7 +36,7 @@ def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
     for depth in range(len(search.levels) - 1, -1, -1):
         if depth + 1 < len(search.levels):
             pairs = _children(search.levels[depth + 1], search.levels[depth], pairs)
-            count += len(np.unique(pairs))
+            count += len(distinct(pairs))
         pairs = search.left(depth, pairs)
     return pairs, count
 
@@ -179,7 +180,7 @@ class _Search:
         pairs = pairs[self._meet(level, pairs)]
         rows, *corners = self._rectangles(level, pairs)
         if depth == 0:
-            looked = np.unique(np.concatenate((pairs.ravel(), *(c.ravel() for c in corners))))
+            looked = distinct(np.concatenate((pairs.ravel(), *(c.ravel() for c in corners))))
             self._refine(level, looked[self._large[level.sheet[looked]]])
             meet = self._meet(level, pairs)
         else:
@@ -228,7 +229,7 @@ class _Search:
         result = (one == other) & is_alone(s, t)
         walls = np.flatnonzero(one != other)
         keys = one[walls] * len(self.surfaces.sheets) + other[walls]
-        for key in np.unique(keys):
+        for key in distinct(keys):
             i, j = divmod(int(key), len(self.surfaces.sheets))
             rows = walls[keys == key]
             ways = self._ways(i, j)

@@ -12,6 +12,7 @@ from math import comb
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.sheets import Sheet, projected
 from pc2cad.solidity.embedding.proof import Meeting
 from pc2cad.solidity.nearest_places import descended
@@ -44,7 +45,7 @@ class _Face:
         nodes = []
         for x, count in zip(place, sheet.shape, strict=True):
             near = np.concatenate((x / count + _NEAR, x / count - _NEAR, [x / count]))
-            nodes.append(np.unique(np.concatenate((_EVEN, near[(near >= 0) & (near <= 1)]))))
+            nodes.append(distinct(np.concatenate((_EVEN, near[(near >= 0) & (near <= 1)]))))
         self.places = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 2)
         self.points = self.at(self.places)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.sheets import Sheet
 from pc2cad.solidity.embedding.blocks import near_pairs
 from pc2cad.solidity.embedding.cells import Cells, cells_of, joints
@@ -233,7 +234,7 @@ class _Descent:
         bent = ~joined & (depth <= 4 * bow.sum(axis=1))
         large = np.where(bent[:, None], bow, extent)
         cut = joined[:, None] | (large >= 0.5 * large[:, ::-1])
-        whole, chosen = np.unique(pairs[~cut]), np.unique(pairs[cut])
+        whole, chosen = distinct(pairs[~cut]), distinct(pairs[cut])
         shorter, straighter = np.zeros((2, len(cells)), dtype=bool)
         shorter[pairs[~bent]] = True
         straighter[pairs[joined]] = True

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.sheets import Patches, Sheet, SheetSide, elevated
 
 #: coordinates of a sheet or along an edge that differ by less are one
@@ -55,11 +56,11 @@ class Surfaces:
 
         They are made when they are first asked for: most are never.
         """
-        new = np.unique(patches[self._slot[patches] < 0])
+        new = distinct(patches[self._slot[patches] < 0])
         sheets, d = self.sheet_of[new], self.degree
         known = sum(map(len, self._nets))
         self._slot[new] = known + np.arange(len(new))
-        for index in np.unique(sheets):
+        for index in distinct(sheets):
             part = self.place[new[sheets == index]]
             found = self.sheets[index].patches.take(part[:, 0], part[:, 1])
             self._nets.append(elevated(elevated(found, d, 1), d, 2))

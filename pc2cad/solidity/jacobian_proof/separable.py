@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import UNIT, Place
@@ -168,7 +169,7 @@ def _ends(breaks: tuple[float, ...]) -> Place:
 
 def _boxes(count: int, breaks: tuple[float, ...]) -> Place:
     """Return equal boxes of [0, 1], cut at the breaks."""
-    points = np.unique(np.concatenate((np.linspace(0.0, 1.0, count + 1), breaks)))
+    points = distinct(np.concatenate((np.linspace(0.0, 1.0, count + 1), breaks)))
     half = np.diff(points) / 2 * (1 + 1e-12) + 2 * UNIT
     return Place((points[1:] + points[:-1]) / 2, half, half)
 

@@ -1,0 +1,21 @@
+"""Distinct values without the masked arrays that NumPy loads for its own `unique`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pc2cad.arrays import AnyArray
+
+
+def distinct(values: AnyArray | Sequence[float]) -> AnyArray:
+    """Return the distinct numbers of an array or a list, (n,), ascending.
+
+    As `numpy.unique` does, which loads numpy.ma at its first call: more than all of a small part's
+    numbers take.
+    """
+    ordered = np.sort(np.asarray(values), axis=None)
+    first = np.ones(len(ordered), dtype=bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=first[1:])
+    return ordered[first]
