@@ -91,7 +91,10 @@ def test_curves_of_the_format_page_are_accepted() -> None:
     (curves,) = [text for _, text in snippets("toml") if "solid]" not in text and "[curves" in text]
     tail = '\n[solid]\nx = "section_x(v)*(w + 1)"\ny = "section_y(v)*(w + 1)"\nz = "u"\n'
     names = parse_template('title = "t"\n' + curves + tail, "snippet").curves
-    assert set(names) == {f"{name}_{axis}" for name in ("section", "duct", "wave") for axis in "xy"}
+    parts = ("x", "y", "nx", "ny")
+    assert set(names) == {
+        f"{name}_{part}" for name in ("section", "duct", "wave") for part in parts
+    }
 
 
 def test_tables_of_the_format_page_are_accepted() -> None:

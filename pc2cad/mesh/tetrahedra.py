@@ -245,10 +245,10 @@ def _facets(block: Integers, triangles: Integers) -> tuple[Integers, Integers]:
     """
     rings = [np.sort(block[:, list(ring)], axis=1) for ring in TETRAHEDRON.faces]
     rows = np.concatenate([np.sort(triangles, axis=1), *rings])
-    _, key = distinct(rows, axis=0, return_inverse=True)
+    _, key = np.unique(rows, axis=0, return_inverse=True)
     wanted, of_faces = key.ravel()[: len(triangles)], key.ravel()[len(triangles) :]
     found = np.flatnonzero(np.isin(of_faces, wanted))
-    found = found[distinct(of_faces[found], return_index=True)[1]]
+    found = found[np.unique(of_faces[found], return_index=True)[1]]
     if len(found) != len(triangles):
         raise MeshingFailedError("gmsh's triangles are not the faces of its tetrahedra")
     return found % len(block), (found // len(block)).astype(np.int8)
