@@ -169,11 +169,14 @@ def _solid(solid: dict[str, Any]) -> Iterator[str]:
     ]
     if solid["volume"] is not None:
         rows += [
-            ("volume", f"{solid['volume']:.12g} (± {solid['volume_error'] + 1e-15:.0e} of it)"),
-            ("area", f"{solid['area']:.12g} (± {solid['area_error'] + 1e-15:.0e} of it)"),
-        ]
+            (name, f"{solid[name]:.12g} (± {solid[f'{name}_error'] + 1e-15:.0e} of it, "
+             f"{solid[f'{name}_is']})")
+            for name in ("volume", "area")
+        ]  # fmt: skip
     if solid["centroid"] is not None:
-        rows.append(("centroid", ", ".join(f"{x:.10g}" for x in solid["centroid"])))
+        place = ", ".join(f"{x:.10g}" for x in solid["centroid"])
+        off = f"± {solid['centroid_error'] + 1e-15 * solid['size']:.0e}, {solid['centroid_is']}"
+        rows.append(("centroid", f"{place} ({off})"))
     stated = solid["uncertainty"]
     rows.append(
         ("largest gaps", f"vertices {solid['largest_vertex_gap']:.1e}, edges "

@@ -101,6 +101,8 @@ class Verification:
                 "volume": self.mass.volume,
                 "area": self.mass.area,
                 "centroid": list(self.mass.centroid),
+                "relative_error": self.mass.relative_error,
+                "source": self.mass.source,
             },
             "differences": list(self.differences),
             "worst": self.worst,

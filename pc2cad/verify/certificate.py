@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -69,13 +70,18 @@ def _face(match: Match) -> dict[str, Any]:
 
 def _integrals(found: Verification) -> dict[str, Any]:
     solids, mass = found.file.solids, found.mass
+    bounds = {
+        "volume_bound": sum(solid.volume_bound for solid in solids),
+        "area_bound": sum(solid.area_bound for solid in solids),
+    }
     return {
-        "rests_on": "sampled",
         "file": {
             "volume": sum(solid.volume or 0.0 for solid in solids),
             "area": sum(solid.area or 0.0 for solid in solids),
+            **{name: bound if isfinite(bound) else None for name, bound in bounds.items()},
         },
         "equation": {
             "volume": mass.volume, "area": mass.area, "relative_error": mass.relative_error,
+            "source": mass.source,
         },
     }  # fmt: skip

@@ -17,12 +17,13 @@ from pc2cad.arrays import Array
 from pc2cad.verify.defects import StepDefectError, StepOrientationError, StepUnknownError
 from pc2cad.verify.edges import Edge, EdgeReader, Loop
 from pc2cad.verify.exchange import Ref
-from pc2cad.verify.gaps import Frame, gap_bound
+from pc2cad.verify.gaps import Frame, gap_bound, line_bound
 from pc2cad.verify.patches import (
     AskewError,
     Moments,
     Rectangle,
     closed_moments,
+    on_border,
     patch_moments,
     rectangles,
     trace_edge,
@@ -31,7 +32,7 @@ from pc2cad.verify.patches import (
 )
 from pc2cad.verify.records import Records, is_true
 from pc2cad.verify.splines import SplineSurface
-from pc2cad.verify.surfaces import Spun, Surface, read_surface
+from pc2cad.verify.surfaces import Round, Spun, Surface, read_surface
 
 #: relative residual of the theorem of Stokes that rounding and quadrature explain
 STOKES = 1e-9
@@ -76,6 +77,8 @@ class JudgedFace:
     #: the largest distance of its edges from its surface that was seen, and a bound of all
     gap: float
     gap_bound: float = np.inf
+    #: a bound of the distance of its edges from the border of the rectangle
+    border: float = np.inf
 
 
 def read_face(records: Records, edges: EdgeReader, ref: Any) -> Face:
@@ -211,8 +214,12 @@ def _judge_patch(surface: Surface, face: Face, origin: Array, limit: float) -> J
             best = JudgedFace(face, moments, surface, rectangle, None, residual, max(gaps))
     if best is not None:
         # a loop that is one vertex has no more places than that
-        proved = [gap_bound(surface, edge, *traced[ref]) for ref, edge in edges.items()]
-        best = replace(best, gap_bound=max(max(gaps), *proved, 0.0))
+        along = {r: on_border(surface, best.rectangle, t) for r, (t, _) in traced.items()}
+        proved = [gap_bound(surface, e, along[r], traced[r][1]) for r, e in edges.items()]
+        borders = proved
+        if isinstance(surface, Round):
+            borders = [line_bound(surface, e, along[r], traced[r][1]) for r, e in edges.items()]
+        best = replace(best, gap_bound=max(max(gaps), *proved, 0.0), border=max(0.0, *borders, 0.0))
     if best is None:
         raise AskewError(
             f"the edges of the face {face.label} ({face.carrier}) do not bound a rectangle of its "

@@ -43,16 +43,31 @@ def gap_bound(carrier: Surface | Frame, edge: Edge, trace: Trace | None, seen: f
     own = _pieces(edge.curve)
     if own is None:
         return np.inf
+
+    def bound(parts: int) -> float:
+        if isinstance(carrier, tuple):
+            return _off_plane(own(_cuts(edge, parts)), carrier)
+        if isinstance(carrier, Round):
+            return _off_round(own(_cuts(edge, parts)), carrier)
+        return np.inf if trace is None else _off_line_of(carrier, edge, own, trace, parts)
+
+    return _sharpened(bound, edge, seen)
+
+
+def line_bound(surface: Surface, edge: Edge, trace: Trace, seen: float) -> float:
+    """Return a bound of the distance of an edge from the line of a parameter that it runs along."""
+    own = _pieces(edge.curve)
+    if own is None:
+        return np.inf
+    return _sharpened(lambda parts: _off_line_of(surface, edge, own, trace, parts), edge, seen)
+
+
+def _sharpened(bound: Callable[[int], float], edge: Edge, seen: float) -> float:
     found = np.inf
     slack = _ROUNDING * float(np.abs(edge.samples).max())
     for parts in _PARTS:
-        if isinstance(carrier, tuple):
-            bound = _off_plane(own(_cuts(edge, parts)), carrier)
-        elif isinstance(carrier, Round):
-            bound = _off_round(own(_cuts(edge, parts)), carrier)
-        else:
-            bound = np.inf if trace is None else _off_line_of(carrier, edge, own, trace, parts)
-        found = min(found, float(bound) + slack if bound >= 0.0 else np.inf)
+        off = bound(parts)
+        found = min(found, float(off) + slack if off >= 0.0 else np.inf)
         if not np.isfinite(found) or found <= 2.0 * seen + 4.0 * slack:
             break
     return found
@@ -202,8 +217,26 @@ def _line_of(surface: Surface, trace: Trace) -> tuple[Pieces, Curve] | None:
         else:
             turn = surface.turn(trace.level)
             return _moved(surface.curve, turn, surface.centre - turn @ surface.centre)
+    elif isinstance(surface, Round):
+        curve = _round_line(surface, trace)
     own = None if curve is None else _pieces(curve)
     return None if own is None or curve is None else (own, curve)
+
+
+def _round_line(surface: Round, trace: Trace) -> Curve:
+    """Return a circle round the axis, or the meridian at an angle."""
+    x, y, z = surface.axes
+    if trace.axis == 0:
+        radius, height, *_ = (float(part[0]) for part in surface.profile(np.array([trace.level])))
+        return Conic(surface.origin + height * z, radius * x, radius * y)
+    out = np.cos(trace.level) * x + np.sin(trace.level) * y
+    first, *more = surface.lengths
+    if surface.kind == "SPHERICAL_SURFACE":
+        return Conic(surface.origin, first * out, first * z)
+    if surface.kind == "TOROIDAL_SURFACE":
+        return Conic(surface.origin + first * out, more[0] * out, more[0] * z)
+    slope = np.tan(more[0]) if more else 0.0
+    return Line(surface.origin + first * out, slope * out + z)
 
 
 def _turned(surface: SplineSurface, trace: Trace) -> float:

@@ -205,6 +205,14 @@ def _bounds(surface: Surface, traces: list[Trace], rectangle: Rectangle) -> bool
     return True
 
 
+def on_border(surface: Surface, rectangle: Rectangle | None, trace: Trace) -> Trace:
+    """Return an edge's trace at the level of the rectangle's side that it is."""
+    assert rectangle is not None
+    axis = 1 - trace.axis
+    steps = [_modulo(level - trace.level, surface.periods[axis]) for level in rectangle[axis]]
+    return replace(trace, level=trace.level + min(steps, key=abs))
+
+
 def _collapsed(surface: Surface, rectangle: Rectangle, axis: int, level: float) -> bool:
     t = np.linspace(*rectangle[1 - axis], 7)
     middle = 0.5 * (rectangle[axis][0] + rectangle[axis][1])
@@ -240,9 +248,10 @@ def patch_moments(surface: Surface, rectangle: Rectangle, origin: Array, corner:
     """
     breaks = [surface.breaks(axis, *rectangle[axis]) for axis in (0, 1)]
     polynomial = isinstance(surface, SplineSurface) and not surface.rational
-    fewer = 2 if polynomial and min(surface.points) > 4 else 0
+    fewer = polynomial and min(surface.points) > 4
     most = _MOST_EXACT if polynomial else _MOST_POINTS
-    previous = _integrate(surface, breaks, [n - fewer for n in surface.points], origin, corner)
+    first = [3 * n // 4 - 1 if fewer else n for n in surface.points]
+    previous = _integrate(surface, breaks, first, origin, corner)
     for extra in range(0 if fewer else 6, 60, 6):
         counts = [points + extra for points in surface.points]
         if extra and _places(breaks, counts) > most:
@@ -346,9 +355,11 @@ def _sums(jet: Jet, weight: Array, origin: Array, corner: Array) -> Array:
     normal = (normal * weight).reshape(3, -1)
     local = (place - corner.reshape(-1, *[1] * weight.ndim)).reshape(3, -1)
     vector, first, offset = normal.sum(axis=1), normal @ local.T, corner - origin
-    squares = (normal * local**2).sum(axis=1)
-    volume = float(np.trace(first) + offset @ vector) / 3.0
-    moment = 0.5 * (squares + 2.0 * offset * np.diag(first) + offset**2 * vector)
+    # sums in pairs round less than products of matrices
+    flow = normal * local
+    along, squares = flow.sum(axis=1), (flow * local).sum(axis=1)
+    volume = float(along.sum() + offset @ vector) / 3.0
+    moment = 0.5 * (squares + 2.0 * offset * along + offset**2 * vector)
     return np.concatenate(([area], vector, first.ravel(), [volume], moment))
 
 

@@ -175,11 +175,19 @@ def _described(solid: Solid) -> dict[str, Any]:
         "largest_edge_gap": solid.edge_gap,
         "gaps_are": solid.gaps_rest_on,
         "volume": solid.volume,
-        "volume_error": solid.volume_error,
+        **_off("volume", solid.volume_bound, solid.volume, solid.volume_error),
         "area": solid.area,
-        "area_error": solid.area_error,
+        **_off("area", solid.area_bound, solid.area, solid.area_error),
         "centroid": None if solid.centroid is None else solid.centroid.tolist(),
+        **_off("centroid", solid.centroid_bound, 1.0, solid.volume_error * solid.size),
     }
+
+
+def _off(name: str, bound: float, of: float | None, seen: float) -> dict[str, Any]:
+    """Return what a figure may be off by, as a share: a bound where it is one, else an estimate."""
+    if of and np.isfinite(bound):
+        return {f"{name}_error": bound / abs(of), f"{name}_is": "bounded"}
+    return {f"{name}_error": seen, f"{name}_is": "sampled"}
 
 
 def require_sound(file: StepFile) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import Evidence
+from pc2cad.verify.accuracy import slack_of
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.edges import EdgeReader
 from pc2cad.verify.exchange import Ref
@@ -96,6 +97,10 @@ class Solid:
     #: relative: of the volume by the theorem of Stokes, of the area by two rules
     volume_error: float
     area_error: float
+    #: what volume and area, and the place of the centroid, may be off by; infinite if not bounded
+    volume_bound: float
+    area_bound: float
+    centroid_bound: float
 
     @property
     def uncertainty(self) -> float:
@@ -330,6 +335,13 @@ def _sum_up(
         moment = np.sum([shell.sign * face.moments.moment for shell, face in judged], axis=0)
         centroid = origin + moment / volume
     edge_gap, rests_on = _edge_gap([face for _, face in judged], units, size)
+    slacks = [slack_of(face, origin) for _, face in judged]
+    volume_bound = sum(slack.volume for slack in slacks)
+    centroid_bound = np.inf
+    if centroid is not None and volume > volume_bound:
+        lever = float(np.linalg.norm(centroid - origin)) * volume_bound
+        moments = 3.0**0.5 * sum(slack.moment for slack in slacks)
+        centroid_bound = (moments + lever) / (volume - volume_bound)
     return Solid(
         name=str(record.values(1)[0] or ""),
         ref=record.ref,
@@ -347,4 +359,7 @@ def _sum_up(
         centroid=centroid,
         volume_error=float(stokes * size / max(abs(volume), 1e-300)),
         area_error=float(area_error / max(area, 1e-300)),
+        volume_bound=volume_bound,
+        area_bound=sum(slack.area for slack in slacks),
+        centroid_bound=centroid_bound,
     )

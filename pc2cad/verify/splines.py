@@ -180,9 +180,9 @@ class SplineSurface:
 
     @property
     def points(self) -> tuple[int, int]:
-        """Gauss points per span with which volumes are exact, or nearly so if it is rational."""
+        """Gauss points per span with which first moments are exact, or nearly if it is rational."""
         p, q = self.degrees
-        return (p + 8, q + 8) if self.rational else (3 * p // 2 + 1, 3 * q // 2 + 1)
+        return (p + 8, q + 8) if self.rational else (2 * p, 2 * q)
 
     def _turned(self, axis: int, t: Array) -> Array:
         low, high = self.limits[axis]
