@@ -20,7 +20,8 @@ from pc2cad.checked import CheckedMap
 from pc2cad.compiler import compile_part
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.evaluation import Program
-from pc2cad.expression.tree import PI, Expr, call, number, pieces, symbol
+from pc2cad.expression.sigmoids import as_tanh
+from pc2cad.expression.tree import PI, Expr, call, number, pieces, symbol, walk
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.splines.arcs import Arcs
 from pc2cad.geometry.splines.bernstein import bezier_knots
@@ -157,7 +158,7 @@ def test_a_narrow_bump_is_caught_or_left_open_with_its_place(width: int) -> None
 
 
 def test_a_singular_side_is_named() -> None:
-    trees = (U, V, call("sqrt", U))
+    trees = (U, V, U ** Fraction(1, 16))
     carrier = _fit(trees, SplineSpace(3, np.linspace(0, 1, 9)), SplineSpace(1, (0.0, 1.0)))
     bound = bound_surface(trees, ("u", "v"), carrier)
     assert np.isinf(bound.largest)
@@ -166,6 +167,30 @@ def test_a_singular_side_is_named() -> None:
     assert end <= 1 / 512
     assert across == (0, 1)
     assert bound.sampled > 0.01
+
+
+@pytest.mark.parametrize(
+    "root", [call("sqrt", U**2 + V**2), pytest.param((U**3 + V**3) ** Fraction(1, 3),
+                                                     marks=pytest.mark.slow)], ids=["2", "3"]
+)  # fmt: skip
+def test_a_root_at_a_corner_is_bounded_by_its_values_there(root: Expr) -> None:
+    """No disc round the corner's cell is free of it; knots graded towards it make cells small."""
+    space = SplineSpace(3, np.concatenate(([0.0], 2.0 ** np.arange(-6, 1))))
+    trees = (U**2, V**2, (2 - U * V) * root)
+    carrier = _fit(trees, space, space)
+    bound = bound_surface(trees, ("u", "v"), carrier)
+    near = np.concatenate(([0.0], np.geomspace(1e-7, 0.99, 500), [1.0]))
+    gap = _values(carrier, near, near).transpose(1, 0, 2) - _sampler(trees)(near, near)
+    seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
+    assert seen <= bound.largest <= 1.5 * seen
+    assert max(side.largest for side in bound.sides) <= bound.largest
+
+
+def test_a_root_along_a_side_is_bounded_where_it_may_be_off_by_as_much() -> None:
+    trees = (U, V, call("sqrt", U))
+    carrier = _fit(trees, SplineSpace(3, np.linspace(0, 1, 9)), SplineSpace(1, (0.0, 1.0)))
+    bound = bound_surface(trees, ("u", "v"), carrier)
+    assert bound.sampled <= bound.largest <= 1.5 * bound.sampled
 
 
 def test_what_a_spline_holds_exactly_is_bounded_by_rounding() -> None:
@@ -282,3 +307,19 @@ def test_tanh_is_level_on_wide_discs_far_from_0():
     assert (radius >= truth).all()
     assert (radius <= 1.01 * truth + 1e-15).all()
     assert np.array_equal(model.centre.ravel(), np.sign(centre))
+
+
+@pytest.mark.parametrize(("p", "q"), [(1, 1), (3, 2)])
+def test_logistic_functions_are_level_on_wide_discs_far_from_0(p: int, q: int) -> None:
+    grown = call("exp", U)
+    trees = (1 / (p + q * grown), 5 * V / (q * call("exp", -U) + p), 2 * grown / (p + q * grown))
+    written = as_tanh(trees)
+    assert all("exp" not in {node.op for node in walk((tree,))} for tree in written)
+    places = {"u": np.linspace(-9, 9, 50), "v": np.linspace(0, 1, 50)}
+    for one, other in zip(Program(trees)(places), Program(written)(places), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
+    place = Place(np.array([-60.0, 60.0]), np.full(2, 2.0), np.full(2, 8.0))
+    for model in enclose([written[0], written[2]], ["u"], [place], 6):
+        assert (model.radius < 1e-13).all()
+    untouched = (1 / (U + grown), 1 / (2 - grown), U / (1 + call("exp", number(1))))
+    assert as_tanh(untouched) == untouched

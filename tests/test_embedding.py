@@ -31,6 +31,7 @@ from pc2cad.representation.boundary import represent
 from pc2cad.representation.embedding import embed
 from pc2cad.representation.face_sheets import sheets_of
 from pc2cad.solidity.embedding.holds import hold
+from pc2cad.solidity.embedding.levels import beyond_plane, by_levels, rises
 from pc2cad.solidity.embedding.proof import prove
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
@@ -413,6 +414,43 @@ def test_a_cusp_is_left_open_after_a_bounded_effort(monkeypatch):
     assert not found.proved
     assert 0 < found.depth < 0.1
     assert "v=1 at (" in found.open
+
+
+def test_parts_that_leave_their_side_at_no_speed_are_told_apart_by_heights():
+    """(s², t², f), as where f has a root at s = t = 0: tangents at both sides are rounding."""
+    s, t = np.meshgrid([0.0, 0, 1 / 3, 1], [0.0, 0, 1 / 3, 1], indexing="ij")
+    rng = np.random.default_rng(1)
+    net = np.stack((s, t, rng.normal(size=(4, 4))), axis=-1)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    folded = net.copy()
+    folded[3, :, 0] = -1e-3
+    nets = np.array([net, net @ turn, folded, folded @ turn])
+    assert by_levels(nets, 1e-15).tolist() == [True, True, False, False]
+    # two parts with a common line s = 0, on two sides of its plane and on one
+    other, same = net * [-1, 1, 1], net * [1 / 2, 1, 1]
+    away = np.array([net, net @ turn, net, net @ turn]).transpose(0, 2, 1, 3)
+    beside = np.array([other, other @ turn, same, same @ turn]).transpose(0, 2, 1, 3)
+    assert beyond_plane(away, beside, 1e-15).tolist() == [True, True, False, False]
+
+
+def test_a_part_above_a_plane_may_rest_on_it_along_its_side_only():
+    free = np.zeros((4, 3, 3), dtype=bool)
+    free[:, 0] = True
+    resting = np.array([[0.0, 0, 0], [0, 0, 0], [1, 1, 1]])
+    height = np.stack((resting, resting, resting, resting))
+    height[1, 1, 1] = -1e-6
+    height[2, 2, 0] = 0  # its corner lies on the plane
+    height[3, 1:, 2] = 0  # a whole side does
+    assert rises(height, free, 1e-15).tolist() == [True, False, False, False]
+
+
+@pytest.mark.slow
+def test_a_root_at_a_corner_is_bounded_and_proved():
+    report = pc.compile_part((U, V, W * (1 + (1 + U) * pc.sqrt(U + V))), tolerance=1e-3).report
+    assert (report.evidence, report.injectivity) == ("bounded", "proved")
+    volume = 1 + 2 / 3 * (2 / 7 * (2**3.5 - 1) - 2 / 5 - 2 / 7)
+    assert report.equation.volume == pytest.approx(volume, rel=1e-9)
+    assert report.solid.volume == pytest.approx(volume, rel=1e-4)
 
 
 def test_a_face_by_its_lines_is_whole():

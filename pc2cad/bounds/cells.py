@@ -6,7 +6,7 @@ Bernstein coefficients of the interpolating polynomial, which enclose it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from math import comb, cos, log, pi
@@ -14,8 +14,11 @@ from math import comb, cos, log, pi
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.geometry.splines.bernstein import chebyshev_nodes
+
+#: (first, last) of cells that are taken together, one row per group
+Groups = Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,3 +141,43 @@ def halving(degree: int) -> Array:
         for i in range(degree + 1)
     ])  # fmt: skip
     return np.stack((left, left[::-1, ::-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One parameter of the function, its cells, and whether it is polynomial in it.
+
+    `exact` says that the function's degree in the parameter is at most that of the cells.
+    """
+
+    name: str
+    cells: Cells
+    exact: bool
+    #: points of the cells at which the function changes its form: no box reaches over them
+    breaks: tuple[float, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, int, bytes]:
+        """What tells the parameter and its cells from others."""
+        return self.name, self.cells.degree, self.cells.points.tobytes()
+
+    def on(self, cells: Cells) -> Direction:
+        """Return the direction with other cells."""
+        return replace(self, cells=cells)
+
+    def halved(self, which: Booleans) -> Direction:
+        """Return the direction with some cells halved."""
+        return self.on(self.cells.split(which))
+
+    def groups(self, wanted: Booleans, size: int) -> Groups:
+        """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
+        starts = np.diff(wanted.astype(int), prepend=0) == 1
+        starts |= wanted & np.isin(self.cells.points[:-1], self.breaks)
+        label = np.where(wanted, np.cumsum(starts), 0)
+        result = []
+        for run in range(1, int(label.max(initial=0)) + 1):
+            (cells,) = np.nonzero(label == run)
+            first, last = cells[0], cells[-1] + 1
+            edges = np.linspace(first, last, -(-(last - first) // size) + 1).astype(int)
+            result.append(np.column_stack((edges[:-1], edges[1:])))
+        return np.concatenate(result) if result else np.zeros((0, 2), dtype=int)

@@ -17,14 +17,16 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
-from pc2cad.bounds.cells import Cells, conversion_loss, halving, to_bernstein, windows
-from pc2cad.bounds.remainder import Direction, Remainders
+from pc2cad.bounds.cells import Cells, Direction, conversion_loss, halving, to_bernstein, windows
+from pc2cad.bounds.remainder import Remainders
 from pc2cad.bounds.separable import Products, Slabs, Whole, function_of
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.bounds.taylor_models import UNIT
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks
+from pc2cad.expression.end_roots import take_out_ends
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.sigmoids import as_tanh
 from pc2cad.expression.tree import Expr
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.splines.bernstein import degree_in
@@ -142,7 +144,7 @@ def _bound(
     known: Known,
     floor: float = 0.0,
 ) -> Bound:
-    trees = cancel_terms(trees)
+    trees = as_tanh(take_out_ends(cancel_terms(trees)))
     coarse = [
         direction_along(trees, *along)
         for along in zip(names, spline.knots, spline.degrees, strict=True)
@@ -257,7 +259,9 @@ class _Survey:
         self._s = directions[0].cells
         self._t = directions[1].cells if len(directions) > 1 else point
         self._rest = rest
-        self._data = (rest.rounding + spline.rounding) * self._s.lebesgue * self._t.lebesgue
+        lebesgue = self._s.lebesgue * self._t.lebesgue
+        self._data = (rest.rounding + spline.rounding) * lebesgue
+        self._by_values = rest.by_values + spline.rounding * lebesgue
         known = self._data[np.isfinite(self._data)]
         self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
         self._sizes = np.zeros((self._s.count, self._t.count))
@@ -280,6 +284,9 @@ class _Survey:
                 self.sampled = float(np.sqrt(squares[row, column]))
                 self._at = float(along[column]), float(across[rows][row])
             self._take(first, last, gap)
+        # what is much wider than the samples would refuse what they show to be good
+        wide = self._by_values > REMAINDER_SHARE * max(self.sampled, self._goal / SHARP)
+        self._by_values[wide] = np.inf
 
     def _take(self, first: int, last: int, gap: Array) -> None:
         """Take the differences in some rows of cells into account."""
@@ -307,7 +314,8 @@ class _Survey:
     def bound(self) -> Bound:
         """Return the bound."""
         loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
-        bound = (self._sizes + loss + self._rest.interpolation + self._data) * (1 + 1e-9)
+        rest = np.minimum(self._rest.interpolation + self._data, self._by_values)
+        bound = (self._sizes + loss + rest) * (1 + 1e-9)
         largest = float(bound.max())
         if np.isfinite(largest):
             sides = tuple(self._side(k) for k in range(4)) if self._sides[0] else ()
@@ -328,16 +336,18 @@ class _Survey:
         There the first or last coefficients across are the side's own.
         """
         axis, end = 1 - side // 2, -(side % 2)
-        along, data = (np.take(x, end, axis=1 - axis) for x in (self._rest.along[axis], self._data))
+        known = self._rest.along[axis], self._data, self._by_values
+        along, data, by_values = (np.take(x, end, axis=1 - axis) for x in known)
         parts = self._sides[side]
         work = np.concatenate([part.transpose(0, 2, 1) for part, _ in parts])[..., None]
         gaps = [np.sqrt((gap * gap).sum(axis=1)) for _, gap in parts]
         sampled = max(float(gap.max()) for gap in gaps)
         degree = self._directions[axis].cells.degree
-        goal = max(SHARP * sampled, float(data.max()))
+        goal = max(SHARP * sampled, float(data[np.isfinite(data)].max(initial=0.0)))
         sizes = _sharpened(work, goal, halving(degree), halving(0))
         loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
-        largest = float(((sizes + loss + along + data) * (1 + 1e-9)).max())
+        rest = np.minimum(along + data, by_values)
+        largest = float(((sizes + loss + rest) * (1 + 1e-9)).max())
         return Bound(max(largest, sampled), sampled, sum(gap.size for gap in gaps))
 
     def _ranges(self, bad: Booleans) -> tuple[tuple[float, float], ...]:

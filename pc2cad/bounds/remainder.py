@@ -9,18 +9,17 @@ Cauchy bounds the divided difference.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 
-from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.bounds.cells import Cells
+from pc2cad.arrays import Array, Booleans
+from pc2cad.bounds.cells import Cells, Direction, Groups
 from pc2cad.bounds.taylor_evaluation import Known, enclose
 from pc2cad.bounds.taylor_models import UNIT, Model, Place
+from pc2cad.bounds.values import length, ranges
 from pc2cad.expression.tree import Expr
-
-#: (first, last) of cells that are taken together, one row per group
-_Groups = Integers
 
 #: order of the Taylor models, where the degrees of the cells allow it
 ORDER = 6
@@ -45,46 +44,6 @@ MOST_BAD = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Direction:
-    """One parameter of the function, its cells, and whether it is polynomial in it.
-
-    `exact` says that the function's degree in the parameter is at most that of the cells.
-    """
-
-    name: str
-    cells: Cells
-    exact: bool
-    #: points of the cells at which the function changes its form: no box reaches over them
-    breaks: tuple[float, ...] = ()
-
-    @property
-    def key(self) -> tuple[str, int, bytes]:
-        """What tells the parameter and its cells from others."""
-        return self.name, self.cells.degree, self.cells.points.tobytes()
-
-    def on(self, cells: Cells) -> Direction:
-        """Return the direction with other cells."""
-        return replace(self, cells=cells)
-
-    def halved(self, which: Booleans) -> Direction:
-        """Return the direction with some cells halved."""
-        return self.on(self.cells.split(which))
-
-    def groups(self, wanted: Booleans, size: int) -> _Groups:
-        """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
-        starts = np.diff(wanted.astype(int), prepend=0) == 1
-        starts |= wanted & np.isin(self.cells.points[:-1], self.breaks)
-        label = np.where(wanted, np.cumsum(starts), 0)
-        result = []
-        for run in range(1, int(label.max(initial=0)) + 1):
-            (cells,) = np.nonzero(label == run)
-            first, last = cells[0], cells[-1] + 1
-            edges = np.linspace(first, last, -(-(last - first) // size) + 1).astype(int)
-            result.append(np.column_stack((edges[:-1], edges[1:])))
-        return np.concatenate(result) if result else np.zeros((0, 2), dtype=int)
-
-
-@dataclass(frozen=True, eq=False)
 class Remainders:
     """Per cell (n, m): the interpolation error that each direction causes, and the rounding."""
 
@@ -93,6 +52,9 @@ class Remainders:
     rounding: Array
     #: bounds of the vectors' sizes in the cell, (vectors, n, m)
     sizes: Array
+    #: another bound of all of that, with the rounding times the Lebesgue constants, from the ranges
+    #: of values alone; inf where it was not asked for
+    by_values: Array
 
     @property
     def interpolation(self) -> Array:
@@ -104,7 +66,11 @@ class Remainders:
         """Return what is known in the beginning: nothing."""
         shape = (*counts, 1)[:2]
         s, t, rounding = (np.full(shape, np.inf) for _ in range(3))
-        return cls((s, t), rounding, np.full((vectors, *shape), np.inf))
+        return cls((s, t), rounding, np.full((vectors, *shape), np.inf), np.full(shape, np.inf))
+
+    def bad(self, axis: int, allowed: float) -> Booleans:
+        """Say in which cells a direction causes a larger error than is allowed."""
+        return np.asarray(~((self.along[axis] <= allowed) | (self.by_values <= allowed)))
 
     def to_split(self, axis: int, allowed: float, blame: bool) -> list[Booleans]:
         """Return the cells of each direction that have to become smaller for one direction's sake.
@@ -112,7 +78,7 @@ class Remainders:
         With `blame`, a line across, most of which is bad, is taken to be hard in the other
         direction.
         """
-        bad = ~(self.along[axis] <= allowed)
+        bad = self.bad(axis, allowed)
         lines = bad.mean(axis=axis, keepdims=True) > 0.5
         if not blame or lines.all():
             lines = np.zeros_like(lines)
@@ -124,8 +90,10 @@ class Remainders:
 
         A disc round a cell is one round its halves, which interpolation is off by less on.
         """
-        s, t, rounding = (np.repeat(x, 1 + split, axis=axis) for x in (*self.along, self.rounding))
-        return Remainders((s, t), rounding, np.repeat(self.sizes, 1 + split, axis=1 + axis))
+        known = (*self.along, self.rounding, self.by_values)
+        s, t, rounding, by_values = (np.repeat(x, 1 + split, axis=axis) for x in known)
+        sizes = np.repeat(self.sizes, 1 + split, axis=1 + axis)
+        return Remainders((s, t), rounding, sizes, by_values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +149,7 @@ def remainders(
         if rest.rounding.size > most:
             break  # what rounding leaves is not mended by smaller cells
         for axis in axes:
-            bad = ~(rest.along[axis] <= part)
+            bad = rest.bad(axis, part)
             if not bad.any():
                 continue
             rest, harder = _refine(vectors, directions, axis, bad, rest, part, reach, depth)
@@ -219,6 +187,8 @@ def _refine(
     before = directions[0].cells.lebesgue
     directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, wanted, part)
     rest.along[1][...] *= directions[0].cells.lebesgue / before
+    if max(counts) == 1:
+        _look_at_values(vectors, directions, axis, rest)
     split = rest.to_split(axis, part, depth % 2 == 0)
     hard = any(mask.any() for mask in split)
     if depth == DEEPEST:
@@ -231,6 +201,21 @@ def _refine(
             directions[d] = directions[d].halved(mask)
             rest = rest.after(d, mask)
     return rest, hard
+
+
+def _look_at_values(
+    vectors: Vectors, directions: Sequence[Direction], axis: int, rest: Remainders
+) -> None:
+    """Note what ranges of values say of the cells in which no disc says anything."""
+    unknown = ~np.isfinite(rest.along[axis])
+    if not unknown.any():
+        return
+    cells = [d.cells for d in directions]
+    off, sizes = ranges(vectors.trees, [d.name for d in directions], cells, unknown)
+    lebesgue = prod(row.lebesgue for row in cells)
+    found = (1 + lebesgue) * np.tensordot(vectors.weights, off, 1) * (1 + 1e-9)
+    np.minimum(rest.by_values, found, out=rest.by_values)
+    np.minimum(rest.sizes, sizes, out=rest.sizes)
 
 
 def first_places(direction: Direction, reach: float, wide: bool) -> Place:
@@ -257,7 +242,7 @@ def _cells_per_box(direction: Direction, most: float, parameters: int) -> int:
 
 def _boxes(
     wanted: Booleans, directions: Sequence[Direction], size: Sequence[int]
-) -> tuple[_Groups, _Groups]:
+) -> tuple[Groups, Groups]:
     """Return groups of the wanted rows and columns."""
     rows = directions[0].groups(np.asarray(wanted.any(axis=1)), size[0])
     if len(directions) == 1:
@@ -269,7 +254,7 @@ def _evaluate(
     vectors: Vectors,
     directions: Sequence[Direction],
     axis: int,
-    groups: tuple[_Groups, _Groups],
+    groups: tuple[Groups, Groups],
     found: Remainders,
     wanted: Booleans,
     goal: float = np.inf,
@@ -336,7 +321,7 @@ def _measured(
     return found, radius, error
 
 
-def _any(wanted: Booleans, groups: tuple[_Groups, _Groups]) -> Booleans:
+def _any(wanted: Booleans, groups: tuple[Groups, Groups]) -> Booleans:
     """Say which boxes (n, m) hold a wanted cell."""
     rows = np.stack([wanted[a:b].any(axis=0) for a, b in groups[0]])
     return np.stack([rows[:, a:b].any(axis=1) for a, b in groups[1]], axis=1)
@@ -370,15 +355,7 @@ def order_of(directions: Sequence[Direction]) -> int:
     return min([ORDER, *(d.cells.degree for d in directions if not d.exact)])
 
 
-def length(coordinates: Sequence[Array]) -> Array:
-    """Return the length of a vector of bounds, rounded up."""
-    total: Array = np.zeros((1, 1))
-    for x in coordinates:
-        total = total + x * x
-    return np.asarray(np.sqrt(total) * (1 + 1e-9))
-
-
-def _place(direction: Direction, groups: _Groups, wide: bool) -> Place:
+def _place(direction: Direction, groups: Groups, wide: bool) -> Place:
     points = direction.cells.points
     low, high = points[groups[:, 0]], points[groups[:, 1]]
     centre = (low + high) / 2
@@ -390,7 +367,7 @@ def _place(direction: Direction, groups: _Groups, wide: bool) -> Place:
     return Place(centre, half, half + 3 * np.maximum(half, longest))
 
 
-def _left_per_degree(direction: Direction, groups: _Groups, place: Place) -> Array:
+def _left_per_degree(direction: Direction, groups: Groups, place: Place) -> Array:
     """Return, cell by cell, what each degree of interpolation leaves of a deviation on the disc."""
     cells = np.concatenate([np.arange(a, b) for a, b in groups])
     box = np.repeat(np.arange(len(groups)), groups[:, 1] - groups[:, 0])

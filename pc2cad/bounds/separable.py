@@ -13,17 +13,17 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import product
+from pc2cad.bounds.cells import Direction
 from pc2cad.bounds.remainder import (
-    Direction,
     Remainders,
     Vectors,
     first_places,
-    length,
     order_of,
     remainders,
 )
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.bounds.taylor_models import UNIT
+from pc2cad.bounds.values import length
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import Expr
@@ -104,10 +104,17 @@ class Products:
         if not total * LEAST_SUM <= size:
             return None
         t, across = self._remainders(1, first, directions, reach, across_first)
-        rounding = along.rounding + across.rounding.T + (len(first) + 4) * UNIT * total
+        of_sums = (len(first) + 4) * UNIT * total
+        rounding = along.rounding + across.rounding.T + of_sums
         errors = along.along[0], s.cells.lebesgue * across.along[0].T
         a, b = (error + np.zeros_like(rounding) for error in errors)
-        return [s, t], Remainders((a, b), rounding, np.full((1, *rounding.shape), total))
+        whole = [
+            np.minimum(row.along[0] + d.cells.lebesgue * row.rounding, row.by_values)
+            for d, row in ((s, along), (t, across))
+        ]
+        by_values = whole[0] + s.cells.lebesgue * (whole[1].T + t.cells.lebesgue * of_sums)
+        sizes = np.full((1, *rounding.shape), total)
+        return [s, t], Remainders((a, b), rounding, sizes, by_values)
 
     def _remainders(
         self,

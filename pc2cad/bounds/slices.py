@@ -17,9 +17,10 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.bounds.cells import Cells, enlargement
 from pc2cad.bounds.deviation import direction_along
-from pc2cad.bounds.remainder import ORDER, length
+from pc2cad.bounds.remainder import ORDER
 from pc2cad.bounds.taylor_evaluation import Known, enclose
 from pc2cad.bounds.taylor_models import UNIT, Model, Place
+from pc2cad.bounds.values import length
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.tree import Expr, symbol, walk
 

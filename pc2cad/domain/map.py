@@ -263,6 +263,9 @@ def _mapping(
 
 def _slower(t: Expr, start: int, end: int) -> Expr:
     """Return a parameter that starts like t^start and ends like (1-t)^end."""
+    if start == 1:
+        # nothing cancels near the end, where roots would make much of its rounding
+        return 1 - (1 - t) ** end
     # the integral of s^(start-1) (1-s)^(end-1), made to end at 1
     total = sum(((-1) ** k * _term(start, end, k) for k in range(end)), start=Fraction(0))
     change: Expr = number(0)

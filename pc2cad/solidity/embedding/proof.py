@@ -159,9 +159,10 @@ class _Descent:
         if len(rows) == 0:
             return None, result
         away = self.joints.distance(cells, pairs[rows])
-        far = rows[away > NEAR * self.size]
-        if len(far):
-            return self._meeting(cells, pairs[far[0]]), result
+        for row in rows[away > NEAR * self.size]:
+            if not self._is_one_place(cells, pairs[row]):
+                return self._meeting(cells, pairs[row]), result
+            result[row] = True
         small = np.maximum(NEAR * NEAR * away, 64 * self.tests.noise)
         chosen = extent[rows] <= small
         for row, distance in zip(rows[chosen][:SEEN], away[chosen][:SEEN], strict=True):
@@ -169,6 +170,26 @@ class _Descent:
                 return self._meeting(cells, pairs[row]), result
         result[rows[chosen]] = True
         return None, result
+
+    def _is_one_place(self, cells: Cells, pair: Integers) -> bool:
+        """Say whether all that lies between two parts of one sheet is as small as they are.
+
+        Beside a corner where both sides leave in one direction the sheet is as narrow as one likes.
+        """
+        sheet, *other = cells.sheet[pair].tolist()
+        low, high = (x[pair] for x in cells.limits)
+        low, high = low.min(axis=0), high.max(axis=0)
+        first, last = low.astype(int), np.ceil(high).astype(int)
+        if other != [sheet] or (last - first).max() > 2:
+            return False
+        places = first + np.argwhere(np.ones(last - first, dtype=bool))
+        start, (_, across) = self.surfaces.start[sheet], self.surfaces.shapes[sheet]
+        between = cells_of(
+            self.surfaces, start + places[:, 0] * across + places[:, 1],
+            np.maximum(low - places, 0.0), np.minimum(high - places, 1.0),
+        )  # fmt: skip
+        flat = between.points.reshape(-1, 3)
+        return bool(np.ptp(flat, axis=0).max() <= 2 * self.touching)
 
     def _undone(self, cells: Cells, pairs: Integers) -> tuple[Integers, Booleans, Array]:
         """Return pairs that nothing separates, which of them are joined, how deep others are."""

@@ -22,6 +22,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.solidity.embedding.cells import ENDS, Cells, Joints
+from pc2cad.solidity.embedding.levels import beyond_plane, by_levels, rises
 from pc2cad.solidity.embedding.surfaces import lengths, unit
 
 #: rounding of the sums and products of unit vectors here
@@ -136,6 +137,9 @@ class Separation:
             ways, there = _directions(np.diff(nets, axis=2), self.noise)
             parted = half_space(chords, has, ways, there)
             left = left[~parted]
+        if len(left):
+            parted = by_levels(side_nets(cells, rows[left], np.zeros_like(left)), self.noise)
+            left = left[~parted]
         result[left] = True
         return result
 
@@ -144,9 +148,10 @@ class Separation:
         surfaces = cells.surfaces
         a, b = pairs[:, 0], pairs[:, 1]
         index = joints.sides.reshape(len(pairs), 16).argmax(axis=1)
-        parts = []
+        parts, both = [], []
         for rows, sides in ((a, index // 4), (b, index % 4)):
             nets = side_nets(cells, rows, sides)
+            both.append(nets)
             chords, has = _directions(np.diff(nets[:, :, 0], axis=1), self.noise)
             ways, there = _directions(np.diff(nets, axis=2), self.noise)
             parts.append((chords, has, ways, there))
@@ -156,10 +161,13 @@ class Separation:
         turn = np.sign(np.einsum("nki,ni->n", np.where(hd[..., None], d, 0.0), axis))
         d = d * np.where(turn < 0, -1.0, 1.0)[:, None, None]
         fine = surfaces.separable[cells.sheet[a]] & surfaces.separable[cells.sheet[b]]
-        return fine & half_space(
+        done = fine & half_space(
             np.concatenate((c, d), axis=1), np.concatenate((hc, hd), axis=1),
             np.concatenate((q, -p), axis=1), np.concatenate((hq, hp), axis=1),
         )  # fmt: skip
+        left = np.flatnonzero(~done)
+        done[left] = beyond_plane(both[0][left], both[1][left], self.noise)
+        return done
 
     def joined_at(self, cells: Cells, pairs: Integers, joints: Joints) -> Booleans:
         """Say which pairs, joined in a point, meet there only."""
@@ -218,10 +226,8 @@ class Separation:
             point = cells.collapsed[rows, k] & corner[:, ENDS[k][0]]
             index = ((slice(None), 0), (-1, slice(None)), (slice(None), -1), (0, slice(None)))[k]
             free[(point.nonzero()[0], *index)] = True
-        flat = free.reshape(len(rows), -1)
-        low = np.where(flat, np.inf, height).min(axis=1)
-        high = np.where(flat, -np.inf, height).max(axis=1)
-        return np.asarray((low > 2 * self.noise) | (high < -2 * self.noise))
+        height = height.reshape(free.shape)
+        return rises(height, free, self.noise) | rises(-height, free, self.noise)
 
     def apart(self, cells: Cells, pairs: Integers) -> tuple[Booleans, Array]:
         """Say which pairs an axis separates, and how far each would have to move to be."""
