@@ -31,8 +31,10 @@ from pc2cad.verify.borders import Borders
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.nearness import nearness
 from pc2cad.verify.receipt import StepFile, describe, read_step
-from pc2cad.verify.replay import Spline, StepText, surface_of
-from pc2cad.verify.sides import Match, Sides, coarse, compare, goes_on, weakest
+from pc2cad.verify.replay import Quadric, Spline, StepText, surface_of
+from pc2cad.verify.sides import Match, Sides, Turn, coarse, compare, goes_on, weakest
+from pc2cad.verify.splines import SplineSurface
+from pc2cad.verify.surfaces import Round
 
 #: of the part's size and of its thickness 2V/A: the tolerance where none is given
 OF_SIZE, OF_THICKNESS = 1e-7, 1e-6
@@ -264,14 +266,27 @@ class _Judge:
             return match
         turn = match.turn or (False, False, False)
         try:
-            surface = surface_of(self._text, match.face.face.ref, turn)
+            surface = self._surface(match.face, turn)
         except (ReplayError, ValueError, KeyError, IndexError):
             return match
-        if isinstance(surface, Spline) and match.turn is None:
+        if surface is None or (isinstance(surface, Spline) and match.turn is None):
             return match
         patches = [RestrictedMap(self._analysis, patch) for patch in match.patches]
         found = nearness(patches, surface, match.turn, seen, self._tolerance, claims=self._claims)
         return replace(match, nearness=found, edges=self._borders.nearness(match))
+
+    def _surface(self, judged: JudgedFace, turn: Turn) -> Spline | Quadric | None:
+        """Return a face's surface for proofs; for a certificate it is read as a replay reads it."""
+        own = judged.surface
+        if self._claims:
+            return surface_of(self._text, judged.face.ref, turn)
+        if isinstance(own, SplineSurface) and not own.rational:
+            return Spline(own.degrees, own.knots, own.poles, turn)
+        if isinstance(own, Round):
+            return Quadric(own.kind, (own.origin, own.axes), own.lengths)
+        if judged.face.carrier == "PLANE" and judged.frame is not None:
+            return Quadric("PLANE", judged.frame, ())
+        return None
 
     def _name(self, face: JudgedFace, groups: Mapping[str, Sequence[Cell]]) -> str:
         """Return the side that a face is named after, or is nearest to."""

@@ -117,15 +117,10 @@ class StepText:
 class Spline:
     """A polynomial B-spline surface of the file, turned so that it runs as its side does."""
 
-    def __init__(self, parts: dict[str, list[Any]], file: StepText, turn: Sequence[bool]) -> None:
-        """Read poles and knots."""
-        if list(parts) != ["B_SPLINE_SURFACE_WITH_KNOTS"]:
-            raise ReplayError("a surface that is not known here: " + "+".join(parts))
-        _, p, q, rows, *_, often_u, often_v, u, v, _ = parts["B_SPLINE_SURFACE_WITH_KNOTS"]
-        poles = np.array([[file.point(pole) for pole in row] for row in rows])
-        self.degrees, knots = [int(p), int(q)], []
-        for values, often, degree in ((u, often_u, int(p)), (v, often_v, int(q))):
-            row = np.repeat([float(x) for x in values], [int(n) for n in often])
+    def __init__(self, degrees: Any, own: Any, poles: Array, turn: Sequence[bool]) -> None:
+        """Take degrees, knots and poles as the file has them."""
+        self.degrees, knots = list(degrees), []
+        for degree, row in zip(degrees, own, strict=True):
             low, high = row[degree], row[-degree - 1]
             knots.append((row - low) / (high - low))
         swap, *back = turn
@@ -180,10 +175,9 @@ class Quadric:
     KINDS = ("PLANE", "CYLINDRICAL_SURFACE", "CONICAL_SURFACE", "SPHERICAL_SURFACE",
              "TOROIDAL_SURFACE")  # fmt: skip
 
-    def __init__(self, kind: str, values: list[Any], file: StepText) -> None:
-        """Read the placement and the lengths."""
-        self.kind, (self.origin, self.axes) = kind, file.frame(values[1])
-        self.lengths = [float(x) for x in values[2:]]
+    def __init__(self, kind: str, frame: tuple[Array, Array], lengths: Sequence[float]) -> None:
+        """Take the placement and the lengths."""
+        self.kind, (self.origin, self.axes), self.lengths = kind, frame, lengths
 
     def height(self, point: Sequence[Jet]) -> tuple[Jet, Jet | None]:
         """Return the function at a point, and for a cone the radius at its height."""
@@ -343,8 +337,14 @@ def surface_of(file: StepText, face: int, turn: Sequence[bool]) -> Spline | Quad
     parts = file.get(file.only(face, "ADVANCED_FACE")[2])
     (kind, values), *_ = parts.items()
     if kind in Quadric.KINDS and len(parts) == 1:
-        return Quadric(kind, values, file)
-    return Spline(parts, file, turn)
+        return Quadric(kind, file.frame(values[1]), [float(x) for x in values[2:]])
+    if list(parts) != ["B_SPLINE_SURFACE_WITH_KNOTS"]:
+        raise ReplayError("a surface that is not known here: " + "+".join(parts))
+    _, p, q, rows, *_, often_u, often_v, u, v, _ = values
+    poles = np.array([[file.point(pole) for pole in row] for row in rows])
+    knots = [np.repeat([float(x) for x in values], [int(n) for n in often])
+             for values, often in ((u, often_u), (v, often_v))]  # fmt: skip
+    return Spline((int(p), int(q)), knots, poles, turn)
 
 
 def replay(certificate: dict[str, Any], file: bytes, template: bytes | None = None) -> list[str]:
