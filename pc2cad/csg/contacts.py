@@ -329,21 +329,26 @@ def _shared(pieces: Pieces, first: Piece, second: Piece, points: Array, size: fl
     common += [pieces.vertices[i] for i in first.vertices & second.vertices]
     found = np.zeros(len(points), dtype=bool)
     for piece in common:
-        for index in np.flatnonzero(~found):
-            found[index] = _distance(points[index], piece) <= ON_SHARED * size
+        left = np.flatnonzero(~found)
+        if len(left):
+            found[left] = _distances(points[left], piece) <= ON_SHARED * size
     return found
 
 
-def _distance(point: Array, piece: Piece) -> float:
-    """Return the distance of a point from an edge or a vertex."""
+def _distances(points: Array, piece: Piece) -> Array:
+    """Return the distance of points from an edge or a vertex, (n,)."""
     at = piece.jet(piece.places)[0]
+    apart = np.linalg.norm(at - points[:, None], axis=2)
     # a closed edge begins and ends at one place
-    here = piece.places[np.argsort(np.linalg.norm(at - point, axis=1))[:NEAREST]]
+    nearest = np.argsort(apart, axis=1)[:, :NEAREST]
+    here, each = piece.places[nearest.ravel()], nearest.shape[1]
+    to = np.repeat(points, each, axis=0)
     for _ in range(ON_EDGE if len(piece.low) else 0):
         there, (along,) = piece.jet(here)
-        move = ((point - there) * along).sum(axis=1) / (along**2).sum(axis=1)
+        move = ((to - there) * along).sum(axis=1) / (along**2).sum(axis=1)
         here = np.clip(here + move[:, None], piece.low, piece.high)
-    return float(np.linalg.norm(piece.jet(here)[0] - point, axis=1).min())
+    gaps = np.linalg.norm(piece.jet(here)[0] - to, axis=1)
+    return np.asarray(gaps.reshape(-1, each).min(axis=1))
 
 
 def _distinct(points: Array, kept: Booleans, apart: float) -> list[int]:
