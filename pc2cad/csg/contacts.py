@@ -324,31 +324,26 @@ def _step(z: Array, gap: Array, slopes: Array, damping: Array, low: Array, high:
 
 def _shared(pieces: Pieces, first: Piece, second: Piece, points: Array, size: float) -> Booleans:
     """Say which points lie on edges and vertices that two pieces have in common."""
-    numbers = first.edges & second.edges & set(pieces.edges)
-    common = [pieces.edges[i] for i in numbers]
+    common = [pieces.edges[i] for i in first.edges & second.edges & set(pieces.edges)]
     common += [pieces.vertices[i] for i in first.vertices & second.vertices]
     found = np.zeros(len(points), dtype=bool)
     for piece in common:
-        left = np.flatnonzero(~found)
-        if len(left):
-            found[left] = _distances(points[left], piece) <= ON_SHARED * size
+        found |= _distances(points, piece) <= ON_SHARED * size
     return found
 
 
 def _distances(points: Array, piece: Piece) -> Array:
     """Return the distance of points from an edge or a vertex, (n,)."""
     at = piece.jet(piece.places)[0]
-    apart = np.linalg.norm(at - points[:, None], axis=2)
     # a closed edge begins and ends at one place
-    nearest = np.argsort(apart, axis=1)[:, :NEAREST]
-    here, each = piece.places[nearest.ravel()], nearest.shape[1]
-    to = np.repeat(points, each, axis=0)
+    nearest = np.argsort(np.linalg.norm(at - points[:, None], axis=2), axis=1)[:, :NEAREST]
+    here, to = piece.places[nearest.ravel()], np.repeat(points, nearest.shape[1], axis=0)
     for _ in range(ON_EDGE if len(piece.low) else 0):
         there, (along,) = piece.jet(here)
         move = ((to - there) * along).sum(axis=1) / (along**2).sum(axis=1)
         here = np.clip(here + move[:, None], piece.low, piece.high)
     gaps = np.linalg.norm(piece.jet(here)[0] - to, axis=1)
-    return np.asarray(gaps.reshape(-1, each).min(axis=1))
+    return np.asarray(gaps.reshape(nearest.shape).min(axis=1))
 
 
 def _distinct(points: Array, kept: Booleans, apart: float) -> list[int]:
