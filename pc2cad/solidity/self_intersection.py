@@ -14,7 +14,7 @@ the parts are a billionth of the solid is contact or overlap, and both are refus
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,8 @@ from pc2cad.solidity.face_mesh import FaceMesh
 
 #: parts nearer than this share of the part's size count as touching
 TOUCHING = 1e-9
+#: pairs that axes are tried on at once
+_SLAB = 8192
 #: halvings of the cells, and pairs that are followed at once
 DEEPEST, MOST_PAIRS = 48, 400_000
 #: where the faces themselves are compared afterwards
@@ -291,22 +293,42 @@ class _Descent:
         pairs = pairs[self._distances(parts, pairs) <= reach]
         if len(pairs) == 0:
             return pairs, np.zeros(0)
-        axes, radii = parts.cones()
-        normal = unit(np.cross(axes[:, 0], axes[:, 1]))
+        cones = parts.cones()
+        # few at a time stay in a processor's own memory
+        slabs = [pairs[k : k + _SLAB] for k in range(0, len(pairs), _SLAB)]
+        normal = unit(np.cross(cones[0][:, 0], cones[0][:, 1]))
+        found = [self._along_axes(parts, slab, cones, normal, slack) for slab in slabs]
+        return np.concatenate([kept for kept, _ in found]), np.concatenate([d for _, d in found])
+
+    def _along_axes(
+        self, parts: _Parts, pairs: Integers, cones: Cones, normal: Array, slack: Array
+    ) -> tuple[Integers, Array]:
+        """Return the pairs that neither axes nor the wall between them part, as `_unparted`."""
+        g, (axes, _) = parts.samples.reshape(-1, 9, 3), cones
         a, b = pairs[:, 0], pairs[:, 1]
-        tries = [normal[a], normal[b], unit(centre[a] - centre[b])]
-        tries += [axes[k, d] for k in (a, b) for d in (0, 1)]
-        tries += [unit(np.cross(axes[a, i], axes[b, j])) for i in (0, 1) for j in (0, 1)]
+        s, t = axes[:, 0], axes[:, 1]
         left = np.arange(len(pairs))
         gap = slack[a] + slack[b]
         depth = np.full(len(pairs), np.inf)
-        for axis in tries:
-            low_a, high_a = _extent(g[a[left]], axis[left])
-            low_b, high_b = _extent(g[b[left]], axis[left])
+        # samples first: what lies along all pairs is in one piece
+        first, second = (g[k].transpose(1, 2, 0).copy() for k in (a, b))
+        tries: list[Callable[[Integers, Integers], Array]] = [
+            lambda i, _: normal[i],
+            lambda _, j: normal[j],
+            lambda i, j: unit(g[i, 4] - g[j, 4]),
+            lambda i, _: s[i], lambda i, _: t[i], lambda _, j: s[j], lambda _, j: t[j],
+            *(lambda i, j, p=p, q=q: unit(np.cross(p[i], q[j])) for p in (s, t) for q in (s, t)),
+        ]  # fmt: skip
+        for axis_of in tries:
+            axis = axis_of(a[left], b[left])
+            low_a, high_a = _extent(first, axis)
+            low_b, high_b = _extent(second, axis)
             over = gap[left] - np.maximum(low_b - high_a, low_a - high_b)
-            depth[left] = np.minimum(depth[left], np.where(axis[left].any(axis=1), over, np.inf))
-            left = left[over >= 0]
-        kept = left[~self._walled(parts, (axes, radii), pairs[left])]
+            depth[left] = np.minimum(depth[left], np.where(axis.any(axis=1), over, np.inf))
+            near = over >= 0
+            if not near.all():
+                left, first, second = left[near], first[..., near], second[..., near]
+        kept = left[~self._walled(parts, cones, pairs[left])]
         return pairs[kept], depth[kept]
 
     def _walled(self, parts: _Parts, cones: Cones, pairs: Integers) -> Booleans:
@@ -346,5 +368,7 @@ def _joined(pieces: list[_Parts]) -> _Parts:
 
 
 def _extent(samples: Array, axis: Array) -> tuple[Array, Array]:
-    values = np.einsum("pki,pi->pk", samples, axis)
-    return values.min(axis=1), values.max(axis=1)
+    """Return the limits of samples (9, 3, n) along axes (n, 3)."""
+    x, y, z = axis.T
+    values = samples[:, 0] * x + samples[:, 1] * y + samples[:, 2] * z
+    return values.min(axis=0), values.max(axis=0)
