@@ -309,6 +309,19 @@ def test_tanh_is_level_on_wide_discs_far_from_0():
     assert np.array_equal(model.centre.ravel(), np.sign(centre))
 
 
+def test_a_needle_is_level_on_wide_discs_far_from_it():
+    """Where exp(-x²) is next to nothing, its series at the middle of a disc is 0 times infinity."""
+    place = Place(np.array([0.02, 0.3, 0.7]), np.full(3, 0.01), np.full(3, 0.04))
+    (model,) = enclose([call("exp", -(10**6) * (U - Fraction(1, 2)) ** 2)], ["u"], [place], 6)
+    assert (model.radius < 1e-100).all()
+    assert (model.error < 1e-100).all()
+    assert np.array_equal(model.centre.ravel(), np.zeros(3))
+    # near it nothing is known of a disc that is wider than the needle
+    near = Place(np.array([0.495]), np.array([0.01]), np.array([0.04]))
+    (model,) = enclose([call("exp", -(10**6) * (U - Fraction(1, 2)) ** 2)], ["u"], [near], 6)
+    assert np.isinf(model.radius).all()
+
+
 @pytest.mark.parametrize(("p", "q"), [(1, 1), (3, 2)])
 def test_logistic_functions_are_level_on_wide_discs_far_from_0(p: int, q: int) -> None:
     grown = call("exp", U)

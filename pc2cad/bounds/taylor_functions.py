@@ -13,7 +13,7 @@ from math import factorial
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.bounds.taylor_models import LIBRARY, UNIT, Model, add, compose, mul, neg, shift
+from pc2cad.bounds.taylor_models import LIBRARY, TINY, UNIT, Model, add, compose, mul, neg, shift
 
 
 def divide(x: Model, y: Model, order: int) -> Model:
@@ -82,7 +82,12 @@ def exponential(x: Model, order: int) -> Model:
     """Return exp(x)."""
     first, r = np.exp(x.centre), x.reach
     series = [first / factorial(k) for k in range(order + 1)]
-    return compose(x, series, _factorial_tail(first, r, order), first * np.exp(r), order, LIBRARY)
+    tail = _factorial_tail(first, r, order)
+    model = compose(x, series, tail, first * np.exp(r), order, LIBRARY)
+    # far below 0 it is 0 to within exp(Re x), on discs of any size
+    highest = x.centre + r
+    flat = np.exp(highest + 8 * UNIT * (np.abs(x.centre) + r)) * (1 + 1e-9) + TINY
+    return _one_call(_level(model, np.zeros_like(flat), flat), x, flat)
 
 
 def _factorial_tail(size: Array, r: Array, order: int) -> Array:
@@ -153,11 +158,16 @@ def hyperbolic_tangent(x: Model, order: int) -> Model:
     inner = np.abs(x.centre) - x.reach
     small = np.exp(-2 * np.where(inner > 0, inner, np.nan))
     flat = 2 * small / (1 - small) * (1 + 1e-9)
+    model = _level(model, np.sign(x.centre), flat)
+    return _one_call(model, x, 1 + model.largest**2)
+
+
+def _level(model: Model, value: Array, flat: Array) -> Model:
+    """Return a model with, where that is better, a value that a function is so near to."""
     level = flat < np.where(np.isfinite(model.radius), model.radius, np.inf)
     terms = np.where(level, 0.0, model.terms)
-    terms[0, 0] = np.where(level, np.sign(x.centre), terms[0, 0])
-    model = Model(terms, np.where(level, flat, model.radius), np.where(level, 0.0, model.error))
-    return _one_call(model, x, 1 + model.largest**2)
+    terms[0, 0] = np.where(level, value, terms[0, 0])
+    return Model(terms, np.where(level, flat, model.radius), np.where(level, 0.0, model.error))
 
 
 def _one_call(model: Model, x: Model, slope: Array) -> Model:
