@@ -10,11 +10,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from plain_step import FOOTER, HEADER, box, swollen_box
 
 from pc2cad.verify.defects import StepUnreadableError
 from pc2cad.verify.exchange import DERIVED, Enumeration, Ref, Typed, parse_exchange
+from pc2cad.verify.inversion import closest
 from pc2cad.verify.receipt import describe, parse_step, read_step, receipt
 
 
@@ -222,3 +224,14 @@ def test_no_kernel_is_loaded(tmp_path: Path) -> None:
         [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "set()"
+
+
+def test_a_place_just_before_the_seam_of_a_closed_curve_is_found() -> None:
+    def at(t):
+        turn = 2 * np.pi * t[:, None]
+        along = np.concatenate((-np.sin(turn), np.cos(turn)), axis=1)
+        return np.concatenate((np.cos(turn), np.sin(turn)), axis=1), 2 * np.pi * along
+
+    wanted = np.array([0.998, 0.002, 0.3, 0.9999])
+    found = closest(at, (np.linspace(0, 1, 25), 0.0, 1.0), at(wanted)[0])
+    assert found == pytest.approx(wanted, abs=1e-12)

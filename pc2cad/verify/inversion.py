@@ -22,13 +22,21 @@ OFF, FINER = 1e-4, 8
 def closest(at: Along, sampling: Sampling, points: Array, known: Array | None = None) -> Array:
     """Return parameters of points near a curve: nearest sample, then Gauss-Newton.
 
-    Points that stay off the curve are looked for once more, from samples that lie closer: beside a
-    steep place the nearest sample may be of another part of the curve. `known` are the points of
-    the samples, for who asks more than once.
+    Points that stay off the curve are looked for once more, from both ends (on a closed curve the
+    nearest sample is both, and a step from the wrong one leads out of it) and from samples that lie
+    closer: beside a steep place the nearest sample may be of another part of the curve. `known` are
+    the points of the samples, for who asks more than once.
     """
     samples, low, high = sampling
     known = at(samples)[0] if known is None else known
     best, least, spacing = _descended(at, sampling, points, known)
+    for k in (0, -1):
+        off = least > OFF * spacing
+        if off.any():
+            at_end = samples[[k]], low, high
+            again, nearer, _ = _descended(at, at_end, points[off], known[[k]])
+            best[off] = np.where(nearer < least[off], again, best[off])
+            least[off] = np.minimum(least[off], nearer)
     off = least > OFF * spacing
     if off.any():
         finer = divided(samples, FINER)
