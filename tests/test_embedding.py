@@ -31,7 +31,7 @@ from pc2cad.representation.boundary import represent
 from pc2cad.representation.embedding import embed
 from pc2cad.representation.face_sheets import sheets_of
 from pc2cad.solidity.embedding.holds import hold
-from pc2cad.solidity.embedding.levels import beyond_plane, by_levels, rises
+from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
 from pc2cad.solidity.embedding.proof import prove
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
@@ -431,6 +431,24 @@ def test_parts_that_leave_their_side_at_no_speed_are_told_apart_by_heights():
     away = np.array([net, net @ turn, net, net @ turn]).transpose(0, 2, 1, 3)
     beside = np.array([other, other @ turn, same, same @ turn]).transpose(0, 2, 1, 3)
     assert beyond_plane(away, beside, 1e-15).tolist() == [True, True, False, False]
+
+
+def test_parts_joined_in_a_point_beyond_two_planes_are_told_apart():
+    """On two sides of x = 0 and of y = 0, and in both planes: no plane of one height parts them."""
+    rng = np.random.default_rng(3)
+    heights = rng.uniform(-1, 1, size=(2, 40))
+    first = np.stack((-rng.uniform(0, 1e-9, 40), rng.uniform(1e-6, 1e-5, 40), heights[0]), axis=1)
+    second = np.stack((rng.uniform(0, 1e-9, 40), -rng.uniform(1e-6, 1e-5, 40), heights[1]), axis=1)
+    first[:20, 0] = second[:20, 0] = 0
+
+    def parted(one, other):
+        found = [(one @ n[0], other @ n[0]) for n in beyond_corner(one[None], other[None])]
+        assert len(found) == 6
+        return any((a > 0).all() and (b < 0).all() for a, b in [*found, *(x[::-1] for x in found)])
+
+    assert parted(first, second)
+    assert not parted(first, first)
+    assert not parted(first, second * [1, -1, 1])
 
 
 def test_a_part_above_a_plane_may_rest_on_it_along_its_side_only():

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans
-from pc2cad.solidity.embedding.surfaces import lengths
+from pc2cad.solidity.embedding.surfaces import lengths, unit
 
 #: what rounding leaves of the product with a normal, relative
 _UNIT = 1e-15
@@ -71,6 +71,21 @@ def beyond_plane(first: Array, second: Array, noise: float) -> Booleans:
         for a, b in ((one, -other), (-one, other)):
             result |= flat & rises(a, free, room) & rises(b, free, room)
     return result
+
+
+def beyond_corner(first: Array, second: Array) -> Iterator[Array]:
+    """Yield directions (n, 3) that may part what leads away from a corner (n, k, 3 each).
+
+    Two heights of space's, each as far as it reaches, together: parts on two sides of both planes
+    that meet on neither are on two sides of the plane between.
+    """
+    reach = np.maximum(np.abs(first).max(axis=1), np.abs(second).max(axis=1))
+    share = 1 / np.where(reach > 0, reach, 1.0)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        for sign in (1.0, -1.0):
+            normal = np.zeros_like(share)
+            normal[:, i], normal[:, j] = share[:, i], sign * share[:, j]
+            yield unit(normal)
 
 
 def _normals(steps: Array, noise: float) -> Iterator[tuple[Array, Array]]:

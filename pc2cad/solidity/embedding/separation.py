@@ -22,7 +22,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.solidity.embedding.cells import ENDS, Cells, Joints
-from pc2cad.solidity.embedding.levels import beyond_plane, by_levels, rises
+from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
 from pc2cad.solidity.embedding.surfaces import lengths, unit
 
 #: rounding of the sums and products of unit vectors here
@@ -118,6 +118,19 @@ def _between(first: Array, has: Booleans, second: Array, there: Booleans) -> Arr
     return unit(np.einsum("nij,nj->ni", stretch, best))
 
 
+def _on_two_sides(
+    first: Array, has: Booleans, second: Array, there: Booleans, normal: Array
+) -> Booleans:
+    """Say where planes part rays (n, k, 3), and which of them count, whichever lie above."""
+    one, other = (np.einsum("nki,ni->nk", rays, normal) for rays in (first, second))
+    result = np.zeros(len(normal), dtype=bool)
+    for sign in (1.0, -1.0):
+        low = np.where(has, sign * one, 1.0).min(axis=1)
+        high = np.where(there, sign * other, -1.0).max(axis=1)
+        result |= (low > _UNIT) & (high < -_UNIT)
+    return result
+
+
 @dataclass(frozen=True)
 class Separation:
     """The tests, with the length below which differences of control points are rounding."""
@@ -174,15 +187,14 @@ class Separation:
         a, b = pairs[:, 0], pairs[:, 1]
         corner = joints.corners.any(axis=2).argmax(axis=1)
         point = cells.corners[a, corner]
-        rays = []
-        for rows in (a, b):
-            flat = cells.points[rows].reshape(len(pairs), -1, 3)
-            rays.append(_directions(flat - point[:, None], self.noise))
-        (p, hp), (q, hq) = rays
-        normal = _between(p, hp, q, hq)
-        first = np.where(hp, np.einsum("nki,ni->nk", p, normal), 1.0).min(axis=1)
-        second = np.where(hq, np.einsum("nki,ni->nk", q, normal), -1.0).max(axis=1)
-        return np.asarray((first > _UNIT) & (second < -_UNIT))
+        ways = [cells.points[rows].reshape(len(pairs), -1, 3) - point[:, None] for rows in (a, b)]
+        (p, hp), (q, hq) = (_directions(way, self.noise) for way in ways)
+        done = _on_two_sides(p, hp, q, hq, _between(p, hp, q, hq))
+        left = np.flatnonzero(~done)
+        if len(left):
+            for normal in beyond_corner(ways[0][left], ways[1][left]):
+                done[left] |= _on_two_sides(p[left], hp[left], q[left], hq[left], normal)
+        return done
 
     def beside_plane(self, cells: Cells, pairs: Integers) -> Booleans:
         """Say of which pairs one is in a plane that the other meets only on that face's sides."""
