@@ -16,11 +16,12 @@ from shipped import LONG, part_of
 
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_solid
+from pc2cad.errors import InputError
 from pc2cad.export.model import ExportOptions
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import template_paths
-from pc2cad.verify.against import verification, verify_file
+from pc2cad.verify.against import equation_of, verification, verify_file
 from pc2cad.verify.defects import StepUnreadableError
 from pc2cad.verify.receipt import parse_step
 
@@ -239,6 +240,11 @@ def test_places_on_steep_sides_are_found(solid: str, area: float | None, tmp_pat
     assert found.differences == ()
     if area is not None:
         assert found.file.solids[0].area == pytest.approx(area, rel=1e-6)
+
+
+def test_a_template_of_several_bodies_has_no_equation() -> None:
+    with pytest.raises(InputError, match=r"pipe_cross has several bodies.*against itself"):
+        equation_of("pipe_cross")
 
 
 @pytest.mark.slow

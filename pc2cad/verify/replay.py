@@ -277,8 +277,8 @@ class Difference:
             gaps, off = gaps - known, off + more
         a, b = (_chebyshev(m) for m in self.degrees)
         waves = a @ np.ascontiguousarray(gaps) @ b.T
-        sums = np.sqrt((waves**2).sum(axis=0)).sum(axis=(2, 3))
-        seen = np.sqrt((gaps**2).sum(axis=0).max(axis=(2, 3)))
+        sums = np.sqrt(np.einsum("k...,k...", waves, waves)).sum(axis=(2, 3))
+        seen = np.sqrt(np.einsum("k...,k...", gaps, gaps).max(axis=(2, 3)))
         # what rounding may add to values, and to the coefficients
         off = off * lebesgue(self.degrees[0]) * lebesgue(self.degrees[1])
         return sums + off + 1e-13 * seen, seen

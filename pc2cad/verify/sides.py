@@ -280,13 +280,15 @@ def _border(
     held = []
     for cell in cells:
         known = sides.curve(cell, start)[0]
-        held.append((cell, known, 2.0 * np.linalg.norm(np.diff(known, axis=0), axis=1).max()))
-    # where a curve closes, the nearest sample may be on the other side of its seam
-    for part in (slice(None), slice(1), slice(-1, None)):
-        for cell, known, step in held:
-            off = np.linalg.norm(known[part][nearest(known[part], points)] - points, axis=1)
-            best = np.fmin(best, off)
-            open_ = np.flatnonzero((best > max(near, tolerance * 0.1)) & (off <= step))
+        step = 2.0 * np.linalg.norm(np.diff(known, axis=0), axis=1).max()
+        off = np.linalg.norm(known[nearest(known, points)] - points, axis=1)
+        best = np.fmin(best, off)
+        held.append((cell, known, off <= step))
+    # from the ends too: where a curve closes, the nearest sample may be on the other side of its
+    # seam, and from a flat place the first step meets a steep one
+    for part, share in ((slice(None), 0.1), (slice(1), 1.0), (slice(-1, None), 1.0)):
+        for cell, known, beside in held:
+            open_ = np.flatnonzero((best > max(near, share * tolerance)) & beside)
             if len(open_):
                 along = partial(sides.curve, cell)
                 t = closest(along, (start[part], 0.0, 1.0), points[open_], known[part])
