@@ -7,8 +7,12 @@ from math import exp, log, sqrt
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from OCP.Geom2d import Geom2d_BSplineCurve
+from OCP.gp import gp_Pnt2d
 
 import pc2cad as pc
+from pc2cad.brep.from_kernel import path_function
+from pc2cad.brep.kernel import Array1OfInteger, Array1OfPnt2d, Array1OfReal
 from pc2cad.brep.settling import settled
 from pc2cad.errors import KernelError
 
@@ -116,3 +120,26 @@ def test_a_jump_is_found_by_halving():
 def test_what_does_not_settle_is_never_returned():
     with pytest.raises(KernelError, match="do not settle"):
         reached(one_over)
+
+
+def test_what_is_no_number_does_not_settle():
+    def rule(cells, orders):
+        return np.where(cells[:, :1] < 0.5, np.nan, 1.0) * np.ones((len(cells), 5))
+
+    cells = np.array([[0.0, 0.5], [0.5, 1.0]])
+    with pytest.raises(KernelError, match="do not settle"):
+        settled(rule, cells, 1, 1e-12, lambda sizes: np.ones(5))
+
+
+def test_periodic_curves_of_parameters_are_read():
+    poles = Array1OfPnt2d(1, 3)
+    for k, place in enumerate([(0, 0), (2, 0), (1, 1)], start=1):
+        poles.SetValue(k, gp_Pnt2d(*place))
+    knots, often = Array1OfReal(1, 4), Array1OfInteger(1, 4)
+    for k in range(1, 5):
+        knots.SetValue(k, float(k))
+        often.SetValue(k, 1)
+    curve = Geom2d_BSplineCurve(poles, knots, often, 2, True)
+    t = np.array([1.0, 1.3, 2.5, 3.9, 4.0])
+    wanted = [(curve.Value(x).X(), curve.Value(x).Y()) for x in t.tolist()]
+    assert path_function(curve).jet(t)[0] == pytest.approx(np.array(wanted), abs=1e-14)

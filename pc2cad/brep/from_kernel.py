@@ -109,6 +109,9 @@ def path_function(curve: Geom2d_Curve) -> CurveFunction:
         return _conic(*conic_terms(curve))
     if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational():
         raise KernelError(f"no integral is known along a {type(curve).__name__}")
+    if curve.IsPeriodic():  # its knots do not hold their ends
+        curve = curve.Copy()
+        curve.SetNotPeriodic()
     poles = np.array([vector(p) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))])
     knots, degree = flat_knots(curve), curve.Degree()
     return _spline(knots, poles, degree, spline_jet(knots, poles, degree), 2)

@@ -33,7 +33,7 @@ def settled(
     sizes = np.abs(many).sum(axis=0)
     gaps = _gaps(low, many, scale(sizes))
     total = many[gaps <= accuracy].sum(axis=0)
-    cells = cells[gaps > accuracy]
+    cells = cells[~(gaps <= accuracy)]  # what is no number has not settled
     for _ in range(DEEPEST):
         if len(cells) == 0:
             return np.asarray(total)
