@@ -31,7 +31,7 @@ from pc2cad.representation.boundary import represent
 from pc2cad.representation.embedding import embed
 from pc2cad.representation.face_sheets import sheets_of
 from pc2cad.solidity.embedding.holds import hold
-from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
+from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, is_graph, rises
 from pc2cad.solidity.embedding.proof import prove
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
@@ -431,6 +431,24 @@ def test_parts_that_leave_their_side_at_no_speed_are_told_apart_by_heights():
     away = np.array([net, net @ turn, net, net @ turn]).transpose(0, 2, 1, 3)
     beside = np.array([other, other @ turn, same, same @ turn]).transpose(0, 2, 1, 3)
     assert beyond_plane(away, beside, 1e-15).tolist() == [True, True, False, False]
+
+
+def test_splines_over_a_plane_are_proved_as_wholes():
+    steps = np.sort(np.random.default_rng(2).uniform(size=30))
+    net = np.stack(
+        (
+            *np.meshgrid(steps, steps[::2] ** 2, indexing="ij"),
+            np.cos(9 * np.outer(steps, steps[::2])),
+        ),
+        axis=-1,
+    )
+    index = tuple(np.arange(n - 3)[:, None] + np.arange(4) for n in net.shape[:2])
+    back, level, stopped = (net.copy() for _ in range(3))
+    back[12, :, 0] = net[10, 0, 0]
+    level[4, 7, 1] += 1e-9
+    stopped[10:14, :, 0] = net[10, 0, 0]
+    nets = [net, net[..., [2, 0, 1]] * [1, -1, 1], back, level, stopped]
+    assert [is_graph(n, index, 1e-15) for n in nets] == [True, True, False, False, False]
 
 
 def test_parts_joined_in_a_point_beyond_two_planes_are_told_apart():

@@ -12,8 +12,9 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct
-from pc2cad.geometry.sheets import projected
+from pc2cad.geometry.sheets import Patches, projected
 from pc2cad.solidity.embedding.holds import hold
+from pc2cad.solidity.embedding.levels import is_graph
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces, lengths, unit
 from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall, joint
@@ -32,6 +33,8 @@ def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
     # what lies in one plane does not meet itself where its edges do not
     for row in (surfaces.plane, np.array([sheet.region for sheet in surfaces.sheets])):
         pairs = pairs[(row[pairs[:, 0]] < 0) | (row[pairs[:, 0]] != row[pairs[:, 1]])]
+    graphs = np.array([_is_graph(sheet.patches, noise) for sheet in surfaces.sheets])
+    pairs = pairs[(pairs[:, 0] != pairs[:, 1]) | ~graphs[pairs[:, 0]]]
     count = len(surfaces.sheets)
     for depth in range(len(search.levels) - 1, -1, -1):
         if depth + 1 < len(search.levels):
@@ -39,6 +42,13 @@ def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
             count += len(distinct(pairs))
         pairs = search.left(depth, pairs)
     return pairs, count
+
+
+def _is_graph(patches: Patches, noise: float) -> bool:
+    """Say whether a spline without weights meets itself nowhere as a whole (see `levels`)."""
+    if patches.knots is None or np.abs(patches.poles[..., 3] - 1).max() > SAME_WEIGHT:
+        return False
+    return is_graph(patches.poles[..., :3], patches.index, noise)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.solidity.embedding.surfaces import lengths, unit
 
 #: what rounding leaves of the product with a normal, relative
@@ -55,6 +55,26 @@ def by_levels(nets: Array, noise: float) -> Booleans:
                 found |= level & (rise.min(axis=1) >= -room) & (rise.max(axis=1) > _CLEAR * room)
         result &= found
     return result
+
+
+def is_graph(poles: Array, index: tuple[Integers, Integers], noise: float) -> bool:
+    """Say whether a spline (N, M, 3) meets itself nowhere by two of space's heights, as a whole.
+
+    The poles of a patch are the rows `index[0][i]` and columns `index[1][j]`. A height rises along
+    a patch whose poles rise, if one of them does; (u, v, f) is the commonest of such splines.
+    """
+    for axis, rows in enumerate(index):
+        steps, rests = np.diff(poles, axis=axis), np.abs(np.diff(poles, axis=1 - axis))
+        room = noise + _UNIT * np.abs(steps).max(initial=0.0)
+        for height in np.flatnonzero(rests.max(axis=(0, 1), initial=0.0) <= room):
+            line = np.moveaxis(steps[..., height], axis, 0)
+            line = line * np.sign(line.sum())
+            within = line.min(axis=1)[rows[:, :-1]]
+            if (within >= -room).all() and (within.max(axis=1) > _CLEAR * room).all():
+                break
+        else:
+            return False
+    return True
 
 
 def beyond_plane(first: Array, second: Array, noise: float) -> Booleans:
