@@ -171,6 +171,13 @@ def test_very_many_broken_texts_end_in_a_verdict(tmp_path: Path) -> None:
     assert sum(fuzz(tmp_path, 5_000, 2)) == 5_000
 
 
+def test_a_point_without_parameters_is_named(tmp_path: Path) -> None:
+    text = box().replace("CARTESIAN_POINT('',(1.0,2.0,3.0))", "CARTESIAN_POINT()", 1)
+    found = describe(read_of(tmp_path / "broken.step", text))
+    assert found["sound"] is False
+    assert any("has no three coordinates" in sentence for sentence in found["defects"])
+
+
 @pytest.mark.parametrize(
     ("whole", "broken"),
     [

@@ -110,7 +110,8 @@ class Records:
             parts = self._instances[ref] if isinstance(ref, Ref) else {}
             if "CARTESIAN_POINT" not in parts:
                 self.get(ref, "CARTESIAN_POINT")
-            row = parts["CARTESIAN_POINT"][-1]
+            values = parts["CARTESIAN_POINT"]
+            row = values[-1] if values else None
             if not isinstance(row, tuple) or len(row) != self._dimension:
                 raise StepDefectError(f"CARTESIAN_POINT {ref} has no {self._many} coordinates")
             rows.append(row)
