@@ -126,7 +126,7 @@ def compile_equation(
 
 
 def compile_part(
-    equation: Equation,
+    equation: Equation | Bodies,
     domain: Domain | None = None,
     tolerance: float | None = None,
     *,
@@ -138,11 +138,16 @@ def compile_part(
 ) -> Part:
     """Compile a Python point equation (or its three coordinates) over a box into a part.
 
-    `domain` maps ``u``, ``v``, ``w`` to ``(lower, upper)``; what is missing runs from 0 to 1. See
+    `domain` maps ``u``, ``v``, ``w`` to ``(lower, upper)``; what is missing runs from 0 to 1. What
+    a template binds, several bodies too, has its own domain, name and units. See
     `compile_equation` for the rest.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
-    return compile_solid(point_equation(equation, domain, name=name, units=units), options)
+    if not isinstance(equation, Bodies):
+        equation = point_equation(equation, domain, name=name, units=units)
+    elif domain is not None:
+        raise InputError(f"{equation.name} has several bodies, each with a domain of its own")
+    return compile_solid(equation, options)
 
 
 def with_arithmetic(

@@ -97,7 +97,7 @@ REFUSED = {
     "polar(pin, 3, O, O)": "a of polar is a free vector, and a point was given",
     "mirror(pin, O, vector(0, 0, 0))": "a of mirror is a direction, and the zero vector was given",
     "polar(pins, 3)": "no body is called 'pins'; did you mean pin",
-    "polr(pin, 3)": "'polr' is none of union, cut, intersect, polar, linear, mirror; did you mean",
+    "polr(pin, 3)": "'polr' is none of union, .*, polar, linear, mirror; did you mean polar",
 }
 
 

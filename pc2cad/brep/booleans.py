@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from OCP.BOPAlgo import BOPAlgo_Operation
+from OCP.BOPAlgo import BOPAlgo_Operation, BOPAlgo_PaveFiller
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.Geom import Geom_BSplineCurve, Geom_Curve
 from OCP.gp import gp_Trsf
+from OCP.Message import Message_ProgressRange
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
@@ -73,21 +74,25 @@ class NamedShape:
         return tuple(found)
 
 
-def combine(kind: Kind, first: NamedShape, second: NamedShape, one: float = 0.0) -> NamedShape:
-    """Return the union, difference or common part of two shapes, of no solid where it is empty.
+def combine(
+    kinds: Sequence[Kind], first: NamedShape, second: NamedShape, one: float = 0.0
+) -> tuple[NamedShape, ...]:
+    """Return unions, differences or common parts of two shapes, of no solid where they are empty.
 
-    What is nearer than the length `one` is taken for one place. Every face of the result is a part
-    of a face of theirs. Raises KernelError where the kernel fails, or loses track of a face.
+    What is nearer than the length `one` is taken for one place. Every face of a result is a part of
+    a face of theirs. Where they meet is found once. Raises KernelError where the kernel fails, or
+    loses track of a face.
     """
     if not first.faces or not second.faces:
-        kept = {"union": (first, second), "cut": (first,), "intersect": ()}[kind]
-        return next((shape for shape in kept if shape.faces), NamedShape(_nothing(), ()))
-    return _carried_out(kind, first, [second], one)
+        kept = {"union": (first, second), "cut": (first,), "intersect": ()}
+        nothing = NamedShape(_nothing(), ())
+        return tuple(next((s for s in kept[kind] if s.faces), nothing) for kind in kinds)
+    return _carried_out(kinds, first, [second], one)
 
 
 def fuse(shapes: Sequence[NamedShape], one: float = 0.0) -> NamedShape:
     """Return the union of shapes, two or more, in one operation; see `combine`."""
-    return _carried_out("union", shapes[0], shapes[1:], one)
+    return _carried_out(["union"], shapes[0], shapes[1:], one)[0]
 
 
 def moved(shape: NamedShape, turn: Array, offset: Array, mark: str) -> NamedShape:
@@ -107,22 +112,34 @@ def moved(shape: NamedShape, turn: Array, offset: Array, mark: str) -> NamedShap
 
 
 def _carried_out(
-    kind: Kind, first: NamedShape, others: Sequence[NamedShape], one: float
-) -> NamedShape:
-    algorithm = BRepAlgoAPI_BooleanOperation()
-    algorithm.SetArguments(_listed([first.shape]))
-    algorithm.SetTools(_listed([other.shape for other in others]))
+    kinds: Sequence[Kind], first: NamedShape, others: Sequence[NamedShape], one: float
+) -> tuple[NamedShape, ...]:
+    shapes = (first, *others)
+    filler = BOPAlgo_PaveFiller()  # all operations use it: it has to outlive them
+    filler.SetArguments(_listed([shape.shape for shape in shapes]))
+    filler.SetRunParallel(False)
+    filler.SetNonDestructive(True)
+    filler.SetFuzzyValue(one)  # the kernel's own tolerance where that is more
+    what = " and ".join(kinds)
+    try:
+        filler.Perform(Message_ProgressRange())
+        if filler.HasErrors():
+            raise KernelError(f"the CAD kernel could not {what} the bodies")
+        return tuple(_result(kind, filler, shapes) for kind in kinds)
+    except Standard_Failure as failure:
+        raise KernelError(f"the CAD kernel refused to {what} the bodies: {failure}") from failure
+
+
+def _result(kind: Kind, filler: BOPAlgo_PaveFiller, shapes: Sequence[NamedShape]) -> NamedShape:
+    algorithm = BRepAlgoAPI_BooleanOperation(filler)
+    algorithm.SetArguments(_listed([shapes[0].shape]))
+    algorithm.SetTools(_listed([shape.shape for shape in shapes[1:]]))
     algorithm.SetOperation(_OPERATIONS[kind])
     algorithm.SetRunParallel(False)
-    algorithm.SetNonDestructive(True)
-    algorithm.SetFuzzyValue(one)  # the kernel's own tolerance where that is more
-    try:
-        algorithm.Build()
-    except Standard_Failure as failure:
-        raise KernelError(f"the CAD kernel refused to {kind} the bodies: {failure}") from failure
+    algorithm.Build()
     if not algorithm.IsDone():
         raise KernelError(f"the CAD kernel could not {kind} the bodies")
-    return NamedShape(algorithm.Shape(), tuple(_named(algorithm, (first, *others))))
+    return NamedShape(algorithm.Shape(), tuple(_named(algorithm, shapes)))
 
 
 def _named(

@@ -198,7 +198,7 @@ class _Joining:
         gap = total - found.volume
         if abs(gap) > self._slack(total, area):
             halves = [self._fused(copies[k::2], each) for k in (0, 1)]
-            common = combine("intersect", halves[0][0], halves[1][0], self.one)
+            (common,) = combine(["intersect"], halves[0][0], halves[1][0], self.one)
             held = self._integrals(common.shape).volume
             gap = sum(half[1].volume for half in halves) - held - found.volume
             if abs(gap) > self._slack(total, area):
@@ -218,9 +218,8 @@ class _Joining:
     def _step(self, kind: Kind, first: _Joined, second: _Joined, reason: str) -> _Joined:
         """Carry out one Boolean, and a second one that its volume is held against."""
         name = f"{kind}({first.name}, {second.name})"
-        result = combine(kind, first.shape, second.shape, self.one)
         held_against: Kind = "cut" if kind == "intersect" else "intersect"
-        other = combine(held_against, first.shape, second.shape, self.one)
+        result, other = combine([kind, held_against], first.shape, second.shape, self.one)
         found, held = self._integrals(result.shape), self._integrals(other.shape).volume
         a, b = first.integrals.volume, second.integrals.volume
         gap = a - held - found.volume + (b if kind == "union" else 0.0)

@@ -39,6 +39,45 @@ def shown_faces(part: Part, mesh: Triangles, colour: Colour | None = None) -> It
         )  # fmt: skip
 
 
+def shown_edges(part: Part, mesh: Triangles) -> Iterator[tuple[tuple[int, int], Array]]:
+    """Yield the polylines, (n, 3), along which the triangles of two faces meet, with these faces.
+
+    Faces are counted in the report's order. Lines on the triangles' own sides are hidden by none.
+    """
+    numbers = {id(face): number for number, face in enumerate(faces_in_order(part.exportable()))}
+    order = {numbers[id(face)]: i for i, face in enumerate(part.exportable().faces)}
+    sides = mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    owners = np.repeat(mesh.faces, 3)
+    rows = np.lexsort(np.sort(sides, axis=1).T)
+    ends, owners = np.sort(sides[rows], axis=1), owners[rows]
+    twin = (ends[1:] == ends[:-1]).all(axis=1) & (owners[1:] != owners[:-1])
+    pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for (a, b), first, second in zip(
+        ends[1:][twin].tolist(), owners[1:][twin].tolist(), owners[:-1][twin].tolist(), strict=True
+    ):
+        low, high = sorted((order[first], order[second]))
+        pairs.setdefault((low, high), []).append((a, b))
+    for faces, segments in sorted(pairs.items()):
+        for chain in _chains(segments):
+            yield faces, mesh.vertices[chain]
+
+
+def _chains(segments: list[tuple[int, int]]) -> Iterator[list[int]]:
+    """Yield the nodes along lines that the segments make, from an end where there is one."""
+    beside: dict[int, list[int]] = {}
+    for a, b in segments:
+        beside.setdefault(a, []).append(b)
+        beside.setdefault(b, []).append(a)
+    for start in sorted(beside, key=lambda node: len(beside[node]) != 1):
+        while beside[start]:
+            chain = [start]
+            while beside[chain[-1]]:
+                following = beside[chain[-1]].pop()
+                beside[following].remove(chain[-1])
+                chain.append(following)
+            yield chain
+
+
 def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
     """Return the scene of a part of several bodies; raise InputError for what it has not."""
     if style.isolines or style.points or style.mapped:
@@ -46,7 +85,8 @@ def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
             "parameter lines, point sets and maps belong to one equation; draw a body by itself "
             f"(--body: {', '.join(part.bodies)})"
         )
-    faces = list(shown_faces(part, shown_mesh(part, turn), None if style.colours else STEEL))
+    mesh = shown_mesh(part, turn)
+    faces = list(shown_faces(part, mesh, None if style.colours else STEEL))
     offsets = [_offset(part, face, style.explode) for face in faces]
     moved = tuple(
         Surface(f.name, f.points + o, f.triangles, f.normals, f.colour)
@@ -60,9 +100,9 @@ def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
     lines: tuple[Lines, ...] = ()
     if style.edges:
         ways = [
-            edge.points + offsets[face]
-            for edge in part.edges
-            for face in edge.faces[: None if style.explode else 1]
+            points + offsets[face]
+            for pair, points in shown_edges(part, mesh)
+            for face in pair[: None if style.explode else 1]
         ]
         lines = (Lines(tuple(ways)),)
     return Scene(moved, lines, labels=labels)

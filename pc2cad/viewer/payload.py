@@ -16,7 +16,7 @@ from pc2cad.arrays import AnyArray, Array
 from pc2cad.errors import InputError
 from pc2cad.export.colours import side_colour
 from pc2cad.part import Part
-from pc2cad.picture.bodies import shown_faces, shown_mesh
+from pc2cad.picture.bodies import shown_edges, shown_faces, shown_mesh
 from pc2cad.picture.colours import viridis
 from pc2cad.picture.scene import Surface
 from pc2cad.picture.sides import Sides
@@ -46,7 +46,7 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
         if points is not None:
             raise InputError("a point set belongs to one equation, and here are several bodies")
         header |= {"others": [], "points": None}
-        edges = [edge.points for edge in part.edges]
+        edges = [points for _, points in shown_edges(part, mesh)]
     else:
         sides = Sides(part, TURN)
         header["others"] = _others(part, sides, block)
