@@ -54,6 +54,7 @@ def two(a: str, b: str, result: str = "difference(a, b)"):
         (SECTOR.format(3, 3), SECTOR.format(2, 2), 19 / 3, 5, "u=1 lies on common rays"),
         ("[u, v, 2*w]", "[w, u, v]", 1, 6, "the core is w=0 of the one, w=1 of the other"),
     ],
+    ids=["pyramid", "tube", "shell", "sector", "blocks"],
 )  # fmt: skip
 def test_differences_that_are_sums_are_one_equation(a, b, volume, faces, grounds):
     report = pc.compile_equation(two(a, b)).report
@@ -77,6 +78,7 @@ def test_differences_that_are_sums_are_one_equation(a, b, volume, faces, grounds
         (PYRAMID, "D + ((A-D)*u*v + (B-D)*(1-v) + (C-D)*v*(1-u) + vector(1,0,0)*u*v)*w/2",
          "nor on common rays"),
     ],
+    ids=["elsewhere", "rays", "larger", "planes"],
 )  # fmt: skip
 def test_a_condition_that_fails_is_named(a, b, why):
     from pc2cad.compiler import compile_solid
