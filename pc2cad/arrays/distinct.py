@@ -1,4 +1,4 @@
-"""Distinct values without the masked arrays that NumPy loads for its own `unique`."""
+"""Distinct and middle values without the masked arrays that NumPy loads for its own."""
 
 from __future__ import annotations
 
@@ -19,3 +19,9 @@ def distinct(values: AnyArray | Sequence[float]) -> AnyArray:
     first = np.ones(len(ordered), dtype=bool)
     np.not_equal(ordered[1:], ordered[:-1], out=first[1:])
     return ordered[first]
+
+
+def ranked(values: AnyArray, share: float) -> float:
+    """Return the number that a share of an array does not exceed: 0.5 is the upper median."""
+    ordered = np.sort(values, axis=None)
+    return float(ordered[min(int(share * len(ordered)), len(ordered) - 1)])

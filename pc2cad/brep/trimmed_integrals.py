@@ -211,7 +211,7 @@ def _cuts(breaks: tuple[Array | None, Array | None], path: _Path) -> Array:
     for axis in (0, 1):
         smooth = breaks[axis]
         if smooth is not None and len(smooth):
-            cuts = np.union1d(cuts, crossings(path.curve, own, axis, smooth))
+            cuts = distinct(np.concatenate((cuts, crossings(path.curve, own, axis, smooth))))
     run = float(np.ptp(path.ends[:, 0]))
     pieces = max(1, int(np.ceil(run / STEP))) if breaks[0] is None else 1
     return np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)])

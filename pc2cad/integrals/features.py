@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import ranked
 from pc2cad.arrays.scatter import scattered
 
 #: places that are looked at, how many features are followed, how far apart (shares of the box)
@@ -93,7 +94,7 @@ def _fit(
         coefficients = np.asarray(np.linalg.lstsq(columns[good], found[good], rcond=None)[0])
     surface = _Surface(values, spans, moving, coefficients)
     rest = np.where(good, np.abs(found - columns @ coefficients), 0.0)
-    least = max(ROUNDING * float(np.abs(found[good]).max()), PEAKED * float(np.median(rest)))
+    least = max(ROUNDING * float(np.abs(found[good]).max()), PEAKED * ranked(rest, 0.5))
     return surface, np.where(rest > least, rest, 0.0)
 
 

@@ -228,7 +228,7 @@ class Parametrisations:
             return exact.places(exact.space.sites)
         arcs, _ = self._arcs.get(owner, (None, 0))
         close = focus if arcs is None else arcs.places(focus)
-        return np.union1d(sections(aim.density), close)
+        return distinct(np.concatenate((sections(aim.density), close)))
 
 
 def exact_course(

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import ranked
 from pc2cad.arrays.scatter import scattered
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
@@ -78,7 +79,7 @@ class Fitted:
         """True where (s, t) to the surface's parameters reverses the orientation."""
         along_s, along_t = (np.asarray(np.gradient(self.grid, axis=k)) for k in (0, 1))
         turn = along_s[..., 0] * along_t[..., 1] - along_s[..., 1] * along_t[..., 0]
-        return bool(np.median(turn) < 0)
+        return bool(ranked(turn, 0.5) < 0)
 
     def border(self, side: int) -> Array:
         """Return the grid's parameters (NODES, 2) along a side, in the direction of its axis."""

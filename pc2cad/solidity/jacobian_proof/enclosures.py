@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.distinct import ranked
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.expression.breaks import find_breaks, resolve_pieces
 from pc2cad.expression.centred import Centred, CentredProgram
@@ -222,7 +223,7 @@ class _Columns:
                 matrix[rows, i, j] = value
         with np.errstate(all="ignore"):
             size = np.sqrt((matrix**2).sum(axis=1, keepdims=True))
-            matrix /= size if self._width > 1 else np.median(size)
+            matrix /= size if self._width > 1 else ranked(size, 0.5)
             inverse, sign = inverse_and_sign(matrix)
             largest = np.abs(inverse).max(axis=(1, 2))
         regular = np.isfinite(largest).all() and largest.max() < SINGULAR
@@ -235,7 +236,7 @@ class _Columns:
             step = np.diff(matrix, axis=d)
             change = np.take(inverse, range(PLACES - 1), axis=d) @ step
             size = np.sqrt((change**2).sum(axis=(-1, -2)))
-            counts.append(float(np.quantile(size, 0.8)) * (PLACES - 1) * SAFETY)
+            counts.append(ranked(size, 0.8) * (PLACES - 1) * SAFETY)
         shrink = min(1.0, (MOST_FIRST / np.prod(np.maximum(counts, 1.0))) ** (1 / 3))
         return tuple(max(1, math.ceil(shrink * count)) for count in counts)
 
