@@ -383,5 +383,6 @@ _OF_EQUATION = (
 _OF_BODIES = (
     "name", "title", "units", "parameters", "size", "tolerance", "result", "bodies", "steps",
     "faces", "curves", "edges", "vertices", "shells", "euler", "solid", "triangles",
-    "mass", "fields", "thickness", "kernel_tolerance", "warnings", "times", "deviation", "evidence",
+    "mass", "fields", "thickness", "arithmetic", "kernel_tolerance", "warnings", "times",
+    "deviation", "evidence",
 )  # fmt: skip
