@@ -44,8 +44,9 @@ def shown_edges(part: Part, mesh: Triangles) -> Iterator[tuple[tuple[int, int], 
 
     Faces are counted in the report's order. Lines on the triangles' own sides are hidden by none.
     """
-    numbers = {id(face): number for number, face in enumerate(faces_in_order(part.exportable()))}
-    order = {numbers[id(face)]: i for i, face in enumerate(part.exportable().faces)}
+    solid = part.exportable()
+    numbers = {id(face): number for number, face in enumerate(faces_in_order(solid))}
+    order = {numbers[id(face)]: i for i, face in enumerate(solid.faces)}
     sides = mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owners = np.repeat(mesh.faces, 3)
     rows = np.lexsort(np.sort(sides, axis=1).T)
