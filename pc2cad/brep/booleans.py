@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from OCP.BOPAlgo import BOPAlgo_Operation, BOPAlgo_PaveFiller
 from OCP.BRep import BRep_Builder, BRep_Tool
-from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation
+from OCP.BRepAlgoAPI import BRepAlgoAPI_BooleanOperation, BRepAlgoAPI_BuilderAlgo
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.Geom import Geom_BSplineCurve, Geom_Curve
 from OCP.gp import gp_Trsf
@@ -116,7 +116,7 @@ def _carried_out(
 ) -> tuple[NamedShape, ...]:
     shapes = (first, *others)
     filler = BOPAlgo_PaveFiller()  # all operations use it: it has to outlive them
-    filler.SetArguments(_listed([shape.shape for shape in shapes]))
+    filler.SetArguments(listed([shape.shape for shape in shapes]))
     filler.SetRunParallel(False)
     filler.SetNonDestructive(True)
     filler.SetFuzzyValue(one)  # the kernel's own tolerance where that is more
@@ -132,32 +132,38 @@ def _carried_out(
 
 def _result(kind: Kind, filler: BOPAlgo_PaveFiller, shapes: Sequence[NamedShape]) -> NamedShape:
     algorithm = BRepAlgoAPI_BooleanOperation(filler)
-    algorithm.SetArguments(_listed([shapes[0].shape]))
-    algorithm.SetTools(_listed([shape.shape for shape in shapes[1:]]))
+    algorithm.SetArguments(listed([shapes[0].shape]))
+    algorithm.SetTools(listed([shape.shape for shape in shapes[1:]]))
     algorithm.SetOperation(_OPERATIONS[kind])
     algorithm.SetRunParallel(False)
     algorithm.Build()
     if not algorithm.IsDone():
         raise KernelError(f"the CAD kernel could not {kind} the bodies")
-    return NamedShape(algorithm.Shape(), tuple(_named(algorithm, shapes)))
+    return NamedShape(algorithm.Shape(), tuple(named_faces(algorithm, shapes)))
 
 
-def _named(
-    algorithm: BRepAlgoAPI_BooleanOperation, shapes: Sequence[NamedShape]
+def named_faces(
+    algorithm: BRepAlgoAPI_BuilderAlgo, shapes: Sequence[NamedShape]
 ) -> Iterator[tuple[TopoDS_Face, tuple[SideKey, ...]]]:
     """Yield the faces of the result with the names of the faces that they are parts of."""
     faces = IndexedMapOfShape()
     TopExp.MapShapes_s(algorithm.Shape(), TopAbs_FACE, faces)
     names: dict[int, list[SideKey]] = {i: [] for i in range(1, faces.Extent() + 1)}
     for face, known in (row for shape in shapes for row in shape.faces):
-        for part in [*algorithm.Modified(face)] or [face]:
-            index = faces.FindIndex(part)
-            if index:
-                names[index] += [name for name in known if name not in names[index]]
+        for index in images(algorithm, face, faces):
+            names[index] += [name for name in known if name not in names[index]]
     for index, found in names.items():
         if not found:
             raise KernelError("the CAD kernel made a face that belongs to no body")
         yield as_face(faces.FindKey(index)), tuple(found)
+
+
+def images(
+    algorithm: BRepAlgoAPI_BuilderAlgo, shape: TopoDS_Shape, found: IndexedMapOfShape
+) -> list[int]:
+    """Return the numbers, among the shapes found in a result, of what became of a shape."""
+    made = [*algorithm.Modified(shape)] or [shape]
+    return [index for part in made if (index := found.FindIndex(part))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +273,8 @@ def _points(edge: TopoDS_Edge) -> Array:
     return np.array([curve.Value(t).Coord() for t in np.linspace(first, last, PLACES).tolist()])
 
 
-def _listed(given: Sequence[TopoDS_Shape]) -> ListOfShape:
+def listed(given: Sequence[TopoDS_Shape]) -> ListOfShape:
+    """Return shapes as a list of the kernel's."""
     shapes = ListOfShape()
     for shape in given:
         shapes.Append(shape)

@@ -9,15 +9,10 @@ from OCP.BRepAlgoAPI import BRepAlgoAPI_BuilderAlgo
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape, TopoDS_Solid
+from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
-from pc2cad.brep.booleans import NamedShape
-from pc2cad.brep.kernel import (
-    IndexedMapOfShape,
-    ListOfShape,
-    as_face,
-    as_solid,
-)
+from pc2cad.brep.booleans import NamedShape, images, listed, named_faces
+from pc2cad.brep.kernel import IndexedMapOfShape, as_solid
 from pc2cad.errors import KernelError
 from pc2cad.topology.cells import SideKey
 
@@ -45,10 +40,7 @@ def fragments(bodies: Mapping[str, NamedShape], one: float) -> Fragments:
     Raises KernelError where the kernel fails, or loses track of a piece.
     """
     algorithm = BRepAlgoAPI_BuilderAlgo()
-    given = ListOfShape()
-    for body in bodies.values():
-        given.Append(body.shape)
-    algorithm.SetArguments(given)
+    algorithm.SetArguments(listed([body.shape for body in bodies.values()]))
     algorithm.SetRunParallel(False)
     algorithm.SetNonDestructive(True)
     algorithm.SetFuzzyValue(one)
@@ -62,29 +54,16 @@ def fragments(bodies: Mapping[str, NamedShape], one: float) -> Fragments:
     TopExp.MapShapes_s(algorithm.Shape(), TopAbs_SOLID, solids)
     TopExp.MapShapes_s(algorithm.Shape(), TopAbs_FACE, faces)
     owners: dict[int, set[str]] = {i: set() for i in range(1, solids.Extent() + 1)}
-    names: dict[int, list[SideKey]] = {i: [] for i in range(1, faces.Extent() + 1)}
     for name, body in bodies.items():
         for solid in body.solids:
-            for index in _images(algorithm, solid, solids):
+            for index in images(algorithm, solid, solids):
                 owners[index].add(name)
-        for face, sides in body.faces:
-            for index in _images(algorithm, face, faces):
-                names[index] += [side for side in sides if side not in names[index]]
-    if not all(owners.values()) or not all(names.values()):
-        raise KernelError("the CAD kernel made a piece, or a face of one, that belongs to no body")
+    if not all(owners.values()):
+        raise KernelError("the CAD kernel made a piece that belongs to no body")
     pieces = []
     for index, held in owners.items():
         found = IndexedMapOfShape()
         TopExp.MapShapes_s(solids.FindKey(index), TopAbs_FACE, found)
         mine = (faces.FindIndex(found.FindKey(k)) - 1 for k in range(1, found.Extent() + 1))
         pieces.append(Fragment(as_solid(solids.FindKey(index)), frozenset(held), tuple(mine)))
-    named = ((as_face(faces.FindKey(i)), tuple(sides)) for i, sides in names.items())
-    return Fragments(tuple(pieces), tuple(named))
-
-
-def _images(
-    algorithm: BRepAlgoAPI_BuilderAlgo, shape: TopoDS_Shape, found: IndexedMapOfShape
-) -> list[int]:
-    """Return the numbers of what became of a shape."""
-    made = list(algorithm.Modified(shape)) or [shape]
-    return [index for image in made if (index := found.FindIndex(image))]
+    return Fragments(tuple(pieces), tuple(named_faces(algorithm, tuple(bodies.values()))))

@@ -27,7 +27,6 @@ from pc2cad.expression.tree import (
     symbol,
 )
 
-V: Final = symbol("v")
 W: Final = symbol("w")
 #: side of the wall -> the w at which it is the section K itself
 SIDES: Final = {"inside": ONE, "centred": number(Fraction(1, 2)), "outside": ZERO}

@@ -12,12 +12,12 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.channels.limits import Limit
-from pc2cad.equation.point_equation import LayersError, PointEquation
+from pc2cad.equation.point_equation import LayersError, PointEquation, over_unit_box
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import substitute, symbol
+from pc2cad.expression.tree import substitute
 
 #: places in u and v, steps of w over a part, and how many times its depth is looked at
 PLACES, STEPS, FARTHEST = 33, 16, 8
@@ -86,10 +86,7 @@ def check_depth(limits: tuple[Limit, ...]) -> None:
 class _Search:
     def __init__(self, equation: PointEquation) -> None:
         assert equation.depth is not None
-        local = {
-            name: low + (high - low) * symbol(name)
-            for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-        }
+        local = over_unit_box(equation.domain)
         M = substitute(equation.coordinates, local)
         self._tangents = Program(tuple(t for name in PARAMETERS for t in derivatives(M, name)))
         self._depth = Program(substitute((equation.depth,), local))

@@ -17,15 +17,14 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
-from pc2cad.equation.point_equation import PointEquation
+from pc2cad.equation.point_equation import PointEquation, over_unit_box
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.breaks import find_breaks
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.linear_terms import cancel_terms
-from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.simplification import simplified
-from pc2cad.expression.tree import Expr, substitute, symbol
+from pc2cad.expression.tree import Expr, substitute
 
 #: a scalar over broadcastable places u, v, w
 Field = Callable[[Array, Array, Array], Array]
@@ -88,10 +87,7 @@ def check_limits(limits: tuple[Limit, ...]) -> None:
 
 class _Channel:
     def __init__(self, equation: PointEquation, guide: tuple[Expr, Expr, Expr]) -> None:
-        local = {
-            name: low + (high - low) * symbol(name)
-            for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-        }
+        local = over_unit_box(equation.domain)
         self._equation = equation
         M = simplified(substitute(equation.coordinates, local))
         N = substitute(guide, local)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import Mapping3
-from pc2cad.equation.point_equation import PointEquation
+from pc2cad.equation.point_equation import PointEquation, over_unit_box
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
 from pc2cad.expression.breaks import find_breaks
@@ -172,11 +172,7 @@ def _step(analysis: Analysis, variation: Variation) -> Fraction:
 
 def _over_the_box(equation: PointEquation) -> tuple[Expr, ...]:
     """Return x, y and z with u, v and w from 0 to 1."""
-    unit = {
-        name: low + (high - low) * symbol(name)
-        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-    }
-    return substitute(equation.coordinates, unit)
+    return substitute(equation.coordinates, over_unit_box(equation.domain))
 
 
 def _local(analysis: Analysis, trees: tuple[Expr, ...]) -> Mapping3:

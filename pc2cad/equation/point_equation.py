@@ -177,6 +177,14 @@ class PointEquation:
         return tuple((evaluate(lo, {}), evaluate(hi, {})) for lo, hi in self.domain)
 
 
+def over_unit_box(domain: Iterable[tuple[Expr, Expr]]) -> dict[str, Expr]:
+    """Return what u, v and w are in parameters that run from 0 to 1, to be put in their places."""
+    return {
+        name: low + (high - low) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, domain, strict=True)
+    }
+
+
 #: a point, or its three coordinates: trees, numbers, SymPy expressions, texts in the language of
 #: templates or functions of u, v and w; or a text or a function for all three
 Equation = Combination | Sequence[Any] | PointEquation | str | Callable[..., Any]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations, permutations, product
 from math import hypot
 
+from pc2cad.equation import point_equation
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
@@ -24,11 +25,7 @@ _NEAR = 1e-9
 
 def over_unit_box(equation: PointEquation, trees: Trees | None = None) -> Trees:
     """Return an equation's coordinates, or others over its box, over the unit box."""
-    change = {
-        name: low + (high - low) * symbol(name)
-        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-    }
-    return replaced(trees or equation.coordinates, change)
+    return replaced(trees or equation.coordinates, point_equation.over_unit_box(equation.domain))
 
 
 def over_own_box(equation: PointEquation, trees: Trees) -> Trees:

@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.checked import CheckedMap, Stages
 from pc2cad.equation.unit_box import at_end, common_sides, minus, over_unit_box, size_of, turned
 from pc2cad.errors import InputError
@@ -222,14 +223,14 @@ def _one(
                     replace(f, elements=f.elements + done[f.kind]) for f in facets
                 )
         for side, nodes in mesh.node_sets.items():
-            sets[f"{body}:{side}"] = np.unique(numbers[start + nodes])
+            sets[f"{body}:{side}"] = distinct(numbers[start + nodes])
         layers[body] = {}
         for kind, block in mesh.blocks.items():
             blocks.setdefault(kind, []).append(numbers[start + block])
             layers[body][kind] = np.arange(done[kind], done[kind] + len(block))
             done[kind] += len(block)
         start += len(mesh.points)
-    sets |= {name: np.unique(numbers[nodes]) for name, nodes in between.items()}
+    sets |= {name: distinct(numbers[nodes]) for name, nodes in between.items()}
     pieces = {f"{body}:{side}" for body, mesh in meshes.items() for side in mesh.pieces}
     order = next(iter(meshes.values())).order
     return VolumeMesh(

@@ -9,7 +9,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.brep.triangles import Triangles
 from pc2cad.errors import InputError
-from pc2cad.export.model import ExportOptions
+from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, smooth_normals, surface
 from pc2cad.part import Part
 from pc2cad.picture.scene import Colour, Label, Lines, Scene, Surface
@@ -27,9 +27,7 @@ def shown_faces(part: Part, mesh: Triangles, colour: Colour | None = None) -> It
     Triangles count faces in the kernel's order, which has the outer shell first.
     """
     painted = part.exportable(colours=True)
-    numbers = {id(face): number for number, face in enumerate(faces_in_order(painted))}
-    for face in painted.faces:
-        number = numbers[id(face)]
+    for face, number in zip(painted.faces, _numbers(painted), strict=True):
         own = mesh.triangles[mesh.faces == number]
         used, triangles = np.unique(own, return_inverse=True)
         triangles, points = triangles.reshape(own.shape), mesh.vertices[used]
@@ -44,9 +42,7 @@ def shown_edges(part: Part, mesh: Triangles) -> Iterator[tuple[tuple[int, int], 
 
     Faces are counted in the report's order. Lines on the triangles' own sides are hidden by none.
     """
-    solid = part.exportable()
-    numbers = {id(face): number for number, face in enumerate(faces_in_order(solid))}
-    order = {numbers[id(face)]: i for i, face in enumerate(solid.faces)}
+    order = {number: i for i, number in enumerate(_numbers(part.exportable()))}
     sides = mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     owners = np.repeat(mesh.faces, 3)
     rows = np.lexsort(np.sort(sides, axis=1).T)
@@ -61,6 +57,12 @@ def shown_edges(part: Part, mesh: Triangles) -> Iterator[tuple[tuple[int, int], 
     for faces, segments in sorted(pairs.items()):
         for chain in _chains(segments):
             yield faces, mesh.vertices[chain]
+
+
+def _numbers(solid: Exportable) -> list[int]:
+    """Return the kernel's number of each face, in the report's order."""
+    numbers = {id(face): number for number, face in enumerate(faces_in_order(solid))}
+    return [numbers[id(face)] for face in solid.faces]
 
 
 def _chains(segments: list[tuple[int, int]]) -> Iterator[list[int]]:

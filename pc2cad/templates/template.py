@@ -17,6 +17,7 @@ from pc2cad.equation.point_equation import (
     Written,
     check_point,
     interval,
+    over_unit_box,
 )
 from pc2cad.equation.points import Combination, Value
 from pc2cad.equation.variation import Variation
@@ -173,9 +174,7 @@ class Template(Header):
         coordinates = None
         if name not in read.consumed:
             M = read.frame.shifted(read.M) if read.frame else read.M
-            unit = {p: a + (b - a) * symbol(p)
-                    for p, (a, b) in zip(PARAMETERS, read.domain, strict=True)}  # fmt: skip
-            x, y, z = substitute(M.coordinates, unit)
+            x, y, z = substitute(M.coordinates, over_unit_box(read.domain))
             coordinates = x, y, z
 
         def at(value: Expr) -> PointEquation:
