@@ -133,7 +133,7 @@ TAMPERINGS: dict[str, tuple[str, Callable[[str], str]]] = {
         r"(TOROIDAL_SURFACE\('',#\d+,5\.,)2\.", r"\g<1>2.00001", t)),
     "torus's own radius": ("torus", lambda t: re.sub(
         r"(TOROIDAL_SURFACE\('',#\d+,)5\.", r"\g<1>5.00001", t)),
-    "knot": ("channel_ellipse", _moved_knot),
+    "knot": ("channel_sine", _moved_knot),
     "another solid": ("cone", lambda t: t.replace(",4.)", ",4.001)")),
 }  # fmt: skip
 
