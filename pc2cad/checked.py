@@ -17,7 +17,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pc2cad.bounds.extremes import Extreme, largest_value, least_value
 from pc2cad.channels.depths import check_depth, find_depth
@@ -25,20 +25,21 @@ from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
 from pc2cad.domain.cuts import halved as cut_in_halves
 from pc2cad.domain.cuts import parted as cut_apart
-from pc2cad.domain.fields import local_field
 from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
 from pc2cad.equation.fields import DENSITY
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.geometry.scale import Scale
-from pc2cad.integrals.fields import FieldIntegral, integrate_field, mass_by_field
-from pc2cad.integrals.inertia import Mass, densities, mass_of
 from pc2cad.integrals.mass_properties import MassProperties, integrate
-from pc2cad.integrals.sensitivity import Sensitivity, sensitivity
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.solidity.orientation import Orientation, find_orientation
 from pc2cad.solidity.solidity import Solidity, check_solidity
+
+if TYPE_CHECKING:
+    from pc2cad.integrals.fields import FieldIntegral
+    from pc2cad.integrals.inertia import Mass
+    from pc2cad.integrals.sensitivity import Sensitivity
 
 #: told the name of each stage as it begins
 Progress = Callable[[str], None]
@@ -83,15 +84,23 @@ class CheckedMap:
         The mass is in the density's own unit times units^3. Raises InputError for a density that is
         not positive, and for names of no layer or field.
         """
+        from pc2cad.integrals.inertia import densities, mass_of
+
         if density is None:
             named = any(field.name == DENSITY for field in self.equation.fields)
             density = DENSITY if named else 1.0
         if isinstance(density, str):
+            from pc2cad.domain.fields import local_field
+            from pc2cad.integrals.fields import mass_by_field
+
             return mass_by_field(self.analysis, self.mass, local_field(self.analysis, density))
         return mass_of(self.analysis, self.mass, densities(density, self.equation))
 
     def field_figures(self, name: str) -> FieldFigures:
         """Return integral, mean, least and largest value of a field; raise InputError."""
+        from pc2cad.domain.fields import local_field
+        from pc2cad.integrals.fields import integrate_field
+
         field = local_field(self.analysis, name)
         whole = integrate_field(self.analysis, self.mass, field)
         limits = [
@@ -108,6 +117,9 @@ class CheckedMap:
         Raises InputError for a name of no parameter, and NotDifferentiableError where the solid
         does not change smoothly with it.
         """
+        from pc2cad.integrals.inertia import densities, mass_of
+        from pc2cad.integrals.sensitivity import sensitivity
+
         given = densities(density, self.equation)
         variation = self.equation.variation(name)
         mass = mass_of(self.analysis, self.mass, given)

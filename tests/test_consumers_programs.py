@@ -39,6 +39,8 @@ from pc2cad.verify.defects import StepDefectError
 
 pytestmark = pytest.mark.interop
 
+#: these files are written once, in one process
+together = pytest.mark.xdist_group("files")
 BODIES = bodies_paths()
 PATHS = template_paths() | BODIES
 TEMPLATES = list(PATHS)
@@ -94,6 +96,7 @@ def wrong_at_the_end(files: Path, templates: Sequence[str] = TEMPLATES) -> list[
     return [files / f"{name}.step" for name in (*templates, "torn", "moved")]
 
 
+@together
 @pytest.mark.parametrize("template", template_paths())
 def test_a_reader_without_a_kernel(template, files):
     part, path = part_of(template), files / f"{template}.step"
@@ -104,6 +107,7 @@ def test_a_reader_without_a_kernel(template, files):
     assert (len(found), shells, faces) == counts(part)
 
 
+@together
 def test_the_reader_without_a_kernel_finds_what_is_wrong(files):
     with pytest.raises(StepDefectError, match="is open"):
         check_step(files / "torn.step")
@@ -111,6 +115,7 @@ def test_the_reader_without_a_kernel_finds_what_is_wrong(files):
         check_step(files / "moved.step")
 
 
+@together
 def test_gmsh_reads_every_template_without_healing(files):
     *found, torn, moved = read_all_in_gmsh(wrong_at_the_end(files))
     assert torn["volumes"] != 1
@@ -122,6 +127,7 @@ def test_gmsh_reads_every_template_without_healing(files):
         assert one["volume"] == pytest.approx(plain_mm3(part), rel=1e-9), template
 
 
+@together
 @needs(freecad(), "FreeCAD")
 def test_freecad_reads_every_template_as_valid_with_its_strictest_check(files):
     # its check compares all faces with all others, for minutes where they are long tubes, and
@@ -137,6 +143,7 @@ def test_freecad_reads_every_template_as_valid_with_its_strictest_check(files):
         assert one["volume"] == pytest.approx(plain_mm3(part), rel=1e-9), template
 
 
+@together
 @needs(find_spec("netgen"), "netgen")
 def test_netgen_reads_every_template_and_meshes_without_healing(files):
     meshed = [files / "pyramid_cut.step", files / "turned_ring.step"]
@@ -159,6 +166,7 @@ def stls(files: Path) -> list[Path]:
     return [files / f"{template}.stl" for template in TEMPLATES]
 
 
+@together
 def test_trimesh_takes_every_stl_for_a_volume(files):
     for template, path in zip(TEMPLATES, stls(files), strict=True):
         mesh = trimesh.load(path)
@@ -168,6 +176,7 @@ def test_trimesh_takes_every_stl_for_a_volume(files):
     assert not trimesh.load(files / "torn.stl").is_volume
 
 
+@together
 @needs(find_spec("manifold3d"), "manifold3d")
 def test_manifold_accepts_every_stl(files):
     import manifold3d
@@ -188,6 +197,7 @@ def test_manifold_accepts_every_stl(files):
     assert manifold(files / "torn.stl").status() != manifold3d.Error.NoError
 
 
+@together
 @needs(shutil.which("admesh"), "admesh")
 def test_admesh_has_nothing_to_mend_in_any_stl(files):
     def disconnected(path: Path) -> list[int]:

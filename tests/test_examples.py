@@ -56,7 +56,7 @@ def test_an_example_finds_what_is_known(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*ERRORS, "analyses"])
+@pytest.mark.parametrize("name", [*(name for name in ERRORS if name != "bend_study"), "analyses"])
 def test_a_script_runs_by_itself(name: str, tmp_path: Path) -> None:
     need(name)
     done = subprocess.run(
