@@ -93,7 +93,13 @@ def test_meshio_reads_fields_from_med_and_objects(tmp_path: Path) -> None:
         middles = read.points[read.cells[k].data].mean(axis=1)
         gap = read.cell_data["T"][k] - 2 * read.cell_data["u"][k] - middles[:, 0]
         assert np.abs(gap).max() < 0.15
-    holds(mesh.points, mesh.to_meshio().point_data)
+    ours = mesh.to_meshio()
+    holds(mesh.points, ours.point_data)
+    assert len(ours.cells) == 1 + len(mesh.whole_sides)
+    for name, blocks in ours.cell_data.items():
+        assert [len(rows) for rows in blocks] == [len(block.data) for block in ours.cells]
+        # the file has the elements first, too
+        assert np.array_equal(blocks[0], read.cell_data[name][solids])
 
 
 @pytest.mark.parametrize("kind", ["ogrid", "tetrahedra"])

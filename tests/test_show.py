@@ -203,3 +203,15 @@ def test_show_refuses_as_the_other_verbs_do(capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 2
+
+
+def test_fields_are_shown(tmp_path, capsys) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(
+        'title = "Bar"\n[solid]\nx = "2*u"\ny = "v"\nz = "w"\n'
+        '[fields]\nwarm = "20 + x"\nflow = "vector(0, u, 1)"\n'
+    )
+    assert main(["show", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "\nFields (of u, v, w and the place x, y, z)\n  warm = 20 + x\n" in shown
+    assert "  flow = vector(0, u, 1)\n" in shown

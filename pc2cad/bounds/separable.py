@@ -145,6 +145,7 @@ class Products:
 def function_of(trees: tuple[Expr, ...], names: tuple[str, ...], known: Known) -> Whole | Products:
     """Return a function of one or two parameters, as a sum of products where it is one."""
     products = vector_products(trees, names[0]) if len(names) == 2 else None
-    if products is None or len(products) > MOST_PRODUCTS:
+    # what vanishes everywhere, as a field may on a slice, is a sum of no products
+    if not products or len(products) > MOST_PRODUCTS:
         return Whole(trees, names, known)
     return Products(products, names, known)

@@ -19,6 +19,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
+from pc2cad.brep.forms import FLUX, PAIRS, SECOND, Form
 from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex, as_wire
 from pc2cad.brep.spline_integrals import spline_flux
 from pc2cad.brep.trimmed_integrals import is_whole, plane_moments, trimmed_flux
@@ -62,7 +63,7 @@ def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> Sol
 
     Faces that are `known` from other solids of the part are not integrated again.
     """
-    faces = list(_faces(solid))
+    faces = list(faces_of(solid))
     if not faces:
         return SolidIntegrals(0.0, 0.0, (0.0, 0.0, 0.0), ())
     known = known or KnownFaces()
@@ -79,16 +80,31 @@ def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> Sol
     )  # fmt: skip
 
 
-def _face(face: TopoDS_Face, sign: float, origin: Array) -> Array:
+def second_moments(solid: TopoDS_Shape, about: Array) -> Array:
+    """Return ∫ (r - c)_i (r - c)_j dV about a place c, (3, 3)."""
+    total = np.sum([face_integrals(face, about, SECOND) for face in faces_of(solid)], axis=0)
+    result = np.empty((3, 3))
+    for (i, j), value in zip(PAIRS, total[5:], strict=True):
+        result[i, j] = result[j, i] = value
+    return result
+
+
+def face_integrals(face: TopoDS_Face, origin: Array, form: Form) -> Array:
+    """Return the integrals of a form over a face with its outward normal, from `origin`."""
+    return _face(face, -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0, origin, form)
+
+
+def _face(face: TopoDS_Face, sign: float, origin: Array, form: Form = FLUX) -> Array:
     surface = BRep_Tool.Surface_s(face)
-    if isinstance(surface, Geom_Plane):
+    if isinstance(surface, Geom_Plane) and form is FLUX:
         return _plane(surface, face, sign, origin)
     if isinstance(surface, Geom_BSplineSurface) and is_whole(surface, face):
-        return spline_flux(surface, sign, origin)
-    return trimmed_flux(surface, face, sign, origin)
+        return spline_flux(surface, sign, origin, form)
+    return trimmed_flux(surface, face, sign, origin, form)
 
 
-def _faces(solid: TopoDS_Shape) -> list[TopoDS_Face]:
+def faces_of(solid: TopoDS_Shape) -> list[TopoDS_Face]:
+    """Return the faces of a shape in the kernel's order."""
     explorer, faces = TopExp_Explorer(solid, TopAbs_FACE), []
     while explorer.More():
         faces.append(as_face(explorer.Current()))

@@ -13,6 +13,7 @@ from OCP.Geom2d import Geom2d_BSplineCurve
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
+from pc2cad.brep.forms import FLUX, Form
 from pc2cad.errors import KernelError
 from pc2cad.geometry.splines.spline_basis import (
     SparseRows,
@@ -20,15 +21,6 @@ from pc2cad.geometry.splines.spline_basis import (
     local_basis,
     spline_values,
 )
-
-
-def flux(points: Array, normals: Array, weights: Array) -> Array:
-    """Return ∬ r·n, ∬ |n| and ∬ r_i² n_i: points and normals (n, 3), weights (n,)."""
-    result = np.empty(5)
-    result[0] = product(weights, (points * normals).sum(axis=1))
-    result[1] = product(weights, np.sqrt((normals * normals).sum(axis=1)))
-    result[2:] = product(weights, points * points * normals)
-    return result
 
 
 def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
@@ -107,9 +99,11 @@ def flat_knots(curve: Geom_BSplineCurve | Geom2d_BSplineCurve) -> Array:
     return np.repeat([curve.Knot(i) for i in places], [curve.Multiplicity(i) for i in places])
 
 
-def spline_flux(surface: Geom_BSplineSurface, sign: float, origin: Array) -> Array:
-    """Return the flux integrals over a whole spline surface relative to `origin`."""
-    return read_patch(surface, origin, sign).integrate()
+def spline_flux(
+    surface: Geom_BSplineSurface, sign: float, origin: Array, form: Form = FLUX
+) -> Array:
+    """Return the integrals of a form over a whole spline surface relative to `origin`."""
+    return read_patch(surface, origin, sign).integrate(form)
 
 
 def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -> Patch:
@@ -164,17 +158,18 @@ class Patch:
         pieces = [len(distinct(knots)) - 1 for knots in self.knots]
         return 1e-13 if pieces[0] * pieces[1] <= MOST_EXACT_PIECES else 1e-10
 
-    def integrate(self) -> Array:
-        """Return the flux integrals with as many Gauss nodes as they need, where they need them."""
+    def integrate(self, form: Form = FLUX) -> Array:
+        """Return the integrals with as many Gauss nodes as they need, where they need them."""
         rules = [self._rule(d) for d in (0, 1)]
-        total = np.zeros(5)
+        total: Array | float = 0.0
         step = max(1, 200_000 // len(rules[1][0]))
         for i in range(0, len(rules[0][0]), step):
             part = (rules[0][0][i : i + step], rules[0][1][i : i + step])
             points, normals = self._jet(part[0], rules[1][0])
             weights = part[1][:, None] * rules[1][1]
-            total += flux(points.reshape(-1, 3), normals.reshape(-1, 3), weights.ravel())
-        return total
+            values = form.columns(points.reshape(-1, 3), normals.reshape(-1, 3))
+            total = total + product(weights.ravel(), values)
+        return np.asarray(total)
 
     def _rule(self, direction: int) -> tuple[Array, Array]:
         """Return nodes and weights along one direction, settled on a few lines across it.
@@ -225,7 +220,7 @@ class Patch:
     def _panel_sums(
         self, direction: int, panels: Array, lines: Array, orders: Sequence[int]
     ) -> list[Array]:
-        """Return the integrands of `flux` along each line over each panel, (panels, lines, 5)."""
+        """Return the integrands of `FLUX` along each line over each panel, (panels, lines, 5)."""
         rules = [_gauss(panels, order) for order in orders]
         nodes = np.concatenate([rule[0] for rule in rules])
         order = np.argsort(nodes)

@@ -26,6 +26,7 @@ from OCP.TopoDS import TopoDS_Face
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
+from pc2cad.brep.forms import FLUX, Form
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
 from pc2cad.brep.kernel import as_edge, as_face
 from pc2cad.brep.settling import settled
@@ -47,8 +48,10 @@ TRIMMED_ACCURACY = 1e-9
 CHUNK = 200_000
 
 
-def trimmed_flux(surface: Geom_Surface, face: TopoDS_Face, sign: float, origin: Array) -> Array:
-    """Return the flux integrals over a face of any surface, relative to `origin`.
+def trimmed_flux(
+    surface: Geom_Surface, face: TopoDS_Face, sign: float, origin: Array, form: Form = FLUX
+) -> Array:
+    """Return the integrals of a form over a face of any surface, relative to `origin`.
 
     Raises KernelError where they do not settle.
     """
@@ -56,22 +59,22 @@ def trimmed_flux(surface: Geom_Surface, face: TopoDS_Face, sign: float, origin: 
     accuracy = TRIMMED_ACCURACY if isinstance(surface, Geom_BSplineSurface) else ACCURACY
     paths = list(_paths(face))
     level = float(np.mean([path.ends[:, 1].mean() for path in paths]))
-    strips = [_Strip(data, path, level, sign) for path in paths if not path.is_upright]
+    strips = [_Strip(data, path, level, sign, form) for path in paths if not path.is_upright]
+    width = len(form.worth(1.0, 1.0))
     if not strips:
-        return np.zeros(5)
+        return np.zeros(width)
     cells = np.concatenate([strip.cells(float(i)) for i, strip in enumerate(strips)])
     reach = max(strip.reach for strip in strips)
 
     def rule(cells: Array, orders: tuple[int, ...]) -> Array:
-        result = np.empty((len(cells), 5))
+        result = np.empty((len(cells), width))
         for i, strip in enumerate(strips):
             own = cells[:, -1] == i
             result[own] = strip.sums(cells[own], *orders)
         return result
 
     def scale(sizes: Array) -> Array:
-        area = sizes[1] + np.finfo(float).tiny
-        return np.asarray(area * np.array([reach, 1.0, *[reach * reach] * 3]))
+        return form.worth(sizes[1] + np.finfo(float).tiny, reach)
 
     return settled(rule, cells, 2, accuracy, scale)
 
@@ -132,6 +135,7 @@ class _Strip:
     path: _Path
     level: float
     sign: float
+    form: Form
 
     def cells(self, owner: float) -> Array:
         """Return the cells to begin with, (k, 7): one for each piece of the edge and each span."""
@@ -173,11 +177,11 @@ class _Strip:
         return np.clip(self.level, start, end) + 0 * to, np.clip(to, start, end)
 
     def sums(self, cells: Array, along: int, across: int) -> Array:
-        """Return the flux integrals over each cell, (k, 5), by rules of some orders."""
+        """Return the integrals over each cell, (k, columns), by rules of some orders."""
         step = max(1, CHUNK // (along * across))
         rows = [self._sums(cells[i : i + step], along, across)
                 for i in range(0, len(cells), step)]  # fmt: skip
-        return np.concatenate(rows) if rows else np.empty((0, 5))
+        return np.concatenate(rows) if rows else np.empty((0, len(self.form.worth(1.0, 1.0))))
 
     def _sums(self, cells: Array, along: int, across: int) -> Array:
         t, weights = _nodes(cells[:, :2], along)
@@ -190,12 +194,8 @@ class _Strip:
         a = np.broadcast_to(place[..., :1], b.shape)
         point, along_a, along_b = self.data.jet(a.ravel(), b.ravel())
         normal = self.sign * cross(along_a, along_b)
-        values = np.empty((len(point), 5))
-        values[:, 0] = (point * normal).sum(axis=1)
-        values[:, 1] = np.sqrt((normal * normal).sum(axis=1))
-        values[:, 2:] = point * point * normal
-        values *= both.ravel()[:, None]
-        return np.asarray(values.reshape(len(cells), -1, 5).sum(axis=1))
+        values = self.form.columns(point, normal) * both.ravel()[:, None]
+        return np.asarray(values.reshape(len(cells), -1, values.shape[1]).sum(axis=1))
 
 
 def _nodes(limits: Array, count: int) -> tuple[Array, Array]:

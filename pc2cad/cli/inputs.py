@@ -172,8 +172,25 @@ def add_density(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--density", metavar="[LAYER=]VALUE", action="append", default=[], dest="densities",
         help="mass per cubed model unit, such as 7.85e-6 (kg/mm^3): mass, centre of mass and "
-        "inertia are told; LAYER=VALUE, repeated, for layers of different density",
+        "inertia are told; LAYER=VALUE, repeated, for layers or bodies of different density",
     )  # fmt: skip
+
+
+def add_velocity(parser: argparse.ArgumentParser, where: str) -> None:
+    """Add ``--velocity``."""
+    parser.add_argument(
+        "--velocity", metavar="NAMES",
+        help=f"parameters, with commas between: {where} also hold how places move with each, as "
+        "the field velocity_NAME",
+    )  # fmt: skip
+
+
+def with_velocities(equation: PointEquation, names: str | None) -> PointEquation:
+    """Return the equation with the fields that ``--velocity`` asks for."""
+    if names is None:
+        return equation
+    with named("--velocity"):
+        return equation.with_velocities(*(name.strip() for name in names.split(",")))
 
 
 def read_densities(texts: Sequence[str]) -> float | dict[str, float] | None:

@@ -13,15 +13,18 @@ from pc2cad.cli.deck import add_deck, for_deck, is_job, read_deck
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
+    add_velocity,
     bind,
     check_different,
     load,
     read_length,
     read_options,
     read_triple,
+    with_velocities,
 )
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError, named
+from pc2cad.templates.bodies import Bodies
 
 if TYPE_CHECKING:
     from pc2cad.mesh.grid import Grading
@@ -63,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="let cells grow along u, v or w: last over first (w=4), or middle over both ends "
         "(w=4,both) (repeatable)",
     )  # fmt: skip
+    add_velocity(parser, "nodes and cells")
     add_deck(parser)
     add_options(parser)
     parser.add_argument("--report", metavar="FILE", help="write the report as JSON to this file")
@@ -73,6 +77,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Mesh the template and write every file."""
     template, path = load(arguments)
     equation = bind(template, arguments)
+    if arguments.velocity is not None:
+        if isinstance(equation, Bodies):
+            raise InputError("--velocity: fields belong to one equation; choose a --body")
+        equation = with_velocities(equation, arguments.velocity)
     wanted = read_options(arguments)
     deck = read_deck(arguments)
     with Progress(arguments.quiet) as progress:

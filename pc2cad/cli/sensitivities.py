@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
-from pc2cad.cli.inputs import add_density, add_template, bind, load_one, read_densities
+from pc2cad.cli.inputs import add_density, add_template, bind, load, read_densities
 from pc2cad.cli.output import Progress, one_line, say, table
 from pc2cad.errors import InputError, named
 
@@ -14,7 +14,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pc2cad.checked import CheckedMap
+    from pc2cad.equation.point_equation import PointEquation
     from pc2cad.integrals.sensitivity import Sensitivity
+    from pc2cad.part import Part
+    from pc2cad.part.several import BodiesSensitivity
+    from pc2cad.templates.bodies import Bodies
+
+    #: of one equation, or of several bodies
+    Derived = Sensitivity | BodiesSensitivity
 
 #: what is derived, in the order of the output
 FIGURES = ("volume", "area", "centroid", "mass", "inertia")
@@ -32,18 +39,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Derive the figures with respect to each parameter; no kernel is loaded."""
-    template, _ = load_one(arguments)
+    """Derive the figures with respect to each parameter; of one equation no kernel is loaded."""
+    template, _ = load(arguments)
     equation = bind(template, arguments)
     density = read_densities(arguments.densities)
     names = _names(arguments.names, list(equation.parameters), equation.name)
     with Progress() as progress, named(arguments.template):
-        from pc2cad.checked import Stages, check_map
-
-        checked = check_map(equation, stages=Stages(progress))
-        found, refused = _derive(checked, names, density, arguments.names is not None, progress)
+        known = _known(equation, progress)
+        found, refused = _derive(known, names, density, arguments.names is not None, progress)
     if arguments.json:
-        say(json.dumps(_plain(checked, found, refused), indent=2, allow_nan=False))
+        say(json.dumps(_plain(equation, found, refused), indent=2, allow_nan=False))
         return 0
     head = f"{equation.name}: {equation.title}" if equation.title else equation.name
     say(one_line(head))
@@ -55,6 +60,19 @@ def run(arguments: argparse.Namespace) -> int:
     for name, sentence in refused.items():
         say(f"  {name}: {one_line(sentence)}")
     return 0
+
+
+def _known(equation: PointEquation | Bodies, progress: Progress) -> CheckedMap | Part:
+    """Return what is asked: the map of one equation, the solid of several bodies."""
+    from pc2cad.templates.bodies import Bodies
+
+    if isinstance(equation, Bodies):
+        from pc2cad.compiler import compile_solid
+
+        return compile_solid(equation, progress=progress)
+    from pc2cad.checked import Stages, check_map
+
+    return check_map(equation, stages=Stages(progress))
 
 
 def _names(text: str | None, known: list[str], template: str) -> list[str]:
@@ -76,21 +94,21 @@ def _names(text: str | None, known: list[str], template: str) -> list[str]:
 
 
 def _derive(
-    checked: CheckedMap,
+    known: CheckedMap | Part,
     names: Sequence[str],
     density: float | dict[str, float] | None,
     asked: bool,
     progress: Progress,
-) -> tuple[list[Sensitivity], dict[str, str]]:
+) -> tuple[list[Derived], dict[str, str]]:
     """Return the derivatives, and what has none in words; who asks by name gets an error."""
     from pc2cad.domain.velocity import NotDifferentiableError
 
-    found: list[Sensitivity] = []
+    found: list[Derived] = []
     refused: dict[str, str] = {}
     for name in names:
         progress(f"derive by {name}")
         try:
-            found.append(checked.sensitivity(name, 1.0 if density is None else density))
+            found.append(known.sensitivity(name, 1.0 if density is None else density))
         except NotDifferentiableError as error:
             if asked:
                 raise
@@ -99,9 +117,8 @@ def _derive(
 
 
 def _plain(
-    checked: CheckedMap, found: Sequence[Sensitivity], refused: dict[str, str]
+    equation: PointEquation | Bodies, found: Sequence[Derived], refused: dict[str, str]
 ) -> dict[str, Any]:
-    equation = checked.equation
     rows: dict[str, Any] = {
         "name": equation.name, "units": equation.units, "parameters": dict(equation.parameters),
     }  # fmt: skip
@@ -111,7 +128,7 @@ def _plain(
     return {**rows, "refused": refused}
 
 
-def _table(found: Sequence[Sensitivity], units: str) -> str:
+def _table(found: Sequence[Derived], units: str) -> str:
     rows: list[tuple[str, ...]] = [
         ("d/d", "at", f"volume {units}^3", f"area {units}^2", f"centroid {units}", "mass",
          "by flux", "error", "how")
@@ -119,7 +136,8 @@ def _table(found: Sequence[Sensitivity], units: str) -> str:
     for s in found:
         flux = "-" if s.volume_by_flux is None else f"{s.volume_by_flux:.12g}"
         rows.append((
-            s.parameter, f"{s.value:.10g}", f"{s.volume:.12g}", f"{s.area:.12g}",
+            s.parameter, f"{s.value:.10g}", f"{s.volume:.12g}",
+            "-" if s.area is None else f"{s.area:.12g}",
             ", ".join(f"{c:.9g}" for c in s.centroid), f"{s.mass:.12g}", flux,
             f"{s.relative_error:.1e}", s.how,
         ))  # fmt: skip

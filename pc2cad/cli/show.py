@@ -78,9 +78,22 @@ def _text(template: Template, equation: PointEquation, path: Path) -> Iterator[s
     yield "\nPoint equation"
     for definition in (*template.lets, *template.solid):
         yield f"  {definition.name} = {one_line(definition.text)}"
+    yield from _fields(equation)
     yield "\nCoordinate-wise system"
     for expansion in coordinate_system(template):
         yield from (f"  {row.name} = {row.text}" for row in expansion.rows)
+
+
+def _fields(equation: PointEquation) -> Iterator[str]:
+    """Yield each field with its components, of which x, y and z are the solid's own point."""
+    from pc2cad.expression.printing import as_text
+
+    if equation.fields:
+        yield "\nFields (of u, v, w and the place x, y, z)"
+    for field in equation.fields:
+        texts = ", ".join(map(as_text, field.components))
+        shown = texts if field.kind == "scalar" else f"{field.kind}({texts})"
+        yield f"  {field.name} = {shown}"
 
 
 def _meaning(parameter: Parameter) -> str:

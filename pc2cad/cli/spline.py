@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 from pc2cad.cli.inputs import (
     add_options,
     add_template,
+    add_velocity,
     bind,
     check_different,
     load_one,
     read_options,
+    with_velocities,
 )
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError, named
@@ -34,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--field", metavar="NAME=FILE", action="append", default=[], dest="fields",
         help="write a field of the template as splines on the same spaces, .xml (repeatable)",
     )  # fmt: skip
+    add_velocity(parser, "splines")
     add_options(parser)
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
 
@@ -41,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Represent the template's volume and write every file."""
     template, path = load_one(arguments)
-    equation = bind(template, arguments)
+    equation = with_velocities(bind(template, arguments), arguments.velocity)
     options = read_options(arguments)
     fields = [_field(equation, text) for text in arguments.fields]
     with Progress(arguments.quiet) as progress:
@@ -86,8 +89,10 @@ def _tell(outputs: list[str], model: VolumeModel, checked: CheckedMap) -> None:
         ))  # fmt: skip
     say(table(rows))
     if model.fields:
-        say(table([("field", "deviation in these spaces (sampled)", "of"), *(
-            (f.name, f"{f.deviation:.2g}", f"{f.largest:.3g}") for f in model.fields
+        say(table([("field", "deviation in these spaces", "bound", "of"), *(
+            (f.name, f"{f.deviation:.2g}", "-" if f.bound is None else f"{f.bound:.2g}",
+             f"{f.largest:.3g}")
+            for f in model.fields
         )]))  # fmt: skip
     found = model.volume()
     off = found / checked.mass.volume - 1

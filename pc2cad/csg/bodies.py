@@ -12,8 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from pc2cad.brep.booleans import (
     Kind,
@@ -32,15 +31,16 @@ from pc2cad.csg.arithmetic import Reduced
 from pc2cad.csg.contacts import check_contacts, check_merged
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
-from pc2cad.csg.regions import Told, regions
+from pc2cad.csg.regions import Told
 from pc2cad.csg.volumes import EMPTY, Relation, relation, sentence
+from pc2cad.csg.weights import Joined
 from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError
 from pc2cad.export.colours import body_colour
 from pc2cad.export.model import ExportOptions, NamedFace
 from pc2cad.export.step import encode
 from pc2cad.part import Body, Part
 from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
-from pc2cad.templates.bodies import Bodies, Pattern, Tree
+from pc2cad.templates.bodies import Bodies, Operation, Pattern, Tree
 from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import SideKey
 
@@ -102,7 +102,7 @@ def join_bodies(
     told = Told(report.name, report.units, report.solid.volume, joining.one)
     part = Part(
         parts, joined.shape.solids[0], faces, report, edges, bodies.about,
-        partial(regions, made.result, parts, told),
+        Joined(cast("Operation | Pattern", made.result), parts, told, joined.shape, report),
     )  # fmt: skip
     encode(part.exportable(), ExportOptions())  # it has to read back as it is
     times["validate"] = time.perf_counter() - start

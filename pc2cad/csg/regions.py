@@ -47,12 +47,7 @@ def regions(result: Tree, parts: Mapping[str, Body], told: Told) -> KernelSolid:
 
     Raises KernelError, RegionsDisagreeError where volumes do not agree.
     """
-    bodies: dict[str, NamedShape] = {}
-    holds = _placed(result, parts, Placement(np.eye(3), np.zeros(3)), "", bodies)
-    found = fragments(bodies, told.one)
-    pieces = [piece for piece in found.pieces if holds(piece.bodies)]
-    order = list(bodies)
-    names = {id(piece): _name(piece.bodies, order) for piece in pieces}
+    found, pieces, names = _cut(result, parts, told)
     volumes = {id(piece): solid_integrals(piece.solid).volume for piece in pieces}
     total = sum(volumes.values())
     if not abs(total - told.volume) <= AGREE * told.volume:
@@ -72,6 +67,24 @@ def regions(result: Tree, parts: Mapping[str, Body], told: Told) -> KernelSolid:
         frozenset(s.sets[-1] for s, _ in outer if len(s.sets) > 1), areas,
         tuple((names[id(piece)], piece.solid, volumes[id(piece)]) for piece in pieces), between,
     )  # fmt: skip
+
+
+def pieces_of(result: Tree, parts: Mapping[str, Body], told: Told) -> list[tuple[str, Fragment]]:
+    """Return the pieces of a part with the names of their regions; raise KernelError."""
+    _, pieces, names = _cut(result, parts, told)
+    return [(names[id(piece)], piece) for piece in pieces]
+
+
+def _cut(
+    result: Tree, parts: Mapping[str, Body], told: Told
+) -> tuple[Fragments, list[Fragment], dict[int, str]]:
+    """Return the bodies cut along one another, the pieces of the result, and their names."""
+    bodies: dict[str, NamedShape] = {}
+    holds = _placed(result, parts, Placement(np.eye(3), np.zeros(3)), "", bodies)
+    found = fragments(bodies, told.one)
+    pieces = [piece for piece in found.pieces if holds(piece.bodies)]
+    order = list(bodies)
+    return found, pieces, {id(piece): _name(piece.bodies, order) for piece in pieces}
 
 
 def _placed(

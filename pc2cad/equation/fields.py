@@ -26,6 +26,8 @@ SYMBOLS: Final = (*PARAMETERS, *COORDINATES)
 _TAKEN: Final = (*SYMBOLS, "side", "layer")
 #: the field that weighs the solid
 DENSITY: Final = "density"
+#: what the name of a field begins with that says how places move with a parameter
+VELOCITY: Final = "velocity_"
 MOST_FIELDS: Final = 200
 
 FieldKind = Literal["scalar", "vector", "point"]

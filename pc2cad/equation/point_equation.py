@@ -7,14 +7,16 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final
 
-from pc2cad.equation.fields import Field, FieldValue, checked_fields, make_field
+from pc2cad.equation.fields import VELOCITY, Field, FieldValue, checked_fields, make_field
 from pc2cad.equation.language import read_expression
 from pc2cad.equation.points import Combination, Kind, kind_of, point
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
+from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ONE, ZERO, Expr, Number, as_expr, symbol
+from pc2cad.expression.simplification import simplified
+from pc2cad.expression.tree import ONE, ZERO, Expr, Number, as_expr, substitute, symbol
 from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
 #: the three current parameters, in the order of every array and table
@@ -127,6 +129,31 @@ class PointEquation:
         """
         more = tuple(make_field(name, value) for name, value in fields.items())
         return replace(self, fields=(*self.fields, *more))
+
+    def with_velocities(self, *names: str) -> PointEquation:
+        """Return the equation with ∂M/∂p of parameters as fields: ``velocity_r`` of ``r``.
+
+        Of the point that stays at the same share of the way from limit to limit. Meshes and splines
+        then hold how their nodes and poles move. Raises InputError for a name of no parameter, and
+        where a guide takes the parameter as a number, so that there is no formula of it.
+        """
+        fields = []
+        for name in names:
+            variation = self.variation(name)
+            if variation.coordinates is None:
+                raise InputError(
+                    f"a guide takes {name} as a number: there is no formula of how places move "
+                    f"with it (sensitivity('{name}').velocity gives differences)"
+                )
+            own = {
+                p: (symbol(p) - low) / (high - low)
+                for p, (low, high) in zip(PARAMETERS, self.domain, strict=True)
+            }
+            along = derivatives(variation.coordinates, name)
+            trees = substitute(substitute(along, {name: variation.bound}), own)
+            x, y, z = simplified(trees)
+            fields.append(Field(f"{VELOCITY}{name}", "vector", (x, y, z)))
+        return replace(self, fields=(*self.fields, *fields))
 
     def field(self, name: str) -> Field:
         """Return the field of a name; raise InputError where there is none."""

@@ -108,11 +108,15 @@ def densities(given: float | Mapping[str, float], equation: PointEquation) -> li
         found = [given[name] for name in names]
     else:
         found = [given] * max(1, len(names))
-    for density in found:
-        number = isinstance(density, (int, float, np.number)) and not isinstance(density, bool)
-        if not (number and 0.0 < density < math.inf):
-            raise InputError(f"a density is a positive number, and {density!r:.80} was given")
-    return [float(density) for density in found]
+    return [weighed_by(density) for density in found]
+
+
+def weighed_by(density: object) -> float:
+    """Return a density as a number; raise InputError for what is none."""
+    number = isinstance(density, (int, float, np.number)) and not isinstance(density, bool)
+    if not (number and 0.0 < float(density) < math.inf):  # type: ignore[arg-type]
+        raise InputError(f"a density is a positive number, and {density!r:.80} was given")
+    return float(density)  # type: ignore[arg-type]
 
 
 def mass_of(analysis: Analysis, geometry: MassProperties, densities: Sequence[float]) -> Mass:
@@ -139,8 +143,11 @@ def mass_of(analysis: Analysis, geometry: MassProperties, densities: Sequence[fl
     return joined(layers, geometry.volume)
 
 
-def joined(layers: Mapping[str, Mass], volume: float) -> Mass:
-    """Return the mass properties of several that lie side by side (the parallel-axis law)."""
+def joined(layers: Mapping[str, Mass], volume: float, off: float = 0.0) -> Mass:
+    """Return the mass properties of several that lie side by side (the parallel-axis law).
+
+    `off` is what else is open of them, relative.
+    """
     parts = list(layers.values())
     mass = sum(part.mass for part in parts)
     centre = np.sum([part.mass * np.array(part.centroid) for part in parts], axis=0) / mass
@@ -149,7 +156,7 @@ def joined(layers: Mapping[str, Mass], volume: float) -> Mass:
         way = np.array(part.centroid) - centre
         moments += _moments(np.array(part.inertia)) + part.mass * np.outer(way, way)
     x, y, z = centre.tolist()
-    error = max(part.relative_error for part in parts)
+    error = max(off, *(part.relative_error for part in parts))
     return made(mass, (x, y, z), moments, error, parts[0].source, mass / volume, layers)
 
 

@@ -24,7 +24,7 @@ def to_meshio(mesh: VolumeMesh) -> Any:
     """Return a `meshio.Mesh`: elements, then the facets of all sides.
 
     Sides are `cell_sets` (of facets) and `point_sets`, layers `cell_sets` of elements; u, v, w and
-    fields are `point_data`.
+    fields are `point_data` and, within elements and facets, `cell_data`.
 
     Raises InputError where there are wedges or pyramids of order 2, which meshio reads and has no
     objects of; PackageMissingError.
@@ -51,15 +51,37 @@ def to_meshio(mesh: VolumeMesh) -> Any:
     sets = {name: [there.get(i, none) for i in range(len(cells))] for name, there in own.items()}
     return meshio.Mesh(
         mesh.points, [(_NAMES[shape][mesh.order - 1], nodes) for shape, nodes in cells],
-        point_data=_at_nodes(mesh), cell_sets=sets, point_sets=dict(mesh.node_sets),
+        point_data=_at_nodes(mesh), cell_data=_in_cells(mesh), cell_sets=sets,
+        point_sets=dict(mesh.node_sets),
     )  # fmt: skip
 
 
 def _at_nodes(mesh: VolumeMesh) -> dict[str, Array]:
     if mesh.columns is None:
         return {}
-    found = {name: mesh.columns.at_nodes(name) for name in mesh.columns.sizes}
-    return {name: rows if rows.shape[1] > 1 else rows[:, 0] for name, rows in found.items()}
+    return {name: _plain(mesh.columns.at_nodes(name)) for name in mesh.columns.sizes}
+
+
+def _in_cells(mesh: VolumeMesh) -> dict[str, list[Array]]:
+    """Return columns within elements by type, then within facets by side and shape."""
+    columns = mesh.columns
+    if columns is None:
+        return {}
+    return {
+        name: [
+            *(_plain(columns.in_elements(name, kind)) for kind in mesh.blocks),
+            *(
+                _plain(rows)
+                for side in mesh.whole_sides
+                for rows in columns.in_facets(name, side).values()
+            ),
+        ]
+        for name in columns.sizes
+    }
+
+
+def _plain(rows: Array) -> Array:
+    return rows if rows.shape[1] > 1 else rows[:, 0]
 
 
 def to_skfem(mesh: VolumeMesh) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -34,10 +34,13 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
 
     from pc2cad.brep.booleans import NamedEdge
+    from pc2cad.integrals.inertia import Mass
+    from pc2cad.integrals.sensitivity import Sensitivity
     from pc2cad.mesh.meshing import MeshOptions
     from pc2cad.mesh.report import MeshReport
     from pc2cad.mesh.tetrahedra import KernelSolid
     from pc2cad.mesh.volume_mesh import VolumeMesh
+    from pc2cad.part.several import BodiesSensitivity, Several
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +76,40 @@ class Part(OfOneEquation):
     #: edges between differently named faces, where Booleans have made them
     edges: tuple[NamedEdge, ...] = ()
     about: str = ""
-    #: of several bodies: cuts them along one another, for tetrahedra
-    regions: Callable[[], KernelSolid] | None = None
+    #: of several bodies: what they know of themselves as a whole
+    several: Several | None = None
 
     def to_mesh(self) -> KernelSolid:
         """Return what tetrahedra are made of."""
-        return self.body.to_mesh() if self.regions is None else self.regions()
+        return self.body.to_mesh() if self.several is None else self.several.regions()
+
+    def mass_properties(self, density: float | str | Mapping[str, float] | None = None) -> Mass:
+        """Return mass, centre of mass, inertia about it, principal moments and axes, and radii.
+
+            part.mass_properties(density=7.85e-6).principal      # kg/mm^3 gives kg and kg mm^2
+
+        One density for all, one for each layer or body by name, or the name of the field that is it
+        (``density`` where there is one and nothing is given; else 1). From the equation: closed
+        form where M is a rational polynomial, else with an error estimate; of several bodies, from
+        the B-rep. Raises InputError, also where bodies overlap whose densities differ.
+        """
+        if self.several is not None:
+            return self.several.mass(density)
+        return super().mass_properties(density)
+
+    def sensitivity(  # type: ignore[override]
+        self, name: str, density: float | Mapping[str, float] = 1.0
+    ) -> Sensitivity | BodiesSensitivity:
+        """Return d/dp of volume, area, centroid, mass and inertia, and ∂M/∂p wherever it is asked.
+
+            part.sensitivity("r").volume            # mm^3 per unit of r
+
+        Of several bodies without that of the area. Raises InputError for a name of no parameter,
+        and NotDifferentiableError.
+        """
+        if self.several is not None:
+            return self.several.sensitivity(name, density)
+        return super().sensitivity(name, density)
 
     def meshed(
         self, options: MeshOptions, stages: Stages | None = None

@@ -7,7 +7,7 @@ others get a spline space that meets the tolerance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
@@ -15,11 +15,12 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap, resolve_tolerance
-from pc2cad.domain.fields import local_field
+from pc2cad.domain.fields import LocalField, local_field
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap
 from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.expression.narrow import narrow_limits
+from pc2cad.expression.tree import ZERO
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.geometry.splines.adaptive_knots import Sampler, adapt, beside, check_places
 from pc2cad.geometry.splines.arcs import wave_in
@@ -69,6 +70,8 @@ class SplineField:
     #: largest difference seen between it and the field, of any component, and the field's largest
     deviation: float
     largest: float
+    #: an upper bound of the length of the difference everywhere, None where none could be proved
+    bound: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +161,7 @@ def _field(work: _Work, patches: tuple[Patch, ...], name: str) -> SplineField:
     analysis, directions = work.checked.analysis, work.checked.orientation.axes
     field = local_field(analysis, name)
     volumes, deviations, largest = [], [0.0], 0.0
+    bounds: list[float | None] = []
     for patch in patches:
         spans = [analysis.span(d, patch.cell[d]) for d in range(3)]
 
@@ -173,7 +177,24 @@ def _field(work: _Work, patches: tuple[Patch, ...], name: str) -> SplineField:
         deviations.append(off)
         largest = max(largest, seen)
         volumes.append(volume)
-    return SplineField(name, tuple(volumes), max(deviations), largest)
+        bounds.append(_field_bound(work, field, patch.cell, volume))
+    known = [bound for bound in bounds if bound is not None]
+    bound = max(known) if len(known) == len(bounds) else None
+    return SplineField(name, tuple(volumes), max(deviations), largest, bound)
+
+
+def _field_bound(work: _Work, field: LocalField, cell: Cell, volume: SplineVolume) -> float | None:
+    """Return a proved bound of a field's deviation on a patch, None where there is none."""
+    checked = work.checked
+    if all(axis.arcs is not None for axis in volume.axes[:2]):
+        return None
+    x, y, z = (*field.trees, ZERO, ZERO)[:3]
+    analysis = replace(
+        checked.analysis, map=replace(checked.map, coordinates=(x, y, z), _programs={})
+    )
+    missing = ((0, 0),) * 3 + ((0, 3 - volume.poles.shape[-1]),)
+    padded = replace(volume, poles=np.pad(volume.poles, missing))
+    return _proved(RestrictedMap(analysis, cell), padded, checked.orientation.axes)
 
 
 def _field_deviation(sample: GridSampler, volume: SplineVolume) -> tuple[float, float]:

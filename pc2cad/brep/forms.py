@@ -1,0 +1,55 @@
+"""What is integrated over the faces of a solid: columns of places and normals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pc2cad.arrays import Array
+
+#: pairs of axes with products of inertia, and those of squares, in the order of `second`
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """Integrands r·n, |n| and r_i² n_i, then what else is asked for.
+
+    `more` takes places and normals, (n, 3) each, and is linear in the normals, which are as long as
+    the area element.
+    """
+
+    more: Callable[[Array, Array], Array] | None = None
+    #: of each further column: what it is at most, per area, `reach` away from the origin
+    most: Callable[[float], Array] | None = None
+
+    def columns(self, points: Array, normals: Array) -> Array:
+        """Return the integrands at places, (n, 5 + k)."""
+        first = np.empty((len(points), 5))
+        first[:, 0] = (points * normals).sum(axis=1)
+        first[:, 1] = np.sqrt((normals * normals).sum(axis=1))
+        first[:, 2:] = points * points * normals
+        return first if self.more is None else np.hstack((first, self.more(points, normals)))
+
+    def worth(self, area: float, reach: float) -> Array:
+        """Return what each integral over an area may be at most, (5 + k,)."""
+        first = np.array([reach, 1.0, *[reach * reach] * 3])
+        if self.most is not None:
+            first = np.concatenate((first, self.most(reach)))
+        return np.asarray(area * first)
+
+
+#: volume (three times), area and first moments (twice)
+FLUX = Form()
+
+
+def _second(points: Array, normals: Array) -> Array:
+    flux = points * points * normals
+    rows = [(flux[:, i] * points[:, j] + flux[:, j] * points[:, i]) for i, j in PAIRS]
+    return np.asarray(np.stack(rows, axis=1) / np.array([6.0] * 3 + [4.0] * 3))
+
+
+#: and the second moments ∫ r_i r_j dV, in the order of `PAIRS`
+SECOND = Form(_second, lambda reach: np.full(6, reach**3))

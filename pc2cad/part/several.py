@@ -1,0 +1,46 @@
+"""What several bodies know of themselves as a whole, beside the solid that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from pc2cad.integrals.inertia import Mass, Vector
+    from pc2cad.mesh.tetrahedra import KernelSolid
+
+
+@dataclass(frozen=True)
+class BodiesSensitivity:
+    """d/dp of the figures of a solid of several bodies, in their units per unit of the parameter.
+
+    From the flux of ∂M/∂p of each body through what is left of its sides; that of the area is not
+    known, for it goes with the edges where bodies meet.
+    """
+
+    parameter: str
+    value: float
+    volume: float
+    centroid: Vector
+    mass: float
+    inertia: tuple[Vector, Vector, Vector]
+    volume_by_flux: float
+    #: estimate: what the solid's own volume may be off
+    relative_error: float
+    how: str
+    area: None = None
+    parting: tuple[str, ...] = ()
+
+
+class Several(Protocol):
+    """Several bodies joined to one solid."""
+
+    def regions(self) -> KernelSolid:
+        """Return the bodies cut along one another, for tetrahedra."""
+
+    def mass(self, density: float | str | Mapping[str, float] | None) -> Mass:
+        """Return mass, centre of mass and inertia for one density, or one for each body."""
+
+    def sensitivity(self, name: str, density: float | Mapping[str, float]) -> BodiesSensitivity:
+        """Return how figures change with one parameter; raise NotDifferentiableError."""

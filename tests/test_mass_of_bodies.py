@@ -1,0 +1,136 @@
+"""Mass, inertia and derivatives of solids of several bodies, against closed forms."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+from shipped import CUBES, part_of
+
+import pc2cad as pc
+from pc2cad.cli.main import main
+from pc2cad.domain.velocity import NotDifferentiableError
+from pc2cad.errors import InputError
+from pc2cad.part import Part
+from pc2cad.templates.file import parse_template
+
+
+@cache
+def cubes(result: str, d: float) -> Part:
+    """A cube of edge 2, and one of edge 1 that begins at x = d amidst it, joined."""
+    return pc.compile_equation(parse_template(CUBES.format(result=result), "cubes").bind({"d": d}))
+
+
+def boxes(*rows: tuple[float, ArrayLike, ArrayLike]) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return mass, centre and inertia of boxes (density, low, high) by the parallel-axis law."""
+    masses, centres, second = [], [], np.zeros((3, 3))
+    for density, low, high in rows:
+        size = np.subtract(high, low)
+        masses.append(density * float(np.prod(size)))
+        centres.append(np.add(low, high) / 2)
+        second += masses[-1] * np.diag(size**2 / 12)
+    centre = np.average(centres, axis=0, weights=masses)
+    for mass, place in zip(masses, centres, strict=True):
+        second += mass * np.outer(place - centre, place - centre)
+    return sum(masses), centre, np.trace(second) * np.eye(3) - second
+
+
+SECOND = ([2, 0.5, 0.5], [2.5, 1.5, 1.5])
+
+
+def test_a_union_weighs_what_it_holds_once() -> None:
+    found = cubes("union(big, small)", 1.5).mass_properties(2.0)
+    mass, centre, inertia = boxes((2, [0, 0, 0], [2, 2, 2]), (2, *SECOND))
+    assert found.mass == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(found.centroid, centre, rtol=1e-12)
+    np.testing.assert_allclose(found.inertia, inertia, rtol=1e-12, atol=1e-12)
+    assert 0 < found.relative_error < 1e-10
+
+
+def test_what_is_cut_away_weighs_nothing() -> None:
+    found = cubes("cut(big, small)", 0.5).mass_properties({"big": 3.0, "small": 99.0})
+    mass, centre, inertia = boxes((3, [0, 0, 0], [2, 2, 2]), (-3, [0.5, 0.5, 0.5], [1.5] * 3))
+    assert found.mass == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(found.centroid, centre, rtol=1e-12)
+    np.testing.assert_allclose(found.inertia, inertia, rtol=1e-11, atol=1e-11)
+
+
+def test_bodies_side_by_side_have_densities_of_their_own() -> None:
+    found = cubes("union(big, small)", 2.0).mass_properties({"big": 1.0, "small": 3.0})
+    mass, centre, inertia = boxes((1, [0, 0, 0], [2] * 3), (3, [2, 0.5, 0.5], [3, 1.5, 1.5]))
+    assert (list(found.layers), found.layers["small"].mass) == (["big", "small"], 3.0)
+    assert found.mass == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(found.centroid, centre, rtol=1e-12)
+    np.testing.assert_allclose(found.inertia, inertia, rtol=1e-11, atol=1e-11)
+
+
+def test_densities_that_cannot_be_told_are_refused() -> None:
+    part = cubes("union(big, small)", 1.5)
+    with pytest.raises(InputError, match="big and small overlap, and their densities differ"):
+        part.mass_properties({"big": 1.0, "small": 2.0})
+    with pytest.raises(InputError, match="has the bodies big, small"):
+        part.mass_properties({"big": 1.0})
+    with pytest.raises(InputError, match="positive number"):
+        part.mass_properties(-1.0)
+    assert part.mass_properties({"big": 2.0, "small": 2.0}).mass == pytest.approx(17, rel=1e-12)
+
+
+def test_a_body_that_moves_takes_volume_with_it() -> None:
+    """The small cube sticks out by d - 1: V = 8 + d - 1, and inertia as by differences of it."""
+    found = cubes("union(big, small)", 1.5).sensitivity("d", 2.0)
+    assert (found.value, found.area) == (1.5, None)
+    assert found.volume == pytest.approx(1.0, rel=1e-12)
+
+    def at(d: float) -> tuple[np.ndarray, np.ndarray]:
+        _, centre, inertia = boxes((2, [0] * 3, [2] * 3), (2, SECOND[0], [d + 1, 1.5, 1.5]))
+        return centre, inertia
+
+    h = 1e-4
+    ahead, behind = at(1.5 + h), at(1.5 - h)
+    np.testing.assert_allclose(found.centroid, (ahead[0] - behind[0]) / (2 * h), atol=1e-8)
+    np.testing.assert_allclose(found.inertia, (ahead[1] - behind[1]) / (2 * h), atol=1e-6)
+    hidden = cubes("cut(big, small)", 0.5).sensitivity("d")
+    assert hidden.volume == pytest.approx(0.0, abs=1e-12)
+
+
+def test_sides_that_part_have_no_derivative() -> None:
+    """Flush with the big cube's side, the small one would stick out on one side of the value."""
+    with pytest.raises(NotDifferentiableError, match="coincide, and part as it changes"):
+        cubes("union(big, small)", 1.0).sensitivity("d")
+
+
+def test_the_command_line_weighs_and_derives_bodies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cubes.toml"
+    path.write_text(CUBES.format(result="union(big, small)"))
+    weighed = ["--density", "big=1", "--density", "small=3"]
+    assert main(["check", str(path), "-s", "d=2", *weighed, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["mass"]["mass"] == pytest.approx(11, rel=1e-12)
+    assert main(["sensitivities", str(path), "-s", "d=3/2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["volume"]["d"] == pytest.approx(1, rel=1e-12)
+    assert found["area"] == {"d": None}
+
+
+@pytest.mark.slow
+def test_curved_bodies_have_their_closed_forms() -> None:
+    """Two crossed cylinders; a block with a wavy duct, whose section does not change."""
+    R = 2.0
+    both = part_of("common_of_pipes")
+    second = np.array([64 / 45, 16 / 15, 64 / 45]) * R**5  # ∫x², ∫y², ∫z²
+    inertia = both.mass_properties(3.0).inertia
+    np.testing.assert_allclose(inertia, 3 * np.diag(second.sum() - second), atol=1e-6)
+    assert both.sensitivity("R").volume == pytest.approx(16 * R**2, rel=1e-8)
+    duct = part_of("cooled_block")
+    found = duct.mass_properties(2.0)
+    # ∫(x - 4)(y - 3) over the duct is πr²h ∫u sin(πu/4) du = -32 r² h
+    assert found.inertia[0][1] == pytest.approx(-2 * 32 * 0.8**2, rel=1e-6)
+    assert found.relative_error < 1e-6
+    assert duct.sensitivity("r").volume == pytest.approx(-16 * pi * 0.8, rel=1e-7)
+    assert duct.sensitivity("h").volume == pytest.approx(0.0, abs=1e-6)
