@@ -13,7 +13,9 @@ import pytest
 
 import pc2cad as pc
 from pc2cad.cli.main import main
+from pc2cad.compiler import mesh_equation
 from pc2cad.errors import InputError
+from pc2cad.mesh.meshing import MeshOptions
 from pc2cad.mesh.results import Results, read_results
 
 QUARTER = """
@@ -77,7 +79,7 @@ def test_a_static_job_has_elements_supports_and_a_pressure_on_every_face(here: P
     assert "*ELASTIC\n210000.0, 0.3\n*SOLID SECTION, ELSET=solid" in text
     assert "*BOUNDARY\nu_0, 1, 1\nu_0, 2, 2\nu_0, 3, 3\nv_0, 2, 2\n*STEP\n*STATIC\n" in text
     assert len(re.findall(r"(?m)^\d+, P2, 2\.5$", text)) == 6
-    assert text.endswith("*NODE FILE\nU\n*EL FILE\nS\n*END STEP\n")
+    assert text.endswith("*NODE FILE\nU, RF\n*EL FILE\nS\n*END STEP\n")
 
 
 @pytest.mark.parametrize(
@@ -221,6 +223,64 @@ def test_what_is_no_file_of_results_is_refused(tmp_path: Path, text: str, words:
         read_results(path)
 
 
+def test_numbers_fit_into_what_calculix_reads(here: Path) -> None:
+    """It reads 20 characters of a number: -9.556671182132171e-05 has one more."""
+    Path("small.toml").write_text(BAR + '[fields]\nway = "-9.556671182132171e-5*(1 + x/7)"\n')
+    text = job(
+        "small.toml", "--cells", "1x1x1", "--deck", "static", "--material", "E=1,nu=0.3",
+        "--fix", "u=0", "--move", "u=1:x:way", "--move", "u=1:y:-9.556671182132171e-05",
+    )  # fmt: skip
+    step = text.partition("*STEP")[2]
+    rows = re.findall(r"(?m)^(\w+), ([12]), \2, (\S+)$", step)
+    assert len(rows) == 9
+    assert all(len(value) <= 20 for _, _, value in rows)
+    exact = [-9.556671182132171e-5 * (2 if axis == "1" else 1) for _, axis, _ in rows]
+    np.testing.assert_allclose([float(value) for *_, value in rows], exact, rtol=1e-12)
+
+
+def test_a_guide_turns_the_axes_of_a_material() -> None:
+    """A tube along a helix: the direction is N'(u), whatever the section does on the way."""
+    u, v, _ = pc.parameters()
+    helix = pc.helix(5, 4, 1)
+    section = ((1 + u) * pc.cos(2 * pc.pi * v), pc.sin(2 * pc.pi * v))
+    mesh = mesh_equation(pc.channel(helix, section, 0.2), MeshOptions(cells=(12, 6, 1)))[0]
+    assert mesh.columns is not None
+    assert mesh.columns.directions == ("u", "v", "w", "guide")
+    (kind,) = mesh.blocks
+    at = 2 * np.pi * mesh.columns.in_elements("u", kind)[:, 0]
+    exact = np.stack((-10 * np.pi * np.sin(at), 10 * np.pi * np.cos(at), 0 * at + 4), axis=1)
+    found = mesh.columns.directed("guide", kind)
+    assert len(found) == 72
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+    along = mesh.columns.directed("u", kind)
+    assert np.abs(along - found).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--orient", "u"), "write two directions"),
+        (("--orient", "u,u"), "takes two directions, and not u twice"),
+        (("--orient", "u,heat"), "no direction is called 'heat': there are u, v, w, way"),
+        (("--orient", "u,way"), "have no two directions in the element 1"),
+        (("--move", "u=1"), "write a side, x, y or z"),
+        (("--move", "u=1:q:1"), "is moved along x, y or z"),
+        (("--move", "u=0:x:1"), "along which it is not held"),
+        (("--move", "u=1:x:way"), "the field way is no scalar"),
+        (("--move", "u=9:x:1"), "no side is called 'u=9'"),
+        (("--material", "E1=3"), "needs E2, E3, nu12"),
+    ],
+)
+def test_axes_and_moves_that_cannot_be_are_refused(
+    here: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], words: str
+) -> None:
+    material = () if "--material" in arguments else ("--material", "E=1,nu=0.3")
+    given = ["--cells", "1x1x1", "--deck", "static", *material, "--fix", "u=0", *arguments]
+    assert main(["mesh", graded_bar(), "-o", "job.inp", "--quiet", *given]) == 2
+    assert words in capsys.readouterr().err
+    assert not Path("job.inp").exists()
+
+
 # -- solved ----------------------------------------------------------------------------------------
 
 
@@ -341,3 +401,101 @@ def test_a_ring_has_the_frequencies_of_a_thin_ring(here: Path) -> None:
     slender = math.sqrt(210e3 * 0.2**2 / 12 / 7.85e-9) / (2 * math.pi * 10**2)
     exact = [n * (n**2 - 1) / math.sqrt(n**2 + 1) * slender for n in (2, 4)]
     assert [step.value for step in found.steps] == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.interop
+@needs_ccx
+def test_axes_that_turn_with_the_solid_lead_heat_through_the_wall(here: Path) -> None:
+    """Axis 1 across the wall of a tube, element by element: T of a logarithm, in second order."""
+    errors = []
+    for cells in ("16x1x4", "32x1x4"):
+        found = solved(
+            "tube.toml", "--cells", cells, "--deck", "heat", "--material", "k1=5,k2=1,k3=7",
+            "--orient", "w,u", "--temperature", "w=0:100", "--temperature", "w=1:0",
+        )  # fmt: skip
+        radius = np.hypot(found.points[:, 0], found.points[:, 1])
+        warm = found.steps[-1].fields["NDTEMP"][:, 0]
+        errors.append(np.abs(warm - 100 * np.log(2 / radius) / math.log(2)).max())
+        inside = np.abs(radius - 1) < 1e-5
+        flow = found.steps[-1].fields["RFL"][inside, 0].sum()
+    assert errors[1] < 0.2
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+    # a quarter, half as long as the inner radius
+    assert flow == pytest.approx(5 * 100 * math.pi / 4 / math.log(2), rel=1e-3)
+
+
+@pytest.mark.interop
+@needs_ccx
+@pytest.mark.parametrize(("axes", "modulus"), [("u,v", "E1"), ("v,u", "E2"), ("v,way", "E2")])
+def test_an_orthotropic_bar_is_as_stiff_as_along_its_axis(
+    here: Path, axes: str, modulus: str
+) -> None:
+    constants = {
+        "E1": 1000, "E2": 400, "E3": 300, "nu12": 0.2, "nu13": 0.1, "nu23": 0.15,
+        "G12": 200, "G13": 150, "G23": 100,
+    }  # fmt: skip
+    found = solved(
+        graded_bar(), "--cells", "2x1x1", "--deck", "static", "--orient", axes, "--material",
+        ",".join(f"{name}={value}" for name, value in constants.items()),
+        "--fix", "u=0:x", "--fix", "v=0:y", "--fix", "w=0:z", "--pressure", "u=1:-2",
+    )  # fmt: skip
+    x, moved = found.points[:, 0], found.steps[0].fields["DISP"][:, 0]
+    np.testing.assert_allclose(moved, 2 * x / constants[modulus], rtol=1e-5, atol=1e-9)
+
+
+ELBOW = """
+title = "Half of a pipe bend"
+[parameters]
+R = 3
+t = 0.05
+[domain]
+u = [0, "1/4"]
+v = [0, "1/2"]
+[let]
+s = "1 + t*(w - 1/2)"
+[solid]
+x = "(R + s*cos(2*pi*v))*cos(2*pi*u)"
+y = "(R + s*cos(2*pi*v))*sin(2*pi*u)"
+z = "s*sin(2*pi*v)"
+[fields]
+turn = "-1e-3*(y - R)"
+"""
+
+
+@pytest.mark.interop
+@needs_ccx
+@pytest.mark.parametrize(("element", "least", "most"), [("C3D20R", 0.95, 1.05), ("C3D8", 0, 0.4)])
+def test_a_pipe_bend_is_as_flexible_as_its_characteristic_says(
+    here: Path, element: str, least: float, most: float
+) -> None:
+    """1.65/h times a straight pipe's, h = t R/r² = 0.15; full elements of order 1 are locked.
+
+    ASME B31.3, appendix D. Both ends are planes, one turned by 1e-3.
+    """
+    Path("elbow.toml").write_text(ELBOW)
+    found = solved(
+        "elbow.toml", "--cells", "6x16x1", "--deck", "static", "--element", element,
+        "--material", "E=210e3,nu=0.3", "--fix", "u=0:y", "--fix", "v=0:z", "--fix", "v=0.5:z",
+        "--move", "u=0.25:x:turn",
+    )  # fmt: skip
+    force = found.steps[0].fields["FORC"]
+    end = np.abs(found.points[:, 0]) < 1e-5
+    moment = 2 * (force[end, 0] * (found.points[end, 1] - 3)).sum()
+    inertia = math.pi / 4 * (1.025**4 - 0.975**4)
+    factor = 210e3 * inertia * 1e-3 / (abs(moment) * 3 * math.pi / 2)
+    assert least < factor * 0.15 / 1.65 < most
+
+
+@pytest.mark.interop
+@needs_ccx
+def test_a_coil_spring_has_the_rate_of_its_wire(here: Path) -> None:
+    """G d⁴/(8 D³ n), of the shipped spring with four turns, clamped at both ends."""
+    found = solved(
+        "spring", "-s", "turns=4", "--cells", "96x8x2", "--deck", "static", "--fix", "u=0",
+        "--fix", "u=1:xy", "--move", "u=1:z:1", "--material", "E=210e3,nu=0.3",
+    )  # fmt: skip
+    moved, force = (found.steps[0].fields[name] for name in ("DISP", "FORC"))
+    end = moved[:, 2] > 1 - 1e-5
+    assert end.sum() > 40
+    rate = 210e3 / 2.6 * 2**4 / (8 * 20**3 * 4)
+    assert force[end, 2].sum() == pytest.approx(rate, rel=5e-3)

@@ -17,7 +17,8 @@ _ANALYSES = ("static", "frequency", "heat")
 _ELEMENTS = ("C3D20R", "C3D8I", "C3D20", "C3D8", "C3D10", "C3D4")
 #: options that say something of a job only
 _OPTIONS = (
-    "material", "fix", "pressure", "temperature", "flux", "warm", "bins", "element", "modes",
+    "material", "orient", "fix", "move", "pressure", "temperature", "flux", "warm", "bins",
+    "element", "modes",
 )  # fmt: skip
 
 
@@ -28,10 +29,16 @@ def add_deck(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--material", metavar="[LAYER:]KEY=VALUE,…", action="append", default=[],
         help="E, nu, rho, k, alpha of the part, or of a layer, in units that fit the part's: "
-        "E=210e3,nu=0.3,rho=7.85e-9; a field of the part by its name, E=stiffness (repeatable)",
+        "E=210e3,nu=0.3,rho=7.85e-9; E1 … G23, k1, k2, k3 of an orthotropic one; a field of the "
+        "part by its name, E=stiffness (repeatable)",
+    )  # fmt: skip
+    group.add_argument(
+        "--orient", metavar="A,B", help="axis 1 of materials runs along A, and axis 2 lies in the "
+        "plane of A and B, element by element: u, v, w, guide, or a field of vectors",
     )  # fmt: skip
     for name, what in (
         ("fix", "SIDE[:AXES]  hold a side, along x, y and z or some of them"),
+        ("move", "SIDE:AXIS:VALUE  move a side along x, y or z, by a number or a field"),
         ("pressure", "SIDE:VALUE  press on a side, inwards"),
         ("temperature", "SIDE:VALUE  hold a side at a temperature"),
         ("flux", "SIDE:VALUE  let heat in through a side, per area"),
@@ -81,7 +88,7 @@ def read_deck(arguments: argparse.Namespace) -> Deck | None:
             arguments.deck, _materials(arguments.material), _sides(arguments.fix),
             _values("pressure", arguments.pressure), _values("temperature", arguments.temperature),
             _values("flux", arguments.flux), element, warm=arguments.warm,
-            **modes, **bins,
+            moved=_moves(arguments.move), oriented=_orientation(arguments.orient), **modes, **bins,
         )  # fmt: skip
 
 
@@ -111,21 +118,24 @@ def _usual(arguments: argparse.Namespace) -> str:
 
 
 def _materials(texts: list[str]) -> dict[str, Material]:
+    from dataclasses import fields
+
     from pc2cad.export.deck import Material
 
+    known = [entry.name for entry in fields(Material)]
     found: dict[str, Material] = {}
     for text in texts:
         layer, _, entries = text.rpartition(":")
         values: dict[str, Any] = {}
         for entry in entries.split(","):
-            match = re.fullmatch(r"\s*(E|nu|rho|k|alpha)\s*=\s*(\S+)\s*", entry)
-            if match is None or match[1] in values:
+            match = re.fullmatch(r"\s*(\w+)\s*=\s*(\S+)\s*", entry)
+            if match is None or match[1] in values or match[1] not in known:
                 raise InputError(
-                    f"--material '{text[:40]}': write E, nu, rho, k or alpha and a number or a "
-                    "field, each once, for example E=210e3,nu=0.3"
+                    f"--material '{text[:40]}': write {', '.join(known[:4])} or {known[4]} and a "
+                    f"number or a field, each once, for example E=210e3,nu=0.3; orthotropic "
+                    f"materials have {', '.join(known[5:])}"
                 )
-            field = is_identifier(match[2]) and match[2].lower() not in ("nan", "inf", "infinity")
-            values[match[1]] = match[2] if field else _number("material", match[2])
+            values[match[1]] = _number_or_field("material", match[2])
         if layer in found:
             raise InputError(f"--material: {layer or 'the part'} has two materials")
         found[layer] = Material(**values)
@@ -141,6 +151,33 @@ def _sides(texts: list[str]) -> dict[str, str]:
             side, axes = text, "xyz"
         found[side] = axes
     return found
+
+
+def _moves(texts: list[str]) -> dict[tuple[str, str], float | str]:
+    found: dict[tuple[str, str], float | str] = {}
+    for text in texts:
+        side, _, value = text.rpartition(":")
+        side, _, axis = side.rpartition(":")
+        if not side:
+            raise InputError(
+                f"--move '{text[:40]}': write a side, x, y or z, and a number or a field: u=1:x:0.5"
+            )
+        found[side, axis] = _number_or_field("move", value)
+    return found
+
+
+def _orientation(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    first, comma, second = (part.strip() for part in text.partition(","))
+    if not (first and comma and second):
+        raise InputError(f"--orient '{text[:40]}': write two directions, for example guide,w")
+    return first, second
+
+
+def _number_or_field(option: str, text: str) -> float | str:
+    field = is_identifier(text) and text.lower() not in ("nan", "inf", "infinity")
+    return text if field else _number(option, text)
 
 
 def _values(option: str, texts: list[str]) -> dict[str, float]:

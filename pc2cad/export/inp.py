@@ -80,12 +80,13 @@ def _nodes(stream: TextIO, mesh: VolumeMesh) -> None:
     for start in range(0, len(mesh.points), _CHUNK):
         rows = mesh.points[start : start + _CHUNK].tolist()
         stream.writelines(
-            f"{start + k}, {_shown(x)}, {_shown(y)}, {_shown(z)}\n"
+            f"{start + k}, {digits(x)}, {digits(y)}, {digits(z)}\n"
             for k, (x, y, z) in enumerate(rows, start=1)
         )
 
 
-def _shown(x: float) -> str:
+def digits(x: float) -> str:
+    """Return a number in the 20 characters that CalculiX reads of one."""
     text = repr(x)
     return text if len(text) <= 20 else f"{x:.13e}"
 

@@ -11,9 +11,14 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.fields import local_field
+from pc2cad.expression.derivatives import derivatives
+from pc2cad.expression.evaluation import Program
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.mesh.places import Places
 from pc2cad.mesh.volume_mesh import VolumeMesh
+
+#: the direction of a channel's guide, where no field has this name
+GUIDE = "guide"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +47,28 @@ class Columns:
         """Return a column within each facet of a side, by shape as `facet_nodes`."""
         places = self._facets(side)
         return {shape: self._values(name, rows) for shape, rows in places.items()}
+
+    @cached_property
+    def directions(self) -> tuple[str, ...]:
+        """What `directed` knows: ways of u, v and w, of the guide, and vectors."""
+        vectors = [f.name for f in self.checked.equation.fields if f.kind == "vector"]
+        guide = [GUIDE] if self.checked.equation.guide is not None and GUIDE not in vectors else []
+        return (*PARAMETERS, *guide, *vectors)
+
+    def directed(self, name: str, kind: str) -> Array:
+        """Return a direction within each element of a type, (elements, 3), of any length.
+
+        Of u, v and w it is that of ∂M/∂u, …; of the guide, of N'(u).
+        """
+        local = self._elements(kind)
+        if name in PARAMETERS:
+            return self.checked.map.tangents((PARAMETERS.index(name),), *local.T)[0]
+        guide = self.checked.equation.guide
+        if name != GUIDE or guide is None or name in self.sizes:
+            return self._values(name, local)
+        own = self.checked.map.values(0, local[:, 0])
+        along = Program(derivatives(guide, PARAMETERS[0]))({PARAMETERS[0]: own})
+        return np.stack([np.broadcast_to(row, own.shape) for row in along], axis=1)
 
     def _values(self, name: str, local: Array, points: Array | None = None) -> Array:
         if name in PARAMETERS:
