@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pc2cad.mesh.results import read_results as read_results
     from pc2cad.part import Part as Part
     from pc2cad.studies.adjust import adjust as adjust
+    from pc2cad.studies.reach import reach as reach
     from pc2cad.studies.study import study as study
     from pc2cad.templates.file import read_template as read_template
     from pc2cad.templates.importers.airfoil import import_airfoil as import_airfoil
@@ -62,6 +63,7 @@ _HOMES = {
     "mesh_part": "pc2cad.compiler",
     "read_results": "pc2cad.mesh.results",
     "read_template": "pc2cad.templates.file",
+    "reach": "pc2cad.studies.reach",
     "receipt": "pc2cad.verify.receipt",
     "spline_part": "pc2cad.compiler",
     "study": "pc2cad.studies.study",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pc2cad.cli.inputs import add_density, add_template, bind, load, read_densities
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from pc2cad.integrals.sensitivity import Sensitivity
     from pc2cad.part import Part
     from pc2cad.part.several import BodiesSensitivity
+    from pc2cad.studies.reach import Reach
     from pc2cad.templates.bodies import Bodies
 
     #: of one equation, or of several bodies
@@ -35,6 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="parameters, with commas between (default: all)",
     )  # fmt: skip
     add_density(parser)
+    parser.add_argument(
+        "--reach", action="store_true",
+        help="search how far each parameter may go until M is no solid (of one equation)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the derivatives as JSON")
 
 
@@ -47,8 +53,12 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress() as progress, named(arguments.template):
         known = _known(equation, progress)
         found, refused = _derive(known, names, density, arguments.names is not None, progress)
+        ranges = _ranges(equation, names, progress) if arguments.reach else []
     if arguments.json:
-        say(json.dumps(_plain(equation, found, refused), indent=2, allow_nan=False))
+        plain = _plain(equation, found, refused)
+        if arguments.reach:
+            plain["reach"] = {one.parameter: asdict(one) for one in ranges}
+        say(json.dumps(plain, indent=2, allow_nan=False))
         return 0
     head = f"{equation.name}: {equation.title}" if equation.title else equation.name
     say(one_line(head))
@@ -59,7 +69,23 @@ def run(arguments: argparse.Namespace) -> int:
                 "piece with the same sides lies beside this value")  # fmt: skip
     for name, sentence in refused.items():
         say(f"  {name}: {one_line(sentence)}")
+    for one in ranges:
+        say(f"\n{one.parameter} = {one.value:.10g} may go (found by search)")
+        for way, end in (("down", one.low), ("up", one.high)):
+            last = "; no end was found" if end.breaks is None else f", not to {end.breaks:.6g}:"
+            say(f"  {way} to {end.holds:.6g}{last} {one_line(end.why)}".rstrip())
     return 0
+
+
+def _ranges(
+    equation: PointEquation | Bodies, names: Sequence[str], progress: Progress
+) -> list[Reach]:
+    from pc2cad.studies.reach import reach
+    from pc2cad.templates.bodies import Bodies
+
+    if isinstance(equation, Bodies):
+        raise InputError("--reach: a range belongs to one equation; choose a --body")
+    return [reach(equation, name, progress) for name in names]
 
 
 def _known(equation: PointEquation | Bodies, progress: Progress) -> CheckedMap | Part:
