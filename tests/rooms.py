@@ -56,8 +56,8 @@ LAYERS: dict[str, tuple[str, ...]] = {
         "report",
     ),
     "csg": (
-        "part", "export", "validation", "brep", "representation", "integrals", "domain", "bounds",
-        "topology", "geometry", "templates", "equation", "mesh", "report",
+        "part", "export", "validation", "brep", "representation", "sampling", "integrals", "domain",
+        "bounds", "topology", "geometry", "templates", "equation", "mesh", "report",
     ),
 }  # fmt: skip
 

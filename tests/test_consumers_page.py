@@ -35,6 +35,31 @@ return n / (d.length / 4); })()"""
 MIDDLE = "page.middle"
 
 
+def test_a_field_colours_the_faces(tmp_path: Path) -> None:
+    template = tmp_path / "bar.toml"
+    template.write_text(
+        'title = "Bar"\n[solid]\nx = "3*u"\ny = "v"\nz = "w"\n[fields]\nheat = "20 + x*y"\n'
+    )
+    path = tmp_path / "bar.html"
+    assert main(["view", str(template), "-o", str(path)]) == 0
+    painted = "page.shown.faces.filter(f => f.material.vertexColors).length"
+
+    async def act(page: Page) -> None:
+        assert await page.evaluate("page.problem") is None
+        assert await page.evaluate(painted) == 0
+        await page.set("#field", "heat")
+        assert await page.evaluate(painted) == 6
+        scale = "['low', 'high'].map(id => document.getElementById(id).textContent).join(' ')"
+        assert await page.evaluate(scale) == "20 23"
+        # the least is dark violet, the most yellow
+        ends = "page.shown.faces.flatMap(f => [...f.geometry.attributes.color.array])"
+        assert await page.evaluate(f"Math.max(...{ends})") > 0.9
+        await page.set("#field", "")
+        assert await page.evaluate(painted) == 0
+
+    visit(path.as_uri(), tmp_path, act)
+
+
 def test_a_stored_page(tmp_path: Path) -> None:
     path = tmp_path / "duct.html"
     assert main(["view", "torus_wedge", "-o", str(path), "--points", "100,100,100"]) == 0

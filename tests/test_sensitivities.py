@@ -182,7 +182,6 @@ def test_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, told in (
         (["cone", "--for", "x"], "--for: cone has no parameter 'x' (it has: r, h)"),
         (["pyramid"], "pyramid has no parameters"),
-        (["pipe_cross"], "choose one of them with --body"),
     ):
         assert main(["sensitivities", *arguments]) == 2
         assert told in capsys.readouterr().err

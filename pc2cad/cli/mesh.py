@@ -24,7 +24,6 @@ from pc2cad.cli.inputs import (
 )
 from pc2cad.cli.output import Progress, say, shown, table
 from pc2cad.errors import InputError, named
-from pc2cad.templates.bodies import Bodies
 
 if TYPE_CHECKING:
     from pc2cad.mesh.grid import Grading
@@ -78,6 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     template, path = load(arguments)
     equation = bind(template, arguments)
     if arguments.velocity is not None:
+        from pc2cad.templates.bodies import Bodies
+
         if isinstance(equation, Bodies):
             raise InputError("--velocity: fields belong to one equation; choose a --body")
         equation = with_velocities(equation, arguments.velocity)

@@ -20,7 +20,6 @@ from pc2cad.brep.booleans import NamedShape
 from pc2cad.brep.forms import PAIRS, Form
 from pc2cad.brep.inspect import bounding_box
 from pc2cad.brep.integrals import face_integrals, second_moments, solid_integrals
-from pc2cad.csg.places import SidePlaces
 from pc2cad.csg.regions import Told, pieces_of, regions
 from pc2cad.domain.velocity import NotDifferentiableError, velocity
 from pc2cad.equation.fields import DENSITY
@@ -30,6 +29,7 @@ from pc2cad.mesh.tetrahedra import KernelSolid
 from pc2cad.part import Body
 from pc2cad.part.several import BodiesSensitivity
 from pc2cad.report import Report
+from pc2cad.sampling.on_sides import SidePlaces
 from pc2cad.templates.bodies import Operation, Pattern
 from pc2cad.topology.cells import SideKey
 
@@ -50,6 +50,10 @@ class Joined:
     def regions(self) -> KernelSolid:
         """See Several.regions."""
         return regions(self.result, self.parts, self.told)
+
+    def face_sides(self) -> tuple[tuple[SideKey, ...], ...]:
+        """See Several.face_sides."""
+        return tuple(keys for _, keys in self.shape.faces)
 
     def mass(self, density: float | str | Mapping[str, float] | None) -> Mass:
         """See Several.mass; raise InputError, RegionsDisagreeError."""
@@ -191,10 +195,7 @@ class _Moving:
         return self._forms[key]
 
     def _through(self, key: SideKey) -> Callable[[Array, Array], Array]:
-        model = self._body.model
-        (face,) = (face for face in model.faces if face.key == replace(key, body=""))
-        patches = [model.complex.faces[cell].patch for cell in face.cells]
-        places = SidePlaces(self._body.checked.analysis, patches)
+        places = SidePlaces(self._body.checked.analysis, self._body.patches(key))
 
         def columns(points: Array, normals: Array) -> Array:
             local = places(points + self._centre)

@@ -12,10 +12,8 @@ from pc2cad.equation.language import read_expression
 from pc2cad.equation.points import Combination, Kind, kind_of, point
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
-from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.simplification import simplified
 from pc2cad.expression.tree import ONE, ZERO, Expr, Number, as_expr, substitute, symbol
 from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
@@ -137,6 +135,9 @@ class PointEquation:
         then hold how their nodes and poles move. Raises InputError for a name of no parameter, and
         where a guide takes the parameter as a number, so that there is no formula of it.
         """
+        from pc2cad.expression.derivatives import derivatives
+        from pc2cad.expression.simplification import simplified
+
         fields = []
         for name in names:
             variation = self.variation(name)

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pc2cad.mesh.tetrahedra import KernelSolid
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part.several import BodiesSensitivity, Several
+    from pc2cad.topology.cells import Cell, SideKey
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,12 @@ class Body(OfOneEquation):
     def shape(self) -> TopoDS_Solid:
         """The kernel's solid, in the equation's units."""
         return self.built.solid
+
+    def patches(self, key: SideKey) -> list[Cell]:
+        """Return the patches of the box that a face is made of, by the key of its side."""
+        own = replace(key, body="")
+        (face,) = (face for face in self.model.faces if face.key == own)
+        return [self.model.complex.faces[cell].patch for cell in face.cells]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

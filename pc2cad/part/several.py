@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from pc2cad.integrals.inertia import Mass, Vector
     from pc2cad.mesh.tetrahedra import KernelSolid
+    from pc2cad.topology.cells import SideKey
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,9 @@ class Several(Protocol):
 
     def regions(self) -> KernelSolid:
         """Return the bodies cut along one another, for tetrahedra."""
+
+    def face_sides(self) -> tuple[tuple[SideKey, ...], ...]:
+        """Return for each face of the solid the bodies' sides that it is a part of."""
 
     def mass(self, density: float | str | Mapping[str, float] | None) -> Mass:
         """Return mass, centre of mass and inertia for one density, or one for each body."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from pc2cad.errors import InputError
 from pc2cad.export.model import Exportable, ExportOptions
 from pc2cad.export.surface import faces_in_order, smooth_normals, surface
 from pc2cad.part import Part
-from pc2cad.picture.scene import Colour, Label, Lines, Scene, Surface
+from pc2cad.picture.colours import limits_of, paint, viridis
+from pc2cad.picture.fields import check_scalar, on_faces
+from pc2cad.picture.scene import Bar, Colour, Label, Lines, Scene, Surface
 from pc2cad.picture.style import STEEL, Style
 
 
@@ -83,13 +86,17 @@ def _chains(segments: list[tuple[int, int]]) -> Iterator[list[int]]:
 
 def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
     """Return the scene of a part of several bodies; raise InputError for what it has not."""
-    if style.isolines or style.points or style.mapped:
+    if style.isolines or style.points or style.map is not None:
         raise InputError(
             "parameter lines, point sets and maps belong to one equation; draw a body by itself "
             f"(--body: {', '.join(part.bodies)})"
         )
     mesh = shown_mesh(part, turn)
     faces = list(shown_faces(part, mesh, None if style.colours else STEEL))
+    bar = None
+    if style.field is not None:
+        check_scalar(part, style.field)
+        faces, bar = _painted(part, faces, style.field)
     offsets = [_offset(part, face, style.explode) for face in faces]
     moved = tuple(
         Surface(f.name, f.points + o, f.triangles, f.normals, f.colour)
@@ -108,7 +115,16 @@ def bodies_drawing(part: Part, style: Style, turn: float) -> Scene:
             for face in pair[: None if style.explode else 1]
         ]
         lines = (Lines(tuple(ways)),)
-    return Scene(moved, lines, labels=labels)
+    return Scene(moved, lines, labels=labels, bar=bar)
+
+
+def _painted(part: Part, faces: list[Surface], name: str) -> tuple[list[Surface], Bar]:
+    """Return the faces in the colours of a field, and its scale."""
+    shown = list(on_faces(part, faces, [name]))
+    numbers = np.concatenate([values[name] for _, values in shown])
+    low, high = limits_of(numbers)
+    painted = [replace(face, colour=paint(values[name], low, high)) for face, values in shown]
+    return painted, Bar(f"{name} (sampled)", low, high, viridis(np.linspace(0.0, 1.0, 256)))
 
 
 def _offset(part: Part, face: Surface, explode: float) -> Array:

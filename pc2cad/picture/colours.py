@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.picture.scene import GREY
 
 #: viridis (van der Walt, Smith; CC0), which colour-blind eyes read and grey prints keep in order
 _VIRIDIS = np.array([
@@ -24,3 +25,24 @@ def viridis(share: Array) -> Array:
 def shares(values: Array, low: float, high: float) -> Array:
     """Return where values lie between low and high, as 0…1; the middle when those are equal."""
     return (values - low) / (high - low) if high > low else np.full_like(values, 0.5)
+
+
+def limits_of(numbers: Array, scale: float | None = None) -> tuple[float, float]:
+    """Return the least and the largest number; what is constant up to rounding has one.
+
+    Rounding is held against `scale`, or against the numbers themselves.
+    """
+    known = numbers[np.isfinite(numbers)]
+    if not len(known):
+        return 0.0, 0.0
+    low, high = float(known.min()), float(known.max())
+    if high - low <= 1e-9 * (max(abs(low), abs(high)) if scale is None else scale):
+        low = high = float(np.median(known))
+    return low, high
+
+
+def paint(numbers: Array, low: float, high: float) -> Array:
+    """Return a colour per number, (n, 3); grey where there is none."""
+    known = np.isfinite(numbers)[:, None]
+    colours: Array = np.where(known, viridis(shares(numbers, low, high)), np.array(GREY))
+    return colours

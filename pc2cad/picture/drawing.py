@@ -9,7 +9,7 @@ from pc2cad.domain.fields import LocalField
 from pc2cad.export.colours import side_colour
 from pc2cad.part import Part
 from pc2cad.picture.bodies import bodies_drawing
-from pc2cad.picture.colours import shares, viridis
+from pc2cad.picture.colours import limits_of, paint, viridis
 from pc2cad.picture.maps import deviations, numbers_of, thicknesses, wall_direction
 from pc2cad.picture.scene import GREY, Bar, Cloud, Colour, Label, Lines, Scene, Surface
 from pc2cad.picture.sides import TURN, Patch, Sides
@@ -151,22 +151,13 @@ def _mapped(
         values = thicknesses(patches, direction)
         title = f"thickness across {'uvw'[direction]}, {report.units} (sampled)"
     numbers = np.concatenate([v.ravel() for v in values])
-    known = numbers[np.isfinite(numbers)]
-    low = 0.0 if style.map == "deviation" else float(known.min())
-    high = float(known.max())
-    # what is constant up to rounding has one colour, not the pattern of its rounding
-    scale = report.size if style.map == "thickness" else max(abs(low), abs(high))
-    if high - low <= 1e-9 * scale and style.map != "deviation":
-        low = high = float(np.median(known))
+    if style.map == "deviation":
+        low, high = 0.0, float(np.nanmax(numbers))
+    else:
+        # what is constant up to rounding has one colour, not the pattern of its rounding
+        low, high = limits_of(numbers, report.size if style.map == "thickness" else None)
     surfaces = tuple(
-        _surface(patch, np.zeros(3), _paint(value.ravel(), low, high))
+        _surface(patch, np.zeros(3), paint(value.ravel(), low, high))
         for patch, value in zip(patches, values, strict=True)
     )
     return surfaces, Bar(title, low, high, viridis(np.linspace(0.0, 1.0, 256)))
-
-
-def _paint(numbers: Array, low: float, high: float) -> Array:
-    """Return a colour per number, (n, 3); grey where there is none."""
-    known = np.isfinite(numbers)[:, None]
-    colours: Array = np.where(known, viridis(shares(numbers, low, high)), np.array(GREY))
-    return colours

@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,15 @@ from pc2cad.errors import InputError
 from pc2cad.export.colours import side_colour
 from pc2cad.part import Part
 from pc2cad.picture.bodies import shown_edges, shown_faces, shown_mesh
-from pc2cad.picture.colours import viridis
+from pc2cad.picture.colours import limits_of, shares, viridis
+from pc2cad.picture.fields import on_faces, scalar_fields
 from pc2cad.picture.scene import Surface
 from pc2cad.picture.sides import Sides
 from pc2cad.report import FaceReport, Report
 from pc2cad.viewer.page import Variant, page
 
+#: colours of a scale
+STEPS = 256
 #: largest angle in radians between neighbouring chords of a page's triangles
 TURN = 0.1
 
@@ -52,8 +56,19 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
         header["others"] = _others(part, sides, block)
         header["points"] = None if points is None else _points(sides, points, block)
         edges = [path for _, path in sides.creases(120)]
-    pairs = zip(part.report.faces, shown_faces(part, mesh), strict=True)
-    header["faces"] = [_face(known, shown, block) for known, shown in pairs]
+    faces, names = list(shown_faces(part, mesh)), scalar_fields(part)
+    valued = list(on_faces(part, faces, names)) if names else [(face, {}) for face in faces]
+    limits = {
+        name: limits_of(np.concatenate([values[name] for _, values in valued])) for name in names
+    }
+    header["fields"] = [{"name": name, "low": a, "high": b} for name, (a, b) in limits.items()]
+    if names:
+        header["scale"] = np.round(viridis(np.linspace(0.0, 1.0, STEPS)), 3).tolist()
+    pairs = zip(part.report.faces, valued, strict=True)
+    header["faces"] = [
+        {**_face(known, shown, block), "fields": _fields(values, limits, block)}
+        for known, (shown, values) in pairs
+    ]
     header["edges"] = [block.add(path, "<f4") for path in edges]
     return block.packed(header)
 
@@ -103,6 +118,17 @@ def _face(known: FaceReport, shown: Surface, block: _Block) -> dict[str, Any]:
         "normals": block.add(np.round(127 * _padded(shown.normals, 0.0)), "|i1"),
         "triangles": block.add(shown.triangles, "<u4"),
     }
+
+
+def _fields(
+    values: Mapping[str, Array], limits: Mapping[str, tuple[float, float]], block: _Block
+) -> dict[str, Any]:
+    """Return for each field the steps of the scale at the points; None: the face has none."""
+    return {
+        name: None if np.isnan(row).any()
+        else block.add(np.round((STEPS - 1) * shares(row, *limits[name])), "|u1")
+        for name, row in values.items()
+    }  # fmt: skip
 
 
 def _others(part: Part, sides: Sides, block: _Block) -> list[dict[str, Any]]:

@@ -4,7 +4,7 @@ import { Problem, fetchPart, firstPart, state, storedPart } from "pc2cad/part";
 import { cut, isCut, place, showOutline, takeCoordinate } from "pc2cad/section";
 import { choose, clear, hitAt, measured, showSizes, take } from "pc2cad/measure";
 import { VIEWS, fit, free, home, lookFrom, resize, viewKey } from "pc2cad/views";
-import { addFiles, addSliders, describe, hidden, highlight, list, node, reveal, told } from "pc2cad/panel";
+import { addFiles, addSliders, describe, hidden, highlight, list, node, paint, reveal, told } from "pc2cad/panel";
 
 const element = (id) => document.getElementById(id);
 
@@ -167,6 +167,7 @@ async function load() {
     const first = !page.ready;
     build(part);
     list(part, apply);
+    paint();
     clear();
     showSizes(element("sizes").getAttribute("aria-pressed") === "true");
     if (first) home();
@@ -181,6 +182,7 @@ async function load() {
 }
 
 for (const id of ["axis", "place", "flip", "edges", "points"]) element(id).addEventListener("input", apply);
+element("field").addEventListener("input", () => { paint(); draw(); });
 element("at").addEventListener("input", () => { takeCoordinate(); apply(); });
 element("home").addEventListener("click", home);
 element("fit").addEventListener("click", fit);

@@ -1,5 +1,5 @@
 // The panel: facts, the tree of sides and bodies, sliders, files.
-import { colourOf, draw, shown } from "pc2cad/stage";
+import { colourBy, colourOf, draw, shown } from "pc2cad/stage";
 import { Problem, download, state } from "pc2cad/part";
 
 const element = (id) => document.getElementById(id);
@@ -53,6 +53,28 @@ export function list(part, changed) {
   }
   element("sides").replaceChildren(...[...branches].map(([name, rows]) => branch(name, rows, changed)));
   element("points-label").hidden = !part.points;
+  listFields(part);
+}
+
+/** Offer the fields of a part; one that was chosen stays, where the part has it. */
+function listFields(part) {
+  const select = element("field"), chosen = select.value;
+  element("field-label").hidden = !part.fields.length;
+  select.replaceChildren(node("option", "side", { value: "" }), ...part.fields.map(({ name }) => node("option", name)));
+  select.value = part.fields.some(({ name }) => name === chosen) ? chosen : "";
+}
+
+/** Colour the faces by what is chosen, and show its scale. */
+export function paint() {
+  const name = element("field").value, part = shown.part;
+  colourBy(name);
+  const field = part.fields.find((each) => each.name === name);
+  element("scale").hidden = !field;
+  if (!field) return;
+  const stops = part.scale.filter((_, i) => i % 15 === 0).map((rgb) => `rgb(${rgb.map((c) => Math.round(255 * c)).join(" ")})`);
+  element("ramp").style.background = `linear-gradient(to right, ${stops.join(", ")})`;
+  element("low").textContent = Number(field.low.toPrecision(5));
+  element("high").textContent = Number(field.high.toPrecision(5));
 }
 
 const folded = new Set();

@@ -121,6 +121,22 @@ function addCap() {
   group.add(cap);
 }
 
+/** Colour the faces by a field, or by themselves where no field is named. */
+export function colourBy(name) {
+  const scale = (shown.part.scale ?? []).map(colourOf);
+  for (const { geometry, material, userData: face } of shown.faces) {
+    const place = name ? face.fields?.[name] : null;
+    if (place) {
+      const steps = shown.part.read(place), colours = new Float32Array(3 * steps.length);
+      steps.forEach((step, i) => scale[step].toArray(colours, 3 * i));
+      geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+    }
+    material.vertexColors = Boolean(place);
+    material.color.copy(place ? new THREE.Color(1, 1, 1) : name ? new THREE.Color(0.27, 0.29, 0.32) : colourOf(face.colour));
+    material.needsUpdate = true;
+  }
+}
+
 // -- drawing ----------------------------------------------------------------------------------
 
 const after = [];
