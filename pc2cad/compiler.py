@@ -19,6 +19,7 @@ from pc2cad.equation.point_equation import Domain, Equation, PointEquation, poin
 from pc2cad.errors import InputError, require
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.templates.bodies import Bodies
+from pc2cad.templates.shipped import bodies_paths, template_paths
 
 if TYPE_CHECKING:
     from pc2cad.mesh.grid import Growth
@@ -143,6 +144,11 @@ def compile_part(
     `compile_equation` for the rest.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
+    if isinstance(equation, str) and equation in template_paths() | bodies_paths():
+        raise InputError(
+            f"'{equation}' is a shipped template, and a text is an equation here: "
+            f"pc2cad.read_template('{equation}').bind() makes one of it"
+        )
     if not isinstance(equation, Bodies):
         equation = point_equation(equation, domain, name=name, units=units)
     elif domain is not None:

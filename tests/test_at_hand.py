@@ -79,6 +79,11 @@ def test_what_is_no_equation_is_told_in_a_sentence(equation: Any, words: str) ->
         pc.compile_equation(equation)
 
 
+def test_the_name_of_a_template_is_no_equation() -> None:
+    with pytest.raises(InputError, match=r"pc2cad.read_template\('duct'\)\.bind\(\) makes one"):
+        pc.compile_part("duct")
+
+
 def test_a_part_has_its_figures() -> None:
     part = ellipsoid()
     assert (part.name, part.units, part.is_exact, list(part.faces)) == (

@@ -68,6 +68,7 @@ BAD_TEMPLATES = {
     "syntax": (simplex(M="A*u*(v - 1"), 2, ["t.toml", "[solid] M", "column 11", "')'"]),
     "unknown name": (simplex(M="A*u + Bb*(1-u)"), 2, ["t.toml", "column 7", "did you mean B"]),
     "unknown key": (simplex(more="[lets]"), 2, ["t.toml", "lets", "did you mean let or layers?"]),
+    "unknown table": (simplex(more="[equation]"), 2, ["equation", "known here: title", "solid"]),
     "duplicate key": (simplex(more="E = 1\nE = 2"), 2, ["t.toml", "line 10"]),
     "folds": ('title = "f"\n[solid]\nx = "sin(3.6*u)"\ny = "v"\nz = "w"', 3, ["t.toml", "folds"]),
     "flat": (simplex(M="A + (B-A)*u"), 3, ["t.toml"]),

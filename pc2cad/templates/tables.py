@@ -42,7 +42,8 @@ class Tables:
         known = tuple(known)
         for key in table:
             if key not in known:
-                self.fail(where + shown(key), f"unknown key{nearest(key, known)}")
+                hint = nearest(key, known) or f"; known here: {', '.join(known)}"
+                self.fail(where + shown(key), f"unknown key{hint}")
 
     def text(self, key: str) -> str:
         """Return a text of the file's first level."""
