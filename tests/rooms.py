@@ -37,10 +37,10 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "representation": (
         "checked", "solidity", "domain", "bounds", "topology", "geometry", "expression",
     ),
-    # held against what the others made: nothing that represents, builds, validates or writes
-    "verify": ("integrals", "domain", "bounds", "topology", "geometry", "templates", "equation",
-               "expression"),
     "sampling": ("checked", "domain", "topology"),
+    # held against what the others made: nothing that represents, builds, validates or writes
+    "verify": ("sampling", "integrals", "domain", "bounds", "topology", "geometry", "templates",
+               "equation", "expression"),
     "mesh": (
         "sampling", "checked", "integrals", "domain", "topology", "geometry", "equation",
         "expression",

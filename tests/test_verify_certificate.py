@@ -5,7 +5,9 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
+import math
 import random
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -123,6 +125,37 @@ def test_a_certificate_that_is_forged_does_not_hold(
         replay(changed, data)
 
 
+def test_the_angle_of_a_cone_is_read_in_the_unit_of_the_file(
+    cases: Callable[[str], Case],
+) -> None:
+    held, data = cases("cone")
+    text = data.decode()
+    (old,) = re.findall(r"CONICAL_SURFACE\('',#\d+,[\d.E+-]+,([\d.E+-]+)\)", text)
+    (unit,) = re.findall(r"#\d+ = \( NAMED_UNIT\(\*\) PLANE_ANGLE_UNIT\(\) [^;]*;", text)
+    degrees = (
+        f"{unit.split()[0]} = ( CONVERSION_BASED_UNIT('DEGREE',#90001) NAMED_UNIT(#90003) "
+        "PLANE_ANGLE_UNIT() );#90001 = PLANE_ANGLE_MEASURE_WITH_UNIT(PLANE_ANGLE_MEASURE("
+        f"{math.pi / 180!r}),#90002);" + unit.replace(unit.split()[0], "#90002")
+        + "#90003 = DIMENSIONAL_EXPONENTS(0.,0.,0.,0.,0.,0.,0.);"
+    )  # fmt: skip
+    in_degrees = text.replace(unit, degrees)
+    turned = in_degrees.replace(f",{old})", f",{math.degrees(float(old))!r})")
+    for changed, holds in ((turned, True), (in_degrees, False)):
+        asked = held | {"file": {**held["file"], "sha256": _sha(changed)}}
+        if holds:
+            assert len(replay(asked, changed.encode())) == 3
+        else:
+            with pytest.raises(ReplayError, match="is found where"):
+                replay(asked, changed.encode())
+    broken = text.replace(unit, unit.replace(".RADIAN.", ".STERADIAN."))
+    with pytest.raises(ReplayError, match="not one unit of plane angles"):
+        replay(held | {"file": {**held["file"], "sha256": _sha(broken)}}, broken.encode())
+
+
+def _sha(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 @pytest.mark.parametrize("by", [1e-1, 1e-3, 1e-5, 3e-6])
 def test_another_file_does_not_hold_by_its_numbers(cases: Callable[[str], Case], by: float) -> None:
     """Even under its own hash: the poles are read from the text."""
@@ -190,7 +223,7 @@ def test_a_replay_loads_numpy_and_nothing_else(
         [sys.executable, "-c", code, "c.json", "f.step"],
         capture_output=True, text=True, check=True, cwd=tmp_path,
     )  # fmt: skip
-    assert {"pc2cad.verify.balls", "pc2cad.verify.replay"} >= {
+    assert {f"pc2cad.verify.{name}" for name in ("balls", "instances", "replay")} >= {
         name
         for name in done.stdout.replace("'", " ").replace(",", " ").replace("{", " ").split()
         if name.startswith("pc2cad.verify")

@@ -12,7 +12,7 @@ from pc2cad.cli.output import complain, one_line, say, shown, table
 from pc2cad.errors import InputError, named
 
 if TYPE_CHECKING:
-    from pc2cad.verify.against import Verification
+    from pc2cad.verify.verdict import Verification
 
 #: exit code: not sound, or not to be judged whole
 NOT_VERIFIED: Final = 6

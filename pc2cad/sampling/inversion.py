@@ -78,7 +78,24 @@ class Inverse:
 
     def __call__(self, targets: Array) -> tuple[Array, Array]:
         """Return the local places (n, 3) nearest to targets (n, 3), and the gaps (n,)."""
-        # what is far away is not looked for inside: the search of the boundary finds its place
+        best, residual = self._met(targets)
+        gaps = np.zeros(len(targets))
+        asked = np.flatnonzero(residual > self.tolerance**2)
+        if len(asked):
+            best[asked], _, gaps[asked] = Boundary(self._analysis).improve(
+                targets[asked], best[asked], residual[asked], self._settle, self.tolerance
+            )
+        return best, gaps
+
+    def holds(self, targets: Array, near: Array) -> Booleans:
+        """Say which targets (n, 3) have a place of the solid nearer than `near` (n,)."""
+        return np.asarray(self._met(targets)[1] <= near**2)
+
+    def _met(self, targets: Array) -> tuple[Array, Array]:
+        """Return places that descents end at, and the squares of their distances.
+
+        What is far away is not looked for: its distance is infinite.
+        """
         best = np.full_like(targets, 0.5)
         residual = np.full(len(targets), np.inf)
         asked = np.flatnonzero(self._may_be_inside(targets))
@@ -109,13 +126,7 @@ class Inverse:
                 better = square < residual[asked]
                 best[asked[better]] = local[better]
                 residual[asked[better]] = square[better]
-        gaps = np.zeros(len(targets))
-        asked = np.flatnonzero(residual > self.tolerance**2)
-        if len(asked):
-            best[asked], _, gaps[asked] = Boundary(self._analysis).improve(
-                targets[asked], best[asked], residual[asked], self._settle, self.tolerance
-            )
-        return best, gaps
+        return best, residual
 
     def _may_be_inside(self, targets: Array) -> Booleans:
         """Say which targets are not far from the box of the images, by a twentieth of its size."""

@@ -21,7 +21,7 @@ from pc2cad.arrays import Array
 from pc2cad.verify.curves import Conic, Curve, Line, Reversed
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.faces import JudgedFace
-from pc2cad.verify.splines import SplineCurve, SplineSurface, distinct
+from pc2cad.verify.splines import SplineCurve, SplineSurface, knots_in
 from pc2cad.verify.surfaces import Pushed, Round, Spun
 
 UNIT: Final = 2.0**-53
@@ -98,7 +98,7 @@ def _spread(curve: Curve) -> float:
     if isinstance(curve, Line | Conic):
         return 64.0
     if isinstance(curve, SplineCurve) and not curve.rational:
-        spans = len(distinct(curve.knots, curve.domain)) - 1
+        spans = len(knots_in(curve.knots, curve.domain)) - 1
         return 10.0 * (curve.degree + 2) * curve.degree * spans
     return np.inf
 
@@ -157,7 +157,7 @@ def _on_spline(surface: SplineSurface, origin: Array) -> tuple[float, float, flo
         float(np.linalg.norm(np.diff(poles, axis=axis), axis=2).sum(axis=axis).max())
         for axis in (0, 1)
     )
-    spans = [len(distinct(surface.knots[k], surface.limits[k])) - 1 for k in (0, 1)]
+    spans = [len(knots_in(surface.knots[k], surface.limits[k])) - 1 for k in (0, 1)]
     units = 5.0 * (p + q + 2)
     twist = 2.0 * units * size * (p * spans[0] * long_v + q * spans[1] * long_u)
     terms = (_TERM + units) * (size + reach) * long_u * long_v

@@ -156,6 +156,10 @@ def _inverse(a: Jet) -> Jet:
     return sign * power(sign * a, -1.0)
 
 
+def _quotient(a: Jet, b: Jet) -> Jet:
+    return a * _inverse(b)
+
+
 def _whole_power(a: Jet, n: int) -> Jet:
     found, square = constant(1.0, 0.0), a if n > 0 else _inverse(a)
     n = abs(n)
@@ -164,24 +168,24 @@ def _whole_power(a: Jet, n: int) -> Jet:
     return found
 
 
-def _waves(a: Jet, turn: float) -> tuple[Jet, Jet]:
-    """Return sine and cosine (turn -1), or those of the hyperbola (turn 1)."""
+def _waves(a: Jet) -> tuple[Jet, Jet]:
+    """Return sine and cosine."""
     c, r = a.c[:1], a.r[:1]
-    if turn < 0.0:
-        s, o = np.sin(c), np.cos(c)
-        sines = [Jet(s, np.minimum(np.abs(o) * r + r * r, 2.0) + LIBRARY)]
-        cosines = [Jet(o, np.minimum(np.abs(s) * r + r * r, 2.0) + LIBRARY)]
-    else:
-        up, down = _monotone(np.exp, a), _monotone(np.exp, -a)
-        half = constant(0.5, 0.0)
-        sines, cosines = [(up - down) * half], [(up + down) * half]
+    s, o = np.sin(c), np.cos(c)
+    sines = [Jet(s, np.minimum(np.abs(o) * r + r * r, 2.0) + LIBRARY)]
+    cosines = [Jet(o, np.minimum(np.abs(s) * r + r * r, 2.0) + LIBRARY)]
     for k in range(1, len(a.c)):
         i, own = np.arange(1.0, k + 1.0), a[1 : k + 1]
         new = [_summed(shares, own, _joined(row)[::-1]) * constant(1.0 / k)
-               for shares, row in ((i, cosines), (turn * i, sines))]  # fmt: skip
+               for shares, row in ((i, cosines), (-i, sines))]  # fmt: skip
         sines.append(new[0])
         cosines.append(new[1])
     return _joined(sines), _joined(cosines)
+
+
+def _hyperbola(a: Jet) -> tuple[Jet, Jet]:
+    up, down, half = _exp(a), _exp(-a), constant(0.5, 0.0)
+    return (up - down) * half, (up + down) * half
 
 
 def _integrated(head: Jet, a: Jet, slope: Jet) -> Jet:
@@ -204,12 +208,12 @@ def _exp(a: Jet) -> Jet:
 ONE: Final = constant(1.0, 0.0)
 FUNCTIONS: Final[dict[str, Callable[[Jet], Jet]]] = {
     "neg": lambda a: -a,
-    "sin": lambda a: _waves(a, -1.0)[0],
-    "cos": lambda a: _waves(a, -1.0)[1],
-    "tan": lambda a: _waves(a, -1.0)[0] * _inverse(_waves(a, -1.0)[1]),
-    "sinh": lambda a: _waves(a, 1.0)[0],
-    "cosh": lambda a: _waves(a, 1.0)[1],
-    "tanh": lambda a: _waves(a, 1.0)[0] * _inverse(_waves(a, 1.0)[1]),
+    "sin": lambda a: _waves(a)[0],
+    "cos": lambda a: _waves(a)[1],
+    "tan": lambda a: _quotient(*_waves(a)),
+    "sinh": lambda a: _hyperbola(a)[0],
+    "cosh": lambda a: _hyperbola(a)[1],
+    "tanh": lambda a: _quotient(*_hyperbola(a)),
     "exp": _exp,
     "sqrt": lambda a: power(a, 0.5),
     "log": lambda a: _integrated(_monotone(np.log, _positive(a)), a, _inverse(a)),
@@ -221,7 +225,7 @@ FUNCTIONS: Final[dict[str, Callable[[Jet], Jet]]] = {
 OPERATIONS: Final[dict[str, Callable[[Jet, Jet], Jet]]] = {
     "add": lambda a, b: a + b,
     "mul": lambda a, b: a * b,
-    "div": lambda a, b: a * _inverse(b),
+    "div": _quotient,
 }
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.bounds.deviation import bound_curve
-from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number
 from pc2cad.geometry import carriers
@@ -70,7 +69,7 @@ class Borders:
         return bool(np.linalg.norm(on - places, axis=1).max() <= self._tolerance)
 
     def _prove(self, cell: Cell, edge: Edge, places: Array) -> Nearness:
-        trees, names = RestrictedMap(self._sides.analysis, cell).trees
+        trees, names = self._sides.trees(cell)
         curve = edge.curve.curve if isinstance(edge.curve, Reversed) else edge.curve
         carrier = _carrier(curve)
         if carrier is not None and holds(carrier, trees):

@@ -10,9 +10,9 @@ from typing import Any
 
 import pc2cad
 from pc2cad.errors import InputError
-from pc2cad.verify.against import Verification
 from pc2cad.verify.replay import FORMAT
 from pc2cad.verify.sides import Match
+from pc2cad.verify.verdict import Verification
 
 
 class NotVerifiedError(InputError):

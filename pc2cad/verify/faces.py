@@ -130,18 +130,18 @@ def _judge_curved(surface: Surface, face: Face, origin: Array, limit: float) -> 
         return _judge_patch(surface, face, origin, limit)
     except AskewError:
         if not isinstance(surface, SplineSurface):
-            return _judge_trimmed(surface, face, origin, limit)
+            return judge_trimmed(surface, face, origin, limit)
         flat = surface.flat_frame()
         if flat is not None:
             return _judge_plane(face, flat, origin, limit)
-        return _judge_trimmed(surface, face, origin, limit)
+        return judge_trimmed(surface, face, origin, limit)
     except StepUnknownError:
         flat = surface.flat_frame() if isinstance(surface, SplineSurface) else None
         if flat is not None:
             return _judge_plane(face, flat, origin, limit)
         if not any(loop.edges for loop in face.loops):
             raise
-        return _judge_trimmed(surface, face, origin, limit)
+        return judge_trimmed(surface, face, origin, limit)
 
 
 def _corner(face: Face) -> Array:
@@ -241,7 +241,7 @@ def _vertex_gap(surface: Surface, vertex: Array) -> float:
     return float(np.linalg.norm(surface.at(u, v)[0] - vertex))
 
 
-def _judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) -> JudgedFace:
+def judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) -> JudgedFace:
     """Judge a face whose edges run along no parameter: integrals along its edges."""
     flow = tuple(np.concatenate([loop.flow[k] for loop in face.loops]) for k in (0, 1))
     if not len(flow[0]):

@@ -17,6 +17,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.verify.curves import Conic, Curve, Line, Reversed
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.inversion import divided
@@ -276,7 +277,7 @@ def _off_line_of(surface: Surface, edge: Edge, own: Pieces, trace: Trace, parts:
         (_cuts(edge, 1) - first) / (last - first),
         (curve.breaks(min(begin, end), max(begin, end)) - begin) / (end - begin),
     ))  # fmt: skip
-    shares = np.unique(np.clip(shares, 0.0, 1.0))
+    shares = distinct(np.clip(shares, 0.0, 1.0))
     shares = np.append(shares[:-1][np.diff(shares) > 1e-13], 1.0)
     shares = divided(shares, parts)
     other = pieces(begin + (end - begin) * shares)

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays.distinct import distinct
 from pc2cad.bounds.deviation import bound_surface
-from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number, walk
 from pc2cad.geometry import carriers
@@ -53,7 +53,7 @@ SEEN: Final = Nearness("sampled", 0.0)
 
 
 def nearness(
-    patches: Sequence[RestrictedMap],
+    patches: Sequence[tuple[tuple[Expr, ...], tuple[str, ...]]],
     surface: Spline | Quadric,
     turn: Sequence[bool] | None,
     seen: float,
@@ -61,7 +61,7 @@ def nearness(
     *,
     claims: bool = False,
 ) -> Nearness:
-    """Return how near all patches of a side are to the surface of their face.
+    """Return how near all patches of a side, as trees and names, are to the surface of their face.
 
     The surface is as `replay` reads it, turned as the patch runs; `turn` is None where places are
     not compared at equal parameters. `seen` is the largest distance that was. With `claims` there
@@ -69,8 +69,7 @@ def nearness(
     """
     evidence: list[Evidence] = []
     kept, largest = [], seen
-    for patch in patches:
-        trees, names = patch.trees
+    for trees, names in patches:
         exact = isinstance(surface, Quadric) and holds(_carrier(surface), trees)
         found = None
         if claims or not (exact or isinstance(surface, Spline)):
@@ -95,7 +94,7 @@ def _replayable(
     try:
         program, outputs = program_of(trees, names)
         if isinstance(surface, Spline):
-            cells = [np.unique(row) for row in surface.knots]
+            cells = [distinct(row) for row in surface.knots]
             degrees = [p + _MORE for p in surface.degrees]
         else:
             cells, degrees = [np.linspace(0.0, 1.0, _CELLS + 1)] * 2, [_DEGREE, _DEGREE]
@@ -121,7 +120,8 @@ def _replayable(
 def _halved(difference: Difference, cells: Sequence[Array], tolerance: float) -> list[Array] | None:
     """Return the cells with those halved in which too much is left open; None where none is."""
     with np.errstate(all="ignore"):
-        rests = [difference.in_lengths(*difference.remainder(axis)) for axis in (0, 1)]
+        own = difference.surface
+        rests = [own.distance(*difference.remainder(axis)) for axis in (0, 1)]
         rests[1] = lebesgue(difference.degrees[0]) * rests[1]
     open_ = [np.isfinite(rest) & (rest > _SHARE * tolerance) for rest in rests]
     # a quotient or a root of a ball that is too wide: along the axis of which there are fewer

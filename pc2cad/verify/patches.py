@@ -10,11 +10,13 @@ from typing import TypeAlias
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct, ranked
 from pc2cad.verify.curves import gauss_rule
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.inversion import divided
-from pc2cad.verify.splines import Jet, Span, SplineSurface
+from pc2cad.verify.searching import Jet, Span
+from pc2cad.verify.splines import SplineSurface
 from pc2cad.verify.surfaces import Surface
 
 #: of the length of a parameter: levels that differ by less are one
@@ -23,6 +25,8 @@ _CHUNK = 200_000
 _MOST_POINTS, _MOST_EXACT = 3_000_000, 100_000
 #: relative difference of two rules; of polynomials it is that of the area alone
 _SETTLED, _ENOUGH = 1e-13, 1e-11
+#: places of an integral from a level to an edge, per span at least: the area has a root
+_FEWEST = 10
 #: spans are halved where rules of more points differ by more than this share
 _ROUGH = 1e-7
 
@@ -94,7 +98,7 @@ def trace_edge(surface: Surface, edge: Edge, limit: float, face: object) -> tupl
         steps = np.diff(t)
         scale = surface.periods[other] or max(1.0, float(np.abs(parameters[other][inner]).max()))
         if widths[other] <= _LOOSE * scale and (np.all(steps > 0.0) or np.all(steps < 0.0)):
-            level = float(np.median(parameters[other][inner]))
+            level = ranked(parameters[other][inner], 0.5)
             rising = bool(steps[0] > 0.0)
             return Trace(axis, level, float(t.min()), float(np.ptp(t)), rising), distance
     raise AskewError(f"the edge {edge.ref} trims the face {face} askew")
@@ -322,8 +326,10 @@ def _inward(
     None goes over a place where the surface is not smooth.
     """
     low, high = min(level, float(ends.min())), max(level, float(ends.max()))
-    cuts = np.unique(surface.breaks(axis, low, high)) if high > low else np.array([low, high])
-    nodes, gauss = gauss_rule(np.linspace(0.0, 1.0, 3), 20)
+    cuts = distinct(surface.breaks(axis, low, high)) if high > low else np.array([low, high])
+    # of polynomials as many as are exact; what is rational has no breaks of its own
+    parts, points = (2, 20) if _is_rational(surface) else (1, max(surface.points[axis], _FEWEST))
+    nodes, gauss = gauss_rule(np.linspace(0.0, 1.0, parts + 1), points)
     below, above = np.minimum(ends, level)[:, None], np.maximum(ends, level)[:, None]
     first, last = np.maximum(cuts[:-1], below), np.minimum(cuts[1:], above)
     row, span = np.nonzero(last > first)
@@ -331,6 +337,10 @@ def _inward(
     weights = np.where(ends[row] > level, width, -width)[:, None] * gauss
     at = first[:, None] + width[:, None] * nodes
     return at.ravel(), weights.ravel(), np.repeat(row, len(nodes))
+
+
+def _is_rational(surface: Surface) -> bool:
+    return isinstance(surface, SplineSurface) and surface.rational
 
 
 def _integrate(

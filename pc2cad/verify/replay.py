@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections import Counter
 from collections.abc import Sequence
 from math import log, pi, prod
@@ -20,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from pc2cad.verify.balls import LIBRARY, OUT, UNIT, Array, Jet, ReplayError, constant, run
+from pc2cad.verify.instances import StepText
 
 FORMAT: Final = "pc2cad certificate 1"
 #: most places of one face, and highest degree: a certificate that asks for more is not replayed
@@ -31,87 +31,6 @@ UNREADABLE = (
     OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError,
     MemoryError,
 )  # fmt: skip
-
-
-class StepText:
-    """The instances of a STEP file, read when they are asked for."""
-
-    _INSTANCE = re.compile(r"#(\d+)\s*=\s*((?:[^;']|'[^']*')*);")
-    _TOKEN = re.compile(
-        r"\s*('(?:[^']|'')*'|#\d+|[+-]?\d+\.?\d*(?:E[+-]?\d+)?|\.\w+\.|\w+|[(),$*])"
-    )
-    _POINT = re.compile(
-        r"(?:CARTESIAN_POINT|DIRECTION)\s*\(\s*'[^']*'\s*,"
-        r"\s*\(\s*([^,()]+),([^,()]+),([^,()]+)\)\s*\)\s*"
-    )
-
-    def __init__(self, data: bytes) -> None:
-        """Take the bytes of a file."""
-        text = data.decode("utf-8")
-        if "/*" in text:
-            raise ReplayError("the file has comments, which are not read here")
-        found = self._INSTANCE.findall(text)
-        self._texts = {int(key): body for key, body in found}
-        if len(found) != len(self._texts):
-            raise ReplayError("an instance of the file is there twice")
-
-    def all_of(self, keyword: str) -> list[int]:
-        """Return the instances of a keyword."""
-        return [key for key, body in self._texts.items() if body.startswith(keyword + "(")]
-
-    def get(self, ref: Any) -> dict[str, list[Any]]:
-        """Return the partial entities of an instance, each with its parameters."""
-        stack: list[list[Any]] = [[]]
-        for token in self._TOKEN.findall(self._texts[int(str(ref).lstrip("#"))]):
-            if token == "(":
-                stack.append([])
-            elif token == ")":
-                stack[-2].append(stack.pop())
-            elif token != ",":
-                stack[-1].append(token)
-        (found,) = stack
-        found = found[0] if isinstance(found[0], list) else found
-        return {word: values for word, values in zip(found[::2], found[1::2], strict=True)}
-
-    def only(self, ref: Any, keyword: str) -> list[Any]:
-        """Return the parameters of an instance of a keyword."""
-        found = self.get(ref)
-        if keyword not in found:
-            raise ReplayError(f"{ref} is {'+'.join(found)} where {keyword} is needed")
-        return found[keyword]
-
-    def point(self, ref: Any) -> Array:
-        """Return a point or a direction."""
-        found = self._POINT.fullmatch(self._texts[int(str(ref).lstrip("#"))])
-        if found is None:
-            raise ReplayError(f"{ref} is no point and no direction with three coordinates")
-        return np.array([float(x) for x in found.groups()])
-
-    def frame(self, ref: Any) -> tuple[Array, Array]:
-        """Return origin and axes x, y, z of a placement that says all of them."""
-        _, origin, axis, along = self.only(ref, "AXIS2_PLACEMENT_3D")
-        z, x = self.point(axis), self.point(along)
-        z = z / np.linalg.norm(z)
-        x = x - (x @ z) * z
-        x = x / np.linalg.norm(x)
-        return self.point(origin), np.array([x, np.cross(z, x), z])
-
-    def require_closed(self) -> set[int]:
-        """Ask every shell for each edge once forward and once reversed; return the faces."""
-        faces: set[int] = set()
-        for shell in self.all_of("CLOSED_SHELL"):
-            uses: Counter[tuple[str, bool]] = Counter()
-            for face in self.only(shell, "CLOSED_SHELL")[1]:
-                faces.add(int(face[1:]))
-                for bound in self.only(face, "ADVANCED_FACE")[1]:
-                    ((_, loop, flag),) = self.get(bound).values()
-                    for use in self.get(loop).get("EDGE_LOOP", ["", []])[1]:
-                        *_, edge, sense = self.only(use, "ORIENTED_EDGE")
-                        uses[edge, sense == flag] += 1
-            wrong = {edge for edge, _ in uses if (uses[edge, True], uses[edge, False]) != (1, 1)}
-            if wrong:
-                raise ReplayError(f"the edge {min(wrong)} is not used once in each sense")
-        return faces
 
 
 class Spline:
@@ -149,6 +68,14 @@ class Spline:
         own = self.poles.transpose(2, 0, 1)[:, first[:, None, :, None], second[None, :, None, :]]
         return rows[:, None] @ own @ columns.transpose(0, 2, 1), off
 
+    def height(self, point: list[Jet]) -> tuple[list[Jet], Jet | None]:
+        """Return what the surface's own values are taken from: places."""
+        return point, None
+
+    def distance(self, height: Array, _: Jet | None) -> Array:
+        """Return the lengths themselves."""
+        return height
+
 
 def _basis(knots: Array, p: int, x: Array) -> tuple[Any, Array]:
     """Return the numbers of the B-splines that live in each cell, and their values at its places.
@@ -179,7 +106,7 @@ class Quadric:
         """Take the placement and the lengths."""
         self.kind, (self.origin, self.axes), self.lengths = kind, frame, lengths
 
-    def height(self, point: Sequence[Jet]) -> tuple[Jet, Jet | None]:
+    def height(self, point: list[Jet]) -> tuple[list[Jet], Jet | None]:
         """Return the function at a point, and for a cone the radius at its height."""
         d = [x - constant(float(o)) for x, o in zip(point, self.origin, strict=True)]
         x, y, z = (
@@ -187,19 +114,17 @@ class Quadric:
             for axis in self.axes
         )
         if self.kind == "PLANE":
-            return z, None
-        r = constant(self.lengths[0])
-        if self.kind == "CYLINDRICAL_SURFACE":
-            return x * x + y * y - r * r, None
+            return [z], None
+        r, k, square = constant(self.lengths[0]), None, x * x + y * y
         if self.kind == "SPHERICAL_SURFACE":
-            return x * x + y * y + z * z - r * r, None
-        if self.kind == "CONICAL_SURFACE":
-            k = r + z * constant(float(np.tan(self.lengths[1])), LIBRARY)
-            return x * x + y * y - k * k, k
-        minor = constant(self.lengths[1])
-        square = x * x + y * y
-        q = square + z * z + (r * r - minor * minor)
-        return q * q - constant(4.0, 0.0) * r * r * square, None
+            square = square + z * z
+        elif self.kind == "CONICAL_SURFACE":
+            r = k = r + z * constant(float(np.tan(self.lengths[1])), LIBRARY)
+        elif self.kind == "TOROIDAL_SURFACE":
+            minor = constant(self.lengths[1])
+            q = square + z * z + (r * r - minor * minor)
+            return [q * q - constant(4.0, 0.0) * r * r * square], None
+        return [square - r * r], k
 
     def distance(self, height: Array, radius: Jet | None) -> Array:
         """Return bounds of the distance from bounds of the function."""
@@ -225,8 +150,8 @@ class Difference:
 
     def __init__(self, claim: dict[str, Any], surface: Spline | Quadric) -> None:
         """Take a face's claim; raise ReplayError where its cells are no partition that serves."""
-        self._program, self._outputs = claim["program"], claim["outputs"]
-        self._surface, self.degrees = surface, [int(m) for m in claim["degrees"]]
+        self._program, self._outputs, self.surface = claim["program"], claim["outputs"], surface
+        self.degrees = [int(m) for m in claim["degrees"]]
         self._cells = [np.array(row, dtype=float) for row in claim["cells"]]
         places = 1
         for points, m, axis in zip(self._cells, self.degrees, (0, 1), strict=True):
@@ -234,7 +159,8 @@ class Difference:
                     and np.all(np.diff(points) > 0.0)):  # fmt: skip
                 raise ReplayError("cells that are no partition, or of a degree out of range")
             if isinstance(surface, Spline) and not (
-                surface.degrees[axis] <= m and np.isin(surface.knots[axis], points).all()
+                surface.degrees[axis] <= m
+                and set(surface.knots[axis].tolist()) <= set(points.tolist())
             ):
                 raise ReplayError("cells that are no parts of the surface's spans")
             places *= (len(points) - 1) * (m + 1)
@@ -242,13 +168,8 @@ class Difference:
             raise ReplayError(f"more than {LARGEST} places of one face")
 
     def _at(self, s: Jet, t: Jet) -> tuple[list[Jet], Jet | None]:
-        """Return what is nought on the surface, but for a spline's values; a cone's radius."""
         values = run(self._program, s, t)
-        point = [values[k] for k in self._outputs]
-        if isinstance(self._surface, Spline):
-            return point, None
-        height, radius = self._surface.height(point)
-        return [height], radius
+        return self.surface.height([values[k] for k in self._outputs])
 
     def interpolant(self) -> tuple[Array, Array]:
         """Return a bound of the interpolant in each cell, and the differences at its nodes."""
@@ -262,7 +183,7 @@ class Difference:
         for points, m in zip(rows, self.degrees, strict=True):
             x = 0.5 - 0.5 * np.cos(pi * np.arange(m + 1) / m)
             nodes.append(points[:-1, None] + np.diff(points)[:, None] * x)
-        one = isinstance(self._surface, Spline)  # distances from others may be roots
+        one = isinstance(self.surface, Spline)  # distances from others may be roots
         rounded = [Jet(x[None], np.full((1, 1, 1) if one else x[None].shape, 4 * UNIT))
                    for x in (nodes[0].reshape(-1, 1), nodes[1].reshape(1, -1))]  # fmt: skip
         found, _ = self._at(*rounded)
@@ -272,8 +193,8 @@ class Difference:
         gaps = gaps.reshape(-1, c, i, d, j).transpose(0, 1, 3, 2, 4)
         radii = np.broadcast_to(sum(jet.r[0] for jet in found), full)
         off = radii.reshape(c, i, d, j).max(axis=(1, 3))
-        if isinstance(self._surface, Spline):
-            known, more = self._surface.at(*nodes)
+        if isinstance(self.surface, Spline):
+            known, more = self.surface.at(*nodes)
             gaps, off = gaps - known, off + more
         a, b = (_chebyshev(m) for m in self.degrees)
         waves = a @ np.ascontiguousarray(gaps) @ b.T
@@ -298,11 +219,6 @@ class Difference:
         rests = [jet.size[m + 1] ** 2 for jet in found if len(jet.c) > m + 1]
         return np.asarray(2.0 ** (1 - m) * np.sqrt(sum(rests, np.zeros((1, 1))))), radius
 
-    def in_lengths(self, heights: Array, radius: Jet | None) -> Array:
-        """Return distances from what the function is off nought."""
-        own = self._surface
-        return own.distance(heights, radius) if isinstance(own, Quadric) else heights
-
     def bound(self) -> tuple[float, float]:
         """Return a bound of the distance between side and surface, and the largest one seen.
 
@@ -314,7 +230,7 @@ class Difference:
             total, seen = self.interpolant()
             rest, radius = self.remainder(0)
             total = total + rest + lebesgue(self.degrees[0]) * self.remainder(1)[0]
-            total, seen = (self.in_lengths(x, radius) for x in (total, seen))
+            total, seen = (self.surface.distance(x, radius) for x in (total, seen))
         largest = float(total.max()) * (1.0 + 1e-9)
         return (largest if largest >= 0.0 else np.inf), float(seen.max())
 
@@ -337,7 +253,10 @@ def surface_of(file: StepText, face: int, turn: Sequence[bool]) -> Spline | Quad
     parts = file.get(file.only(face, "ADVANCED_FACE")[2])
     (kind, values), *_ = parts.items()
     if kind in Quadric.KINDS and len(parts) == 1:
-        return Quadric(kind, file.frame(values[1]), [float(x) for x in values[2:]])
+        lengths = [float(x) for x in values[2:]]
+        if kind == "CONICAL_SURFACE":
+            lengths[1] *= file.radian()
+        return Quadric(kind, file.frame(values[1]), lengths)
     if list(parts) != ["B_SPLINE_SURFACE_WITH_KNOTS"]:
         raise ReplayError("a surface that is not known here: " + "+".join(parts))
     _, p, q, rows, *_, often_u, often_v, u, v, _ = values

@@ -12,15 +12,19 @@ from typing import TypeAlias, get_args
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
+from pc2cad.domain.restrictions import RestrictedMap
+from pc2cad.expression.tree import Expr, number
 from pc2cad.geometry.carriers import Evidence
+from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import Cell, directions_of
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.inversion import closest, nearest
 from pc2cad.verify.nearness import SEEN, Nearness
-from pc2cad.verify.splines import SplineSurface, distinct
+from pc2cad.verify.splines import SplineSurface, knots_in
 
 #: whether the axes are swapped, and which of a surface's own run backwards
 Turn: TypeAlias = tuple[bool, bool, bool]
@@ -65,6 +69,8 @@ class Match:
     patches: tuple[Cell, ...]
     #: how the face runs over its only patch at equal parameters, so that both cover each other
     turn: Turn | None
+    #: whether the face is what other bodies leave of the side
+    trimmed: bool = False
     #: how far the side is from the surface, and what that rests on
     nearness: Nearness = SEEN
     #: and the side's edges from those of the face
@@ -97,10 +103,12 @@ class Match:
 
 
 class Sides:
-    """The sides of an equation on arrays."""
+    """The sides of an equation on arrays; of a copy of a body, where it lies."""
 
-    def __init__(self, analysis: Analysis, areas: Sequence[float]) -> None:
-        self.analysis = analysis
+    def __init__(
+        self, analysis: Analysis, areas: Sequence[float], place: Placement | None = None
+    ) -> None:
+        self.analysis, self.place = analysis, place
         self.areas = dict(zip((f.patch for f in analysis.complex.faces), areas, strict=True))
 
     def groups(self) -> dict[str, list[Cell]]:
@@ -116,7 +124,31 @@ class Sides:
 
     def points(self, cell: Cell, *local: Array) -> Array:
         """Return M at broadcastable local parameters of a cell."""
-        return self.analysis.map.points(*self._places(cell, local))
+        return self._moved(self.analysis.map.points(*self._places(cell, local)))
+
+    def frame(self, cell: Cell, *local: Array) -> tuple[Array, Array, Array]:
+        """Return M of a patch and its derivatives along both local parameters."""
+        s, t = directions_of(cell)
+        jet = self.analysis.map.frame(*self._places(cell, local))
+        slopes = []
+        for d in (s, t):
+            low, high = self.analysis.span(d, cell[d])
+            slopes.append(self._turned(jet[1 + d]) * (high - low))
+        return self._moved(jet[0]), slopes[0], slopes[1]
+
+    def trees(self, cell: Cell) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
+        """Return the coordinates on a cell as trees of its local parameters, and their names."""
+        trees, names = RestrictedMap(self.analysis, cell).trees
+        if self.place is None:
+            return trees, names
+        rows = zip(self.place.turn.tolist(), self.place.offset.tolist(), strict=True)
+        return tuple(_combined(row, trees, offset) for row, offset in rows), names
+
+    def _moved(self, points: Array) -> Array:
+        return points if self.place is None else self._turned(points) + self.place.offset
+
+    def _turned(self, vectors: Array) -> Array:
+        return vectors if self.place is None else np.asarray(vectors @ self.place.turn.T)
 
     def _places(self, cell: Cell, local: Sequence[Array]) -> list[Array]:
         free = iter(local)
@@ -129,7 +161,7 @@ class Sides:
     def shown(self, cell: Cell, *local: float) -> str:
         """Return a place as the equation's parameters and as coordinates."""
         places = [float(x) for x in self._places(cell, [np.asarray(x) for x in local])]
-        x, y, z = self.analysis.map.points(*places)
+        x, y, z = self._moved(self.analysis.map.points(*places))
         return f"{self.analysis.map.shown(places)}, at ({x:.6g}, {y:.6g}, {z:.6g})"
 
     def curve(self, cell: Cell, t: Array) -> tuple[Array, Array]:
@@ -138,7 +170,7 @@ class Sides:
         places = self._places(cell, [t])
         low, high = self.analysis.span(d, cell[d])
         points, slope = self.analysis.map.line(d, *places)
-        return points, slope * (high - low)
+        return self._moved(points), self._turned(slope) * (high - low)
 
     def border(self, patches: Sequence[Cell]) -> list[Cell]:
         """Return the edges round patches, collapsed ones left out."""
@@ -152,6 +184,14 @@ class Sides:
         uses = [use for patch in patches for use in faces[patch].uses if use.edge is not None]
         often = Counter(use.edge for use in uses)
         return [use.cell for use in uses if often[use.edge] == 1]
+
+
+def _combined(row: Sequence[float], trees: Sequence[Expr], offset: float) -> Expr:
+    total = number(offset)
+    for factor, tree in zip(row, trees, strict=True):
+        if factor:
+            total = total + number(factor) * tree
+    return total
 
 
 def compare(
@@ -172,22 +212,16 @@ def _surface(
     sides: Sides, patches: Sequence[Cell], face: JudgedFace, tolerance: float
 ) -> tuple[Difference, Turn | None]:
     """Return the largest distance of a side from the surface of a face, and how both run alike."""
-    surface = face.surface
-    best = None
-    if isinstance(surface, SplineSurface) and len(patches) == 1 and _is_whole(face):
-        best = min(
-            _symmetries(), key=lambda turn: _apart(sides, patches[0], surface, turn, True)[0]
-        )
-        rough = _apart(sides, patches[0], surface, best, True)[0]
-        if rough <= 1e3 * tolerance:
-            distance, s, t = _apart(sides, patches[0], surface, best, False)
-            if distance <= 10.0 * tolerance:
-                return Difference(distance, "the surface", sides.shown(patches[0], s, t)), best
+    surface, best = face.surface, None
+    if _is_whole(face):
+        found, best = at_equal_parameters(sides, patches, face, tolerance)
+        if best is not None and found.distance <= 10.0 * tolerance:
+            return found, best
     worst = Difference(0.0, "the surface", "")
     for patch in patches:
         line = np.linspace(0.0, 1.0, _SAMPLES)
         points = sides.points(patch, line[:, None], line[None, :]).reshape(-1, 3)
-        off = _off(face, points)
+        off = distances(face, points)
         if best is not None and isinstance(surface, SplineSurface):
             off = np.fmin(off, _from_equal(surface, points, line, best))
         k = int(np.argmax(off))
@@ -197,7 +231,27 @@ def _surface(
     return worst, None
 
 
-def _off(face: JudgedFace, points: Array) -> Array:
+def at_equal_parameters(
+    sides: Sides, patches: Sequence[Cell], face: JudgedFace, tolerance: float
+) -> tuple[Difference, Turn | None]:
+    """Return the largest distance of all of a spline from a patch, and how it runs over it.
+
+    It is infinite where both are far apart at some places already; None for how it runs where there
+    is no one patch, or no spline.
+    """
+    surface = face.surface
+    nowhere = Difference(np.inf, "the surface", "")
+    if not isinstance(surface, SplineSurface) or len(patches) != 1:
+        return nowhere, None
+    roughly = {turn: _apart(sides, patches[0], surface, turn, True)[0] for turn in _symmetries()}
+    best = min(roughly, key=lambda turn: roughly[turn])
+    if roughly[best] > 1e3 * tolerance:
+        return nowhere, best
+    distance, s, t = _apart(sides, patches[0], surface, best, False)
+    return Difference(distance, "the surface", sides.shown(patches[0], s, t)), best
+
+
+def distances(face: JudgedFace, points: Array) -> Array:
     """Return the distances of points from the surface of a face."""
     if face.frame is not None:
         place, axes = face.frame
@@ -256,9 +310,9 @@ def _apart(
 
 
 def _dense(surface: SplineSurface, axis: int) -> Array:
-    spans = distinct(surface.knots[axis], surface.limits[axis])
+    spans = knots_in(surface.knots[axis], surface.limits[axis])
     per = max(1, min(max(_PER_SPAN, surface.degrees[axis] + 1), _MOST // (len(spans) - 1)))
-    return np.unique(np.linspace(spans[:-1], spans[1:], per + 1))
+    return distinct(np.linspace(spans[:-1], spans[1:], per + 1))
 
 
 def _border(
@@ -307,7 +361,7 @@ def _starts(edges: Sequence[Edge]) -> Array:
         breaks = edge.curve.breaks(low, high)
         shares = (np.linspace(breaks[:-1], breaks[1:], _PER_SPAN + 2).ravel() - low) / (high - low)
         found += [shares, 1.0 - shares]
-    return np.unique(np.clip(np.concatenate(found), 0.0, 1.0))
+    return distinct(np.clip(np.concatenate(found), 0.0, 1.0))
 
 
 def _some(places: Array) -> Array:
@@ -319,7 +373,7 @@ def coarse(sides: Sides, patches: Sequence[Cell], face: JudgedFace) -> float:
     own = sum(sides.areas[patch] for patch in patches)
     s = np.linspace(0.0, 1.0, 5)
     grids = [sides.points(patch, *(x for x in open_grid(s, s, 0.0)[:2])) for patch in patches]
-    off = max(float(_off(face, grid.reshape(-1, 3)).max()) for grid in grids)
+    off = max(float(distances(face, grid.reshape(-1, 3)).max()) for grid in grids)
     return max(off, float(abs(face.moments.area - own) / max(own, 1e-300) ** 0.5))
 
 
@@ -327,4 +381,4 @@ def goes_on(sides: Sides, patch: Cell, face: JudgedFace, tolerance: float) -> bo
     """Say whether a patch lies on the surface of a face."""
     s = np.linspace(0.0, 1.0, 5)
     points = sides.points(patch, s[:, None], s[None, :]).reshape(-1, 3)
-    return bool(_off(face, points).max() <= tolerance)
+    return bool(distances(face, points).max() <= tolerance)

@@ -97,6 +97,8 @@ class Solid:
     #: relative: of the volume by the theorem of Stokes, of the area by two rules
     volume_error: float
     area_error: float
+    #: a place about which integrals over faces are taken
+    origin: Array
     #: what volume and area, and the place of the centroid, may be off by; infinite if not bounded
     volume_bound: float
     area_bound: float
@@ -359,6 +361,7 @@ def _sum_up(
         centroid=centroid,
         volume_error=float(stokes * size / max(abs(volume), 1e-300)),
         area_error=float(area_error / max(area, 1e-300)),
+        origin=origin,
         volume_bound=volume_bound,
         area_bound=sum(slack.area for slack in slacks),
         centroid_bound=centroid_bound,

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
-from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.verify.inversion import MOST_STEPS, Sampling, closest, nearest
+from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
+from pc2cad.verify.inversion import Sampling, closest, nearest
+from pc2cad.verify.searching import CLOSED, Jet, Searched, Span
 
-Span: TypeAlias = tuple[float, float]
-Jet: TypeAlias = tuple[Array, Array, Array]
-#: relative distance at which two ends are one
-CLOSED = 1e-9
 #: of the solid's coordinates: a point so near to a side of a surface is on it
 NEAR = 1e-9
 #: rows of a basis that are multiplied at a time
 BAND = 64
 
 
-def distinct(knots: Array, domain: Span) -> Array:
+def knots_in(knots: Array, domain: Span) -> Array:
     """Return the distinct knots inside a domain, its ends included."""
-    inner = np.unique(knots)
+    inner = distinct(knots)
     inner = inner[(inner > domain[0]) & (inner < domain[1])]
     return np.concatenate([[domain[0]], inner, [domain[1]]])
 
@@ -118,7 +115,7 @@ class SplineCurve:
     def breaks(self, a: float, b: float) -> Array:
         """Return parameters from a to b between which the curve is smooth."""
         edges = inner_breaks(self.knots, self.domain, self.period, a, b)
-        return np.unique(np.linspace(edges[:-1], edges[1:], 3)) if self.rational else edges
+        return distinct(np.linspace(edges[:-1], edges[1:], 3)) if self.rational else edges
 
     def sampling(self, points: Array) -> Sampling:
         """Return where an inversion starts."""
@@ -126,8 +123,8 @@ class SplineCurve:
 
     @cached_property
     def _samples(self) -> Array:
-        spans = distinct(self.knots, self.domain)
-        return np.unique(np.linspace(spans[:-1], spans[1:], 2 * self.degree + 3))
+        spans = knots_in(self.knots, self.domain)
+        return distinct(np.linspace(spans[:-1], spans[1:], 2 * self.degree + 3))
 
     @cached_property
     def _known(self) -> Array:
@@ -148,11 +145,11 @@ class SplineCurve:
 
 def inner_breaks(knots: Array, domain: Span, period: float | None, a: float, b: float) -> Array:
     """Return a, b and the knots between them, of a closed spline those of its next turns too."""
-    inner = distinct(knots, domain)
+    inner = knots_in(knots, domain)
     if period is not None:
         inner = np.concatenate([inner - period, inner, inner + period])
     margin = 1e-12 * (b - a)
-    inner = np.unique(inner[(inner > a + margin) & (inner < b - margin)])
+    inner = distinct(inner[(inner > a + margin) & (inner < b - margin)])
     return np.concatenate([[a], inner, [b]])
 
 
@@ -168,7 +165,7 @@ def make_curve(knots: Array, degree: int, poles: Array, rational: bool) -> Splin
 
 
 @dataclass(frozen=True, eq=False)
-class SplineSurface:
+class SplineSurface(Searched):
     """A tensor product B-spline, homogeneous poles (weight last) if it is rational."""
 
     knots: tuple[Array, Array]
@@ -267,84 +264,13 @@ class SplineSurface:
         normal = axes[2] * np.sign(axes[2] @ np.cross(along_u[0], along_v[0]))
         return centre, np.array([axes[0], np.cross(normal, axes[0]), normal])
 
-    def search(
-        self, points: Array, start: tuple[Array, Array] | None = None
-    ) -> tuple[Array, Array]:
-        """Return the nearest places: the nearest grid point, then Gauss-Newton in both."""
-        if start is None:
-            us, vs = (self._samples(axis) for axis in (0, 1))
-            grid = self.grid(us, vs)[0]
-            # from a pole no step leads away: there one parameter has no slope
-            size = np.ptp(grid.reshape(-1, 3), axis=0).max()
-            wide_u, wide_v = (np.ptp(grid, axis=k).max(axis=1) > CLOSED * size for k in (1, 0))
-            us, vs = us[wide_u], vs[wide_v]
-            first = nearest(grid[wide_u][:, wide_v].reshape(-1, 3), points)
-            start = us[first // len(vs)], vs[first % len(vs)]
-        u, v = start
-        place, along_u, along_v = self.at(u, v)
-        off = np.linalg.norm(points - place, axis=1)
-        share = np.ones(len(points))
-        for _ in range(2 * MOST_STEPS):
-            du, dv = self._step(points - place, along_u, along_v, u, v)
-            new_u, new_v = self._inside(0, u + share * du), self._inside(1, v + share * dv)
-            jet = self.at(new_u, new_v)
-            new_off = np.linalg.norm(points - jet[0], axis=1)
-            # a step that does not come nearer is halved: over knots the speed may jump
-            better = new_off < off
-            moved = np.where(better, np.abs(new_u - u) + np.abs(new_v - v), 0.0).max(initial=0.0)
-            u, v = np.where(better, new_u, u), np.where(better, new_v, v)
-            off = np.where(better, new_off, off)
-            place, along_u, along_v = (
-                np.where(better[:, None], new, old)
-                for new, old in zip(jet, (place, along_u, along_v), strict=True)
-            )
-            share = np.where(better, np.minimum(1.0, 2.0 * share), 0.5 * share)
-            if moved <= 1e-14 and share.max(initial=0.0) < 1e-4:
-                break
-        return u, v
-
-    def _step(
-        self, gap: Array, along_u: Array, along_v: Array, u: Array, v: Array
-    ) -> tuple[Array, Array]:
-        """Return a step in both parameters; where one is at its limit, the other goes alone."""
-        du, dv = tangent_step(gap, along_u, along_v)
-        on_u, on_v = (
-            (gap * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300)
-            for along in (along_u, along_v)
-        )
-        stuck_u, stuck_v = self._stuck(0, u, du), self._stuck(1, v, dv)
-        return np.where(stuck_v, on_u, du), np.where(stuck_u, on_v, dv)
-
-    def _stuck(self, axis: int, t: Array, step: Array) -> Booleans:
-        """Say which parameters are at a limit and would go beyond it."""
-        low, high = self.limits[axis]
-        beyond = ((t <= low) & (step < 0.0)) | ((t >= high) & (step > 0.0))
-        return np.asarray(beyond & (self.periods[axis] is None))
-
-    def _inside(self, axis: int, t: Array) -> Array:
-        """Return parameters within the limits: round again where the surface closes."""
-        low, high = self.limits[axis]
-        if self.periods[axis] is None:
-            return np.clip(t, low, high)
-        return np.where((t < low) | (t > high), low + np.mod(t - low, high - low), t)
-
     def _samples(self, axis: int) -> Array:
-        spans = distinct(self.knots[axis], self.limits[axis])
-        return np.unique(np.linspace(spans[:-1], spans[1:], self.degrees[axis] + 3))
+        spans = knots_in(self.knots[axis], self.limits[axis])
+        return distinct(np.linspace(spans[:-1], spans[1:], self.degrees[axis] + 3))
 
     def breaks(self, axis: int, a: float, b: float) -> Array:
         """Return parameters from a to b between which the surface is smooth."""
         return inner_breaks(self.knots[axis], self.limits[axis], self.periods[axis], a, b)
-
-
-def tangent_step(gap: Array, along_u: Array, along_v: Array) -> tuple[Array, Array]:
-    """Return the steps in u and v that go along a gap in the tangent plane (least squares)."""
-    uu, uv, vv = ((a * b).sum(axis=1) for a, b in
-                  ((along_u, along_u), (along_u, along_v), (along_v, along_v)))  # fmt: skip
-    on_u, on_v = (gap * along_u).sum(axis=1), (gap * along_v).sum(axis=1)
-    uu, vv = uu + 1e-14 * vv + 1e-300, vv + 1e-14 * uu + 1e-300
-    area = uu * vv - uv * uv
-    return (vv * on_u - uv * on_v) / area, (uu * on_v - uv * on_u) / area
 
 
 def make_surface(

@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
 from pc2cad.verify.curves import (
     TURN,
     Curve,
@@ -23,7 +24,8 @@ from pc2cad.verify.curves import (
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.inversion import Sampling, closest
 from pc2cad.verify.records import DEEPEST, Record, Records, length, number, numbers, sequence, whole
-from pc2cad.verify.splines import Jet, Span, SplineSurface, make_surface
+from pc2cad.verify.searching import Jet, Span
+from pc2cad.verify.splines import SplineSurface, make_surface
 
 _INFINITE = (-np.inf, np.inf)
 
@@ -175,7 +177,7 @@ class Spun:
         else:  # a part of a closed curve: it may go over where the curve's parameter begins
             samples = np.append(samples, samples + self.curve.period)
         inside = samples[(samples >= a) & (samples <= b)]
-        return np.unique(np.append(inside, (a, b))), a, b
+        return distinct(np.append(inside, (a, b))), a, b
 
     def parts(self) -> list[Spun]:
         """Return what the axis cuts it into: itself where its curve stays on one side."""
