@@ -108,6 +108,30 @@ def test_a_stored_page(tmp_path: Path) -> None:
     visit(path.as_uri(), tmp_path, act)
 
 
+def test_pieces_of_a_side_are_one_branch_folded_until_one_is_clicked(tmp_path: Path) -> None:
+    path = tmp_path / "pieces.html"
+    assert main(["view", "square_to_round", "-o", str(path)]) == 0
+    inner = "#sides > li:first-child > ul > li:not([data-name]):nth-of-type(2)"
+    told = f"document.querySelector('{inner} > .row').innerText.split(/\\s+/).join(' ').trim()"
+    pieces = f"document.querySelectorAll('{inner} li[data-name^=\"w=0 (\"]').length"
+    folded = f"document.querySelector('{inner} > ul').hidden"
+
+    async def act(page: Page) -> None:
+        count = await page.evaluate(pieces)
+        assert count > 1
+        assert await page.evaluate(told) == f"▸ w=0 {count}"
+        assert await page.evaluate(folded)
+        before = len((await page.evaluate(SHOWN)).split("w="))
+        await page.click(f"{inner} > .row input")
+        assert len((await page.evaluate(SHOWN)).split("w=")) == before - count
+        await page.click(f"{inner} > .row input")
+        await page.click(f"{inner} > .row .opener")
+        assert not await page.evaluate(folded)
+        assert page.complaints() == []
+
+    visit(path.as_uri(), tmp_path, act)
+
+
 async def tap(page: Page, x: float, y: float) -> None:
     for kind, buttons in (("mousePressed", 1), ("mouseReleased", 0)):
         await page.mouse(kind, x, y, button="left", buttons=buttons, clickCount=1)

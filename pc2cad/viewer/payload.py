@@ -50,12 +50,14 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
         if points is not None:
             raise InputError("a point set belongs to one equation, and here are several bodies")
         header |= {"others": [], "points": None}
+        wholes: dict[str, str] = {}
         edges = [points for _, points in shown_edges(part, mesh)]
     else:
         sides = Sides(part, TURN)
         header["others"] = _others(part, sides, block)
         header["points"] = None if points is None else _points(sides, points, block)
         edges = [path for _, path in sides.creases(120)]
+        wholes = {face.name: face.key.whole.label for face in part.model.faces}
     faces, names = list(shown_faces(part, mesh)), scalar_fields(part)
     valued = list(on_faces(part, faces, names)) if names else [(face, {}) for face in faces]
     limits = {
@@ -66,7 +68,11 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
         header["scale"] = np.round(viridis(np.linspace(0.0, 1.0, STEPS)), 3).tolist()
     pairs = zip(part.report.faces, valued, strict=True)
     header["faces"] = [
-        {**_face(known, shown, block), "fields": _fields(values, limits, block)}
+        {
+            **_face(known, shown, block),
+            "side": wholes.get(known.name, known.name),
+            "fields": _fields(values, limits, block),
+        }
         for known, (shown, values) in pairs
     ]
     header["edges"] = [block.add(path, "<f4") for path in edges]
@@ -135,10 +141,17 @@ def _others(part: Part, sides: Sides, block: _Block) -> list[dict[str, Any]]:
     """Return the sides that are no faces: collapsed ones with their image, and interfaces."""
     images = {side.patch: path for side, path in sides.collapsed(120)}
     result: list[dict[str, Any]] = []
-    for side, known in zip(part.model.complex.sides, part.report.sides, strict=True):
+    boundary = part.model.complex
+    for side, known in zip(boundary.sides, part.report.sides, strict=True):
         if known.fate == "face":
             continue
-        other: dict[str, Any] = {"name": known.name, "fate": known.fate, "detail": known.detail}
+        whole = boundary.key(side.patch).whole.label
+        other: dict[str, Any] = {
+            "name": known.name,
+            "side": whole,
+            "fate": known.fate,
+            "detail": known.detail,
+        }
         other |= {"verdict": known.verdict, "path": None}
         if side.patch in images:
             path = images[side.patch]

@@ -37,21 +37,25 @@ export function list(part, changed) {
     ...part.facts.flatMap(([name, value]) => [node("dt", name), node("dd", value)]));
   element("unit").textContent = part.units;
   element("how").textContent = `on triangles within ${Number(part.deflection.toPrecision(2))} ${part.units}`;
-  const branches = new Map();
-  const put = (branch, row) => branches.set(branch, [...(branches.get(branch) ?? []), row]);
+  const branches = new Map(); // body -> side -> its rows
+  const put = (body, side, row) => {
+    const sides = branches.get(body) ?? branches.set(body, new Map()).get(body);
+    sides.set(side, [...(sides.get(side) ?? []), row]);
+  };
   const several = part.faces.some((face) => face.name.includes(":"));
   part.faces.forEach((face, i) => {
     const cut = face.name.lastIndexOf(":");
     const body = several ? (cut < 0 ? "other faces" : face.name.slice(0, cut)) : "faces";
-    put(body, leaf(face.name, cut < 0 ? face.name : face.name.slice(cut + 1), face.carrier, face.colour,
+    put(body, face.side, leaf(face.name, cut < 0 ? face.name : face.name.slice(cut + 1), face.carrier, face.colour,
       describe(face), () => shown.faces[i], changed));
   });
   for (const other of part.others) {
     const detail = other.detail ? ` ${other.detail}` : "";
-    put("no faces", leaf(other.name, other.name, `${other.fate}${detail}`, other.colour,
+    put("no faces", other.side, leaf(other.name, other.name, `${other.fate}${detail}`, other.colour,
       `${other.name} is no face: ${other.fate}${detail} (${other.verdict})`, () => null, changed, !other.path));
   }
-  element("sides").replaceChildren(...[...branches].map(([name, rows]) => branch(name, rows, changed)));
+  element("sides").replaceChildren(...[...branches].map(([body, sides]) => branch(body, body,
+    [...sides].flatMap(([side, rows]) => rows.length > 1 ? branch(`${body}, ${side}`, side, rows) : rows))));
   element("points-label").hidden = !part.points;
   listFields(part);
 }
@@ -77,10 +81,12 @@ export function paint() {
   element("high").textContent = Number(field.high.toPrecision(5));
 }
 
-const folded = new Set();
+const folded = new Map(); // branches that were folded or unfolded; those of a side's pieces are folded first
 
-function branch(name, leaves, changed) {
+function branch(key, name, rows) {
+  const leaves = rows.flatMap((row) => row.dataset.name ? [row] : [...row.querySelectorAll("li[data-name]")]);
   const ticks = leaves.map((each) => each.querySelector("input"));
+  const shut = folded.get(key) ?? key !== name;
   const all = node("input", "", { type: "checkbox" });
   all.setAttribute("aria-label", `show all of ${name}`);
   const free = ticks.filter((tick) => !tick.disabled);
@@ -93,15 +99,14 @@ function branch(name, leaves, changed) {
   });
   for (const tick of free) tick.addEventListener("change", tell);
   tell();
-  const inner = node("ul", "", { hidden: folded.has(name) });
-  inner.append(...leaves);
-  const opener = node("button", folded.has(name) ? "▸" : "▾", { type: "button", className: "opener" });
-  opener.setAttribute("aria-expanded", !folded.has(name));
+  const inner = node("ul", "", { hidden: shut });
+  inner.append(...rows);
+  const opener = node("button", shut ? "▸" : "▾", { type: "button", className: "opener" });
+  opener.setAttribute("aria-expanded", !shut);
   opener.setAttribute("aria-label", `fold ${name}`);
   opener.addEventListener("click", () => {
     inner.hidden = !inner.hidden;
-    if (inner.hidden) folded.add(name);
-    else folded.delete(name);
+    folded.set(key, inner.hidden);
     opener.textContent = inner.hidden ? "▸" : "▾";
     opener.setAttribute("aria-expanded", !inner.hidden);
   });
@@ -135,6 +140,9 @@ function leaf(key, name, about, colour, title, mesh, changed, fixed = false) {
 /** Bring a side's row into sight. */
 export function reveal(name) {
   const row = [...element("sides").querySelectorAll("li[data-name]")].find((each) => each.dataset.name === name);
+  for (let shut = row?.closest("ul[hidden]"); shut; shut = row.closest("ul[hidden]")) {
+    shut.previousElementSibling.querySelector(".opener").click();
+  }
   row?.scrollIntoView({ block: "nearest" });
 }
 
