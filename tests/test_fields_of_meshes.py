@@ -208,5 +208,43 @@ def test_a_field_of_splines_needs_its_file(
         assert main(["spline", "cone", "-o", str(tmp_path / "c.xml"), "--field", text]) != 0
         assert words in capsys.readouterr().err
     model = represent_volume(checked_of("cone"))
-    with pytest.raises(InputError, match="G\\+Smo"):
+    with pytest.raises(InputError, match=r"use one of \.xml, \.gf"):
         write_splines(model, tmp_path / "heat.g2", field="heat")
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize("name", ["elbow_pipe", "turned_ring", "channel_ellipse"])
+def test_mfem_evaluates_fields_beside_its_mesh(tmp_path: Path, name: str) -> None:
+    """Rational, with reversed patches, fitted: no value is further off than is said."""
+    mfem = pytest.importorskip("mfem.ser")
+    known = checked_of(name)
+    equation = known.equation.with_fields(T="x*y + 2*z", q="vector(x, z, 1)")
+    model = represent_volume(replace(known, analysis=replace(known.analysis, equation=equation)))
+    mesh_file, field_file = tmp_path / "a.mesh", tmp_path / "a.gf"
+    write_splines(model, mesh_file)
+    mesh = mfem.Mesh(str(mesh_file), 1, 1)
+    random, node, found = np.random.default_rng(1), mfem.IntegrationPoint(), mfem.Vector()
+    gaps: dict[str, list[float]] = {"T": [], "q": []}
+    for field, rows in gaps.items():
+        write_splines(model, field_file, field=field)
+        function = mfem.GridFunction(mesh, str(field_file))
+        for element in random.integers(mesh.GetNE(), size=100).tolist():
+            node.Set3(*random.random(3))
+            x, y, z = mesh.GetElementTransformation(element).Transform(node)
+            if field == "T":
+                rows.append(abs(function.GetValue(element, node) - (x * y + 2 * z)))
+            else:
+                function.GetVectorValue(element, node, found)
+                rows.append(np.abs(np.array([found[k] for k in range(3)]) - (x, z, 1)).max())
+    # x and z are in M's own spaces
+    assert max(gaps["q"]) < 1e-13 * known.scale.size
+    assert 0 < max(gaps["T"]) < 1.1 * model.field("T").deviation
+
+
+def test_a_field_that_jumps_is_none_of_mfem(tmp_path: Path) -> None:
+    known = checked_of("elbow_pipe")
+    equation = known.equation.with_fields(turn="v")
+    model = represent_volume(replace(known, analysis=replace(known.analysis, equation=equation)))
+    with pytest.raises(InputError, match="v=0 and v=1 are one place, and the field turn has two"):
+        write_splines(model, tmp_path / "turn.gf", field="turn")
+    assert not (tmp_path / "turn.gf").exists()

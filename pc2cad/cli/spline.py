@@ -34,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--field", metavar="NAME=FILE", action="append", default=[], dest="fields",
-        help="write a field of the template as splines on the same spaces, .xml (repeatable)",
+        help="write a field of the template as splines on the same spaces: .xml (G+Smo), .gf "
+        "(MFEM, beside its .mesh) (repeatable)",
     )  # fmt: skip
     add_velocity(parser, "splines")
     add_options(parser)

@@ -34,5 +34,5 @@ if TYPE_CHECKING:
 
     SOLIDS: tuple[SolidModule, ...] = (step, brep, iges, stl, stl_text, threemf, glb, vtp)
     MESHES: tuple[MeshModule, ...] = (vtu, inp, gmsh_mesh, vtk_legacy, med)
-    FIELDS: tuple[FieldModule, ...] = (gismo,)
+    FIELDS: tuple[FieldModule, ...] = (gismo, mfem)
     SPLINES: tuple[SplineModule, ...] = (gismo, mfem, irit, gotools)

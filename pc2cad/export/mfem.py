@@ -5,22 +5,26 @@ elements need different vertices. MFEM wants the parallel edges of all patches d
 the solid closes with a turn, an edge is parallel to its own reverse; there the directions across
 are divided in the middle, and the halves run towards it: the turn carries halves onto halves.
 Collapsed sides have equal poles.
+
+A field is a GridFunction (.gf) on the same patches: `mfem::GridFunction(&mesh, stream)` reads it
+beside the mesh. Where sides are joined MFEM has one value for both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pc2cad.arrays import Array
 from pc2cad.errors import InputError
 from pc2cad.export.spline_files import numbers, rows
 from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.mesh.grid import Grid
 from pc2cad.mesh.node_merging import cell_nodes, joined, partner_nodes
-from pc2cad.representation.volume import VolumeModel
-from pc2cad.topology.cells import IDENTITY, directions_of
+from pc2cad.representation.volume import SplineField, VolumeModel
+from pc2cad.topology.cells import IDENTITY, Cell, directions_of, normal_direction
 from pc2cad.topology.complex import SideFate
 
 #: corners of a hexahedron in MFEM's order, and its sides, outwards
@@ -38,6 +42,10 @@ class DegreeTooHighError(InputError):
     """A spline has a higher degree than the format's reader can hold."""
 
 
+class FieldJumpsError(InputError):
+    """A field has two values where sides are joined, and the format holds one."""
+
+
 def encode(model: VolumeModel) -> str:
     """Return the text of the file; coordinates are Cartesian, every pole has a weight.
 
@@ -51,7 +59,7 @@ def encode(model: VolumeModel) -> str:
             "--profile cubic approximates it by cubic splines"
         )
     lattice = _lattice(model)
-    blocks = list(_blocks(model, lattice))
+    blocks = list(_blocks(model, lattice, [patch.volume for patch in model.patches]))
     edges: dict[tuple[int, int], int] = {}
     for block in blocks:
         edges |= block.edges
@@ -71,6 +79,55 @@ def encode(model: VolumeModel) -> str:
         tail = " 1" if block.volume.weights is None else ""
         lines += [row + tail for row in rows(block.volume, homogeneous=False)]
     return "\n".join(lines) + "\n"
+
+
+def encode_field(model: VolumeModel, name: str) -> str:
+    """Return the text of a field's GridFunction; raise FieldJumpsError, InputError."""
+    field = model.field(name)
+    _check_joined(model, field)
+    blocks = list(_blocks(model, _lattice(model), field.volumes))
+    degrees = {degree for block in blocks for degree in block.volume.degrees}
+    # MFEM takes the order of a collection without a number from the mesh
+    collection = f"NURBS{degrees.pop()}" if len(degrees) == 1 else "NURBS"
+    size = blocks[0].volume.poles.shape[-1]
+    lines = ["FiniteElementSpace", f"FiniteElementCollection: {collection}", f"VDim: {size}"]
+    lines += ["Ordering: 1", "", "NURBS_patches"]
+    for number, block in enumerate(blocks):
+        lines += ["", f"# patch {number}", *rows(block.volume, homogeneous=False, weight="nowhere")]
+    return "\n".join(lines) + "\n"
+
+
+def _check_joined(model: VolumeModel, field: SplineField) -> None:
+    """Raise FieldJumpsError where the field's poles differ on sides that are joined."""
+    room = max(10 * field.deviation, 1e-9 * field.largest)
+    for side in model.boundary.sides:
+        if side.partner is None or side.symmetry is None:
+            continue
+        here, there = (_poles_on(model, field, patch) for patch in (side.patch, side.partner))
+        if side.symmetry.reverse_s:
+            there = there[::-1]
+        if side.symmetry.reverse_t:
+            there = there[:, ::-1]
+        if side.symmetry.swap:
+            there = there.transpose(1, 0, 2)
+        if here.shape != there.shape or not np.abs(here - there).max() <= room:
+            names = " and ".join(model.boundary.name(p) for p in (side.patch, side.partner))
+            raise FieldJumpsError(
+                f"{names} are one place, and the field {field.name} has two values there: MFEM "
+                "holds one; write it for G+Smo (.xml)"
+            )
+
+
+def _poles_on(model: VolumeModel, field: SplineField, patch: Cell) -> Array:
+    """Return a field's poles on a side of a patch, along the side's own s and t."""
+    d = normal_direction(patch)
+    for one, volume in zip(model.patches, field.volumes, strict=True):
+        step = patch[d] - one.cell[d]
+        if abs(step) == 1 and all(one.cell[k] == patch[k] for k in directions_of(patch)):
+            order = [model.directions.index(k) for k in range(3)]
+            poles = volume.poles.transpose(*order, 3)
+            return np.asarray(np.take(poles, -1 if step > 0 else 0, axis=d))
+    raise AssertionError(f"no patch has the side {patch}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,10 +249,12 @@ class _Block:
     boundary: list[str]
 
 
-def _blocks(model: VolumeModel, lattice: _Lattice) -> Iterator[_Block]:
-    for patch in model.patches:
+def _blocks(
+    model: VolumeModel, lattice: _Lattice, volumes: Sequence[SplineVolume]
+) -> Iterator[_Block]:
+    for patch, whole in zip(model.patches, volumes, strict=True):
         parts = [lattice.parts[d] for d in model.directions]
-        for steps, volume in _divided(patch.volume, parts):
+        for steps, volume in _divided(whole, parts):
             place = [0, 0, 0]
             for d, step in zip(model.directions, steps, strict=True):
                 place[d] = patch.cell[d] // 2 * lattice.parts[d] + step

@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from pc2cad.errors import InputError
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.geometry.splines.trivariate import SplineVolume
 from pc2cad.representation.volume import VolumeModel
@@ -42,8 +41,8 @@ class SplineFormat:
     keeps: str
     #: a `SplineModule`
     module: str
-    #: whether it is a `FieldModule`, too
-    fields: bool = False
+    #: of a `FieldModule`: the ending of the file of a field
+    fields: str = ""
 
 
 SPLINE_FORMATS: tuple[SplineFormat, ...] = (
@@ -53,7 +52,7 @@ SPLINE_FORMATS: tuple[SplineFormat, ...] = (
         "https://gismo.github.io/",
         "interfaces between patches, glued sides too; labels of boundary sides",
         "pc2cad.export.gismo",
-        fields=True,
+        fields=".xml",
     ),
     SplineFormat(
         ".mesh",
@@ -61,6 +60,7 @@ SPLINE_FORMATS: tuple[SplineFormat, ...] = (
         "https://mfem.org/mesh-formats/#nurbs-meshes",
         "boundary attributes 1 … 6 for the lower and upper limit of each axis; three patches round",
         "pc2cad.export.mfem",
+        fields=".gf",
     ),
     SplineFormat(
         ".itd",
@@ -92,9 +92,14 @@ def check_splines_writable(path: str | os.PathLike[str]) -> None:
 
 def check_field_writable(path: str | os.PathLike[str]) -> None:
     """Find out before a computation whether a field's spline can be written to `path`."""
-    if not spline_format(path).fields:
-        raise InputError(f"{os.fspath(path)}: the spline of a field is written as G+Smo's .xml")
+    field_format(path)
     check_target(path)
+
+
+def field_format(path: str | os.PathLike[str]) -> SplineFormat:
+    """Return the format whose fields have the ending of a file; raise InputError."""
+    endings = {entry.fields: entry for entry in SPLINE_FORMATS if entry.fields}
+    return by_ending(path, endings, "file of a field's spline")
 
 
 def write_splines(
@@ -102,12 +107,12 @@ def write_splines(
 ) -> None:
     """Write a volume model in the format of the name's ending, whole or not at all.
 
-    With the name of a `field`, that field on the same spaces instead (.xml). Raises InputError for
-    an unknown ending or field, FileNotWrittenError.
+    With the name of a `field`, that field on the same spaces instead: G+Smo's .xml or MFEM's .gf.
+    Raises InputError for an unknown ending or field, FileNotWrittenError.
     """
     if field is not None:
         check_field_writable(path)
-        writer: FieldModule = importlib.import_module(spline_format(path).module)
+        writer: FieldModule = importlib.import_module(field_format(path).module)
         write_atomically(path, writer.encode_field(model, field).encode())
         return
     module: SplineModule = importlib.import_module(spline_format(path).module)

@@ -91,7 +91,7 @@ class SplineVolume:
             table = np.moveaxis(part.fit(values).reshape(part.size, *rest), 0, axis)
             # the way from a part's parameter to the equation's stays with the whole
             axes = [Parametrisation(part) if k == axis else a for k, a in enumerate(self.axes)]
-            weights = None if self.weights is None else table[..., 3]
+            weights = None if self.weights is None else table[..., -1]
             poles = self._project(table)
             pieces.append(SplineVolume((axes[0], axes[1], axes[2]), poles, weights))
         return pieces
