@@ -63,6 +63,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="largest distance of a triangle's edge from its surface, in model units "
         "(formats of triangles)",
     )  # fmt: skip
+    parser.add_argument(
+        "--field", metavar="NAME", action="append", default=[], dest="fields",
+        help="a scalar field of the template that goes into .3mf files and --slices (repeatable)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--slices", metavar="FILE", help="write a .zip of pictures across z, for printers: what is "
+        "inside, and each --field in 16 bits",
+    )  # fmt: skip
+    parser.add_argument(
+        "--voxels", type=int, metavar="N",
+        help="voxels along the longest edge, for fields and slices (default: 64)",
+    )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
     parser.add_argument(
         "--list-formats", action=_ListFormats, nargs=0,
@@ -100,6 +112,12 @@ def run(arguments: argparse.Namespace) -> int:
             part = compile_solid(equation, wanted, progress)
             part = replace(part, report=with_figures(part, part.report, density, progress))
         files = _encode(part, equation, options, arguments, progress)
+        if arguments.slices is not None:
+            from pc2cad.export.slices import stack
+
+            progress("slices")
+            voxels = part.voxels(arguments.fields, arguments.voxels)
+            files[arguments.slices] = stack(voxels, part.units)
         progress("write")
         write_all(files)
     if not arguments.quiet:
@@ -127,17 +145,21 @@ def _loss(output: str, part: Part, options: ExportOptions) -> str:
 
 def _check_outputs(arguments: argparse.Namespace, template: Path) -> None:
     """Refuse, before the work begins, what could not be written at its end."""
-    from pc2cad.export.files import check_target
+    from pc2cad.export.files import by_ending, check_target
     from pc2cad.export.registry import check_writable, format_for
 
     for path in arguments.outputs:
         check_writable(path)
     if arguments.verify and not any(format_for(path).name == "step" for path in arguments.outputs):
         raise InputError("--verify holds STEP files against the equation; name one with -o")
-    if arguments.report is not None:
-        check_target(arguments.report)
-    reports = () if arguments.report is None else (arguments.report,)
-    check_different((*arguments.outputs, *reports), template)
+    if arguments.slices is not None:
+        by_ending(arguments.slices, {".zip": None}, "file of slices")
+    elif arguments.fields and not any(format_for(path).fields for path in arguments.outputs):
+        raise InputError("--field goes into .3mf files and --slices: name one")
+    others = [path for path in (arguments.report, arguments.slices) if path is not None]
+    for path in others:
+        check_target(path)
+    check_different((*arguments.outputs, *others), template)
 
 
 def _encode(
@@ -150,11 +172,14 @@ def _encode(
     """Return the contents of every file: what fails here leaves no file at all."""
     from pc2cad.export.registry import format_for
 
-    exportable = part.exportable(arguments.colours)
+    plain = part.exportable(arguments.colours)
     files, verdicts = {}, {}
     for path in arguments.outputs:
         kind = format_for(path)
         progress(f"encode {kind.name}")
+        exportable = plain
+        if arguments.fields and kind.fields:
+            exportable = part.exportable(arguments.colours, arguments.fields, arguments.voxels)
         files[path] = kind.encoder()(exportable, options)
         if arguments.verify and kind.name == "step":
             from pc2cad.verify.gate import require_verified

@@ -8,10 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pc2cad.errors import InputError
 from pc2cad.export.epoch import stated_time
+
+if TYPE_CHECKING:
+    from pc2cad.sampling.voxels import Voxels
 
 #: Length units of a model, each with its length in millimetres.
 UNITS_IN_MM: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
@@ -83,6 +86,8 @@ class Exportable:
     #: several, and the faces between them
     layers: tuple[NamedSolid, ...] = ()
     interfaces: tuple[NamedFace, ...] = ()
+    #: fields on voxels, for formats that hold them
+    voxels: Voxels | None = None
 
     @property
     def bodies(self) -> tuple[Any, ...]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from pc2cad.errors import InputError
 from pc2cad.export.files import by_ending, check_target, write_atomically
 from pc2cad.export.model import Exportable, ExportOptions
 
@@ -43,6 +45,8 @@ class Format:
     module: str
     #: whether it holds triangles instead of the boundary's surfaces
     triangles: bool = False
+    #: whether it holds fields on voxels
+    fields: bool = False
 
     def encoder(self) -> Encoder:
         """Import the format's module and return its ``encode``."""
@@ -96,11 +100,12 @@ FORMATS: tuple[Format, ...] = (
     Format(
         name="3mf",
         extensions=(".3mf",),
-        title="3MF, triangles for printing, with unit, names and colours",
+        title="3MF, triangles for printing, with unit, names, colours and fields",
         specification="https://3mf.io/spec/",
         precision="chords within the deflection, single-precision coordinates (7 digits)",
         module="pc2cad.export.threemf",
         triangles=True,
+        fields=True,
     ),
     Format(
         name="glb",
@@ -145,6 +150,13 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     if os.fspath(path):
         format_for(path)
     check_target(path)
+
+
+def check_holds_fields(path: str | os.PathLike[str], fields: Sequence[str]) -> None:
+    """Raise InputError where fields are asked of a format that holds none."""
+    if fields and not format_for(path).fields:
+        known = ", ".join(entry.extensions[0] for entry in FORMATS if entry.fields)
+        raise InputError(f"{os.fspath(path)[-80:]}: fields are held by {known} alone")
 
 
 def write(

@@ -3,7 +3,8 @@
 Specification: https://3mf.io/spec/
 
 Written by the 3MF Consortium's own library, lib3mf, and read back by it in strict mode. Each side
-of the box is a triangle set of its name.
+of the box is a triangle set of its name. Fields are properties of the volumetric extension: stacks
+of pictures, 16 bits each; what holds them is not read back in strict mode (see `_INVALID_ELEMENT`).
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from __future__ import annotations
 import ctypes
 import math
 import uuid
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,13 +21,20 @@ from pc2cad.arrays import AnyArray
 from pc2cad.brep.triangles import Triangles
 from pc2cad.errors import KernelError, require
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
+from pc2cad.export.slices import limits, png, sheets
 from pc2cad.export.surface import faces_in_order, single_precision, surface
 from pc2cad.export.version import __version__
 from pc2cad.trust.names import clean
 
+if TYPE_CHECKING:
+    from pc2cad.sampling.voxels import Voxels
+
 _UNITS = {"mm": "MilliMeter", "cm": "CentiMeter", "m": "Meter", "in": "Inch"}
 #: digits of the largest coordinate: one more than single precision holds
 _DIGITS = 9
+#: what the library's reader (2.5.0) warns of at each stack of pictures and each function that it
+#: writes itself, having read it: strict mode refuses all of them
+_INVALID_ELEMENT = 32934
 #: distance in units of single precision's rounding that the library's reader may be off
 _READER_ROUNDING = 4.0
 
@@ -47,7 +56,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     wrapper = lib3mf.get_wrapper()
     try:
         data = _written(lib3mf, wrapper, exportable, mesh)
-        _check(wrapper, data, mesh)
+        _check(wrapper, data, mesh, exportable.voxels)
     except lib3mf.ELib3MFException as error:
         raise KernelError(f"lib3mf refused the part: {error}") from None
     return data
@@ -76,6 +85,8 @@ def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles
         members.SetTriangleList(np.flatnonzero(mesh.faces == i).tolist())
     if any(face.colour for face in faces):
         _colour(library, wrapper, model, thing, faces, mesh)
+    if exportable.voxels is not None:
+        _fields(library, model, thing, exportable.voxels)
     item = model.AddBuildItem(thing, wrapper.GetIdentityTransform())
     # the library's identifiers are random; these depend on the part
     content = f"{texts['Title']} {mesh.vertices.tobytes().hex()}"
@@ -87,6 +98,41 @@ def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles
     magnitude = math.floor(math.log10(np.abs(mesh.vertices).max()))
     writer.SetDecimalPrecision(min(max(_DIGITS - 1 - magnitude, 1), 16))
     return bytes(writer.WriteToBuffer())
+
+
+def _fields(library: Any, model: Any, thing: Any, voxels: Voxels) -> None:
+    """Give the solid its fields: a stack of pictures each, and where they lie in space."""
+    data = model.AddVolumeData()
+    sizes, lows = voxels.extent, voxels.low
+    for name, values in voxels.values.items():
+        pictures = sheets(values)
+        count, rows, columns = pictures.shape
+        # the library writes its first argument, which it calls columns, as the number of rows
+        stack = model.AddImageStack(rows, columns, count)
+        stack.SetName(name)
+        for k, picture in enumerate(pictures):
+            stack.CreateSheetFromBuffer(k, f"/3D/volumetric/{name}/{k:04}.png", list(png(picture)))
+        function = model.AddFunctionFromImage3D(stack)
+        low, high = limits(values)
+        function.SetDisplayName(name)
+        function.SetFilter(library.TextureFilter.Linear)
+        function.SetTileStyles(*[library.TextureTileStyle.Clamp] * 3)
+        function.SetOffset(low)
+        function.SetScale(high - low)
+        held = data.AddPropertyFromFunction(name, function)
+        held.SetChannelName("red")
+        held.SetTransform(_onto_unit_box(library, lows, sizes))
+    thing.SetVolumeData(data)
+
+
+def _onto_unit_box(library: Any, lows: Sequence[float], sizes: Sequence[float]) -> Any:
+    rows = [[1 / size if i == j else 0.0 for j in range(3)] for i, size in enumerate(sizes)]
+    rows.append([-low / size for low, size in zip(lows, sizes, strict=True)])
+    transform = library.Transform()
+    for i, row in enumerate(rows):
+        for j, value in enumerate(row):
+            transform.Fields[i][j] = value
+    return transform
 
 
 def _colour(
@@ -116,14 +162,16 @@ def _records(kind: Any, rows: AnyArray) -> Any:
     return (kind * len(rows)).from_buffer_copy(np.ascontiguousarray(rows).tobytes())
 
 
-def _check(wrapper: Any, data: bytes, mesh: Triangles) -> None:
-    """Read the file strictly, as a slicer would, and compare it with the mesh."""
+def _check(wrapper: Any, data: bytes, mesh: Triangles, voxels: Voxels | None) -> None:
+    """Read the file strictly, as a slicer would, and compare it with mesh and fields."""
+    names = [] if voxels is None else list(voxels.values)
     model = wrapper.CreateModel()
     reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(True)
+    reader.SetStrictModeActive(not names)
     reader.ReadFromBuffer(data)
     things = model.GetMeshObjects()
-    if reader.GetWarningCount() or not things.MoveNext():
+    warnings = [reader.GetWarning(k)[0] for k in range(reader.GetWarningCount())]
+    if warnings != [_INVALID_ELEMENT] * 2 * len(names) or not things.MoveNext():
         raise KernelError("the 3MF file reads back with warnings, or without its mesh")
     thing = things.GetCurrentMeshObject()
     counts = (thing.GetVertexCount(), thing.GetTriangleCount())
@@ -132,6 +180,11 @@ def _check(wrapper: Any, data: bytes, mesh: Triangles) -> None:
             f"the 3MF file reads back with {counts[0]} corners and {counts[1]} triangles instead "
             f"of {len(mesh.vertices)} and {len(mesh.triangles)}, or not closed"
         )
+    volume = thing.GetVolumeData() if names else None
+    if volume is not None:
+        held = [volume.GetProperty(k).GetName() for k in range(volume.GetPropertyCount())]
+        if held != names:
+            raise KernelError(f"the 3MF file reads back with the fields {', '.join(held)}")
     found = np.frombuffer(_vertices(thing), dtype=np.float32).reshape(-1, 3)
     off = float(np.abs(found - mesh.vertices).max())
     if not off <= _READER_ROUNDING * np.finfo(np.float32).eps * np.abs(mesh.vertices).max():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -25,7 +25,7 @@ from pc2cad.export.model import (
     NamedFace,
     NamedSolid,
 )
-from pc2cad.export.registry import write
+from pc2cad.export.registry import check_holds_fields, write
 from pc2cad.part.one_equation import OfOneEquation
 from pc2cad.report import Integrals, Report, SeveralBodiesError
 from pc2cad.representation.boundary_model import BoundaryModel
@@ -169,9 +169,12 @@ class Part(OfOneEquation):
         """
         return tuple((face.name, face.face) for face in self.surface)
 
-    def exportable(self, colours: bool = False) -> Exportable:
-        """Return what the writers take."""
+    def exportable(
+        self, colours: bool = False, fields: Sequence[str] = (), voxels: int | None = None
+    ) -> Exportable:
+        """Return what the writers take; of one equation, with scalar fields on voxels."""
         report = self.report
+        held = self.voxels(fields, voxels) if fields else None
         layers, between = (self.layers, _between(self.body)) if len(self.bodies) == 1 else ({}, ())
         best = report.integrals
         return Exportable(
@@ -185,6 +188,7 @@ class Part(OfOneEquation):
             properties=GeometricProperties(best.volume, best.area, best.centroid),
             tolerance=report.tolerance,
             evidence=report.statements(),
+            voxels=held,
         )
 
     def __repr__(self) -> str:
@@ -284,14 +288,18 @@ class Part(OfOneEquation):
         path: str | os.PathLike[str],
         *,
         colours: bool = False,
+        fields: Sequence[str] = (),
+        voxels: int | None = None,
         options: ExportOptions | None = None,
     ) -> None:
         """Write a file, its format by the name's ending; it appears whole or not at all.
 
-        `colours` paints each side of the box, or each body, its own colour. Raises InputError for
-        an unknown ending, FileNotWrittenError or KernelError.
+        `colours` paints each side of the box, or each body, its own colour. A .3mf file holds
+        scalar `fields` of one equation too, on so many `voxels` along its longest edge (64). Raises
+        InputError for an unknown ending, FileNotWrittenError or KernelError.
         """
-        write(self.exportable(colours), path, options)
+        check_holds_fields(path, fields)
+        write(self.exportable(colours, fields, voxels), path, options)
 
     def triangle_integrals(self, deflection: float | None = None) -> Integrals:
         """Return volume, area and centroid of the triangles that an STL file would hold.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pc2cad.part import Body
     from pc2cad.representation.volume import VolumeModel
     from pc2cad.sampling.interior import Location, PointSet
+    from pc2cad.sampling.voxels import Voxels
 
 
 class OfOneEquation(ABC):
@@ -194,6 +195,17 @@ class OfOneEquation(ABC):
         from pc2cad.sampling.fields import field_values
 
         return field_values(self.body.checked, name, points, parameters)
+
+    def voxels(self, fields: Sequence[str] = (), count: int | None = None) -> Voxels:
+        """Return a box of voxels: what is inside, and scalar fields there.
+
+            part.voxels(["temperature"], 128).values["temperature"]     # (nz, ny, nx)
+
+        `count` along the longest edge (64). Raises InputError and FieldNotFiniteError.
+        """
+        from pc2cad.sampling.voxels import USUAL, voxels
+
+        return voxels(self.body.checked, fields, USUAL if count is None else count)
 
     def field_figures(self, name: str) -> FieldFigures:
         """Return integral, mean, least and largest value of a field, and how they are known.

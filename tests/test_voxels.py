@@ -1,0 +1,134 @@
+"""Fields on voxels: in 3MF files as its volumetric extension says, and as stacks of pictures."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import map_coordinates
+
+import pc2cad as pc
+from pc2cad.cli.main import main
+from pc2cad.errors import InputError
+from pc2cad.part import Part
+
+VOLUMETRIC = "{http://schemas.3mf.io/3dmanufacturing/volumetric/2022/01}"
+CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+
+
+@cache
+def elbow() -> Part:
+    """A bent pipe with a field of the place, one of its own parameters and a vector."""
+    equation = pc.read_template("elbow_pipe").bind()
+    return pc.compile_equation(
+        equation.with_fields(heat="20 + 10*x + z*y", turn="u", way="vector(1, 0, 0)")
+    )
+
+
+def pictures(archive: zipfile.ZipFile, folder: str) -> np.ndarray:
+    names = sorted(name for name in archive.namelist() if name.startswith(f"{folder}/"))
+    return np.stack([np.asarray(Image.open(io.BytesIO(archive.read(name)))) for name in names])
+
+
+def test_voxels_hold_fields_where_they_are_inside() -> None:
+    part = elbow()
+    found = part.voxels(["heat", "turn"], 16)
+    z, y, x = np.meshgrid(*reversed(found.middles()), indexing="ij")
+    assert max(found.inside.shape) == 18
+    exact = 20 + 10 * x + z * y
+    inside = found.inside
+    np.testing.assert_allclose(found.values["heat"][inside], exact[inside], atol=1e-8)
+    angle = np.arctan2(y, x) / (2 * np.pi)
+    np.testing.assert_allclose(found.values["turn"][inside], angle[inside], atol=1e-9)
+    radius = np.hypot(np.hypot(x, y) - 3, z)
+    wall = (radius >= 0.5) & (radius <= 1) & (x >= 0) & (y >= 0)
+    assert np.array_equal(inside, wall)
+    # beside the solid: that of a place on it, within a voxel or two
+    near = (radius < 1 + found.step) & (radius > 1) & (x > 0) & (y > 0)
+    assert near.sum() > 20
+    assert np.abs(found.values["heat"] - exact)[near].max() < 15 * found.step
+
+
+def test_a_3mf_file_has_its_field_where_the_specification_says(tmp_path: Path) -> None:
+    """Volumetric extension 0.8, chapters 2.2 and 3.2: evaluated with another reader of pictures."""
+    part, path = elbow(), tmp_path / "elbow.3mf"
+    part.write(path, fields=["heat"], voxels=16)
+    archive = zipfile.ZipFile(path)
+    root = ElementTree.fromstring(archive.read("3D/3dmodel.model"))
+    stack = root.find(f".//{VOLUMETRIC}imagestack")
+    function = root.find(f".//{VOLUMETRIC}functionfromimage3d")
+    held = root.find(f".//{VOLUMETRIC}property")
+    mesh = root.find(f".//{CORE}mesh")
+    data = root.find(f".//{VOLUMETRIC}volumedata")
+    assert stack is not None
+    assert function is not None
+    assert held is not None
+    assert mesh is not None
+    assert data is not None
+    assert mesh.get(f"{VOLUMETRIC}volumeid") == data.get("id")
+    assert (held.get("name"), held.get("channel")) == ("heat", "red")
+    assert held.get("functionid") == function.get("id")
+    rows = [
+        np.asarray(Image.open(io.BytesIO(archive.read(str(sheet.get("path")).lstrip("/")))))
+        for sheet in stack
+    ]
+    values = np.stack(rows) / 65535
+    sizes = [int(stack.get(f"{what}count", 0)) for what in ("sheet", "row", "column")]
+    assert list(values.shape) == sizes
+    inside = part.sample(200).points
+    m = np.array(str(held.get("transform")).split(), dtype=float).reshape(4, 3)
+    u, v, w = (inside @ m[:3] + m[3]).T
+    # u along columns, v against rows, w along sheets; the middles of pixels
+    at = [w * sizes[0] - 0.5, (1 - v) * sizes[1] - 0.5, u * sizes[2] - 0.5]
+    sampled = map_coordinates(values, at, order=1, mode="nearest")
+    found = sampled * float(function.get("valuescale", 1)) + float(function.get("valueoffset", 0))
+    exact = 20 + 10 * inside[:, 0] + inside[:, 1] * inside[:, 2]
+    gap = np.abs(found - exact)
+    assert np.median(gap) < 0.05
+    assert gap.max() < 2 * 10 / (m[0, 0] * sizes[2])
+
+
+def test_slices_are_pictures_from_below(tmp_path: Path) -> None:
+    template = tmp_path / "wedge.toml"
+    template.write_text(
+        'title = "Wedge"\n[solid]\nx = "4*u"\ny = "2*v*(1 - w/2)"\nz = "w"\n'
+        '[fields]\nheat = "3 + 2*y"\n'
+    )
+    made, out = tmp_path / "slices.zip", tmp_path / "wedge.step"
+    given = ["--slices", str(made), "--field", "heat", "--voxels", "32", "--quiet"]
+    assert main(["build", str(template), "-o", str(out), *given]) == 0
+    archive = zipfile.ZipFile(made)
+    about = json.loads(archive.read("slices.json"))
+    mask, heat = pictures(archive, "inside"), pictures(archive, "heat")
+    assert mask.shape == heat.shape == tuple(reversed(about["columns_rows_sheets"]))
+    assert {*np.unique(mask)} == {0, 255}
+    assert np.count_nonzero(mask) * about["voxel"] ** 3 == pytest.approx(6, rel=0.05)
+    # the last row of a picture is the one with the least y
+    height = about["voxel"] * (np.arange(mask.shape[1])[::-1] + 0.5) + about["low"][1]
+    low, high = (about["fields"]["heat"][key] for key in ("low", "high"))
+    shown = low + (high - low) * heat / 65535.0
+    where = mask > 0
+    exact = np.broadcast_to(3 + 2 * height[None, :, None], mask.shape)
+    np.testing.assert_allclose(shown[where], exact[where], atol=1e-4)
+
+
+def test_what_voxels_cannot_hold_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = elbow()
+    with pytest.raises(InputError, match="the field way is a vector"):
+        part.voxels(["way"])
+    with pytest.raises(InputError, match="2 to 1024 voxels"):
+        part.voxels(count=1)
+    with pytest.raises(InputError, match=r"fields are held by \.3mf alone"):
+        part.write(tmp_path / "a.step", fields=["heat"])
+    assert main(["build", "cone", "-o", str(tmp_path / "a.stl"), "--field", "heat"]) == 2
+    assert "--field goes into .3mf files and --slices" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
