@@ -392,6 +392,20 @@ def test_no_bound_is_had_along_a_line_of_contact():
     assert found.open == ((0.0, 2.0),)
 
 
+def test_an_edge_beside_its_surface_has_no_bound_after_some_effort():
+    """A path outside the surface's parameters: no halving of cells brings it in."""
+    rng = np.random.default_rng(1)
+    plane = a_surface("spline", rng)
+    path = SplinePath(1, np.array([0.0, 0, 1, 1]), np.array([[0.2, 1.3], [0.9, 1.3]]))
+    traced = path_function(to_kernel.pcurve(path, 0.0, 1.0))
+    line = curve_function(Geom_Line(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0)), np.zeros(3))
+    found = bound_edge(
+        EdgeFunction(line, (0.0, 1.0), (Trace(traced, plane), Trace(traced, plane))), (0.0, 0.0)
+    )
+    assert found.off == (np.inf, np.inf)
+    assert found.open == ((0.0, 1.0),)
+
+
 def displaced(by: float):
     """Return `edge_functions` with the kernel's curves moved by a length."""
 

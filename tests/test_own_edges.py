@@ -11,7 +11,7 @@ from numpy.polynomial.legendre import leggauss
 
 import pc2cad as pc
 from pc2cad.arrays import Array
-from pc2cad.csg.edge_curves import DEGREE, common_curve
+from pc2cad.csg.edge_curves import DEGREE, common_curve, path_along
 from pc2cad.geometry.jets import CurveFunction, EdgeFunction, Jet, Sizes, SurfaceFunction, Trace
 from pc2cad.geometry.splines.spline_basis import spline_values
 from pc2cad.templates.file import parse_template
@@ -96,10 +96,116 @@ def test_the_curve_is_on_both_surfaces_wherever_the_edge_was(size: float, off: f
     assert np.abs(behind - before).max() < 1e-4 * size
 
 
+def from_pole(size: float, off: float) -> EdgeFunction:
+    """Viviani's curve from the pole of a sphere, by longitude and latitude, on to its equator."""
+
+    def sphere(a: Array, b: Array) -> Jet:
+        x, y, z = np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)
+        above = np.stack((-z * np.cos(a), -z * np.sin(a), np.cos(b)), axis=1)
+        return (
+            size * np.stack((x, y, z), axis=1),
+            size * np.stack((-y, x, 0 * z), axis=1), size * above,
+        )  # fmt: skip
+
+    def cylinder(a: Array, b: Array) -> Jet:
+        x, y, zero = np.cos(a) / 2, np.sin(a) / 2, np.zeros_like(a)
+        return (
+            np.stack((size * (x + 0.5), size * y, b), axis=1),
+            size * np.stack((-y, x, zero), axis=1), np.stack((zero, zero, zero + 1), axis=1),
+        )  # fmt: skip
+
+    def curve(s: Array) -> tuple[Array, Array]:
+        x, y, z = np.cos(s) ** 2, np.cos(s) * np.sin(s), np.sin(s)
+        along = np.stack((-np.sin(2 * s), np.cos(2 * s), np.cos(s)), axis=1)
+        return size * np.stack((x, y, z + off * np.sin(7 * s)), axis=1), size * along
+
+    def angles(s: Array) -> tuple[Array, Array]:
+        return np.stack((s + off * np.sin(5 * s), s), axis=1), s
+
+    def beside(s: Array) -> tuple[Array, Array]:
+        return np.stack((2 * s, size * (np.sin(s) + off)), axis=1), s
+
+    traces = (
+        Trace(CurveFunction(angles, None, 1, no_sizes),
+              SurfaceFunction(sphere, (None, None), (1, 1), no_sizes)),
+        Trace(CurveFunction(beside, None, 1, no_sizes),
+              SurfaceFunction(cylinder, (None, np.zeros(0)), (1, 1), no_sizes)),
+    )  # fmt: skip
+    return EdgeFunction(CurveFunction(curve, None, 1, no_sizes), (pi / 2, 0.3), traces)
+
+
+@pytest.mark.parametrize(("size", "off"), [(1, 1e-5), (0.01, 1e-5), (1e5, 1e-6)])
+def test_a_curve_through_a_pole_turns_evenly_round_it(size: float, off: float) -> None:
+    ends = np.array([[np.cos(s) ** 2, np.cos(s) * np.sin(s), np.sin(s)] for s in (pi / 2, 0.3)])
+    found = common_curve(from_pole(size, off), (size * ends[0], size * ends[1]), 1e-10 * size)
+    assert found is not None
+    assert found.seen <= 1e-10 * size
+    t = np.append(0.0, np.geomspace(1e-6, 1, 200))
+    longitude, latitude = spline_values(found.knots, found.paths[0], DEGREE, t).T
+    # both are one angle on this curve; at the pole any longitude is as near
+    assert np.abs((longitude - latitude) * np.cos(latitude)).max() < 1e-9
+    assert np.abs(longitude - latitude).max() < 10 * off
+    assert np.all(np.diff(latitude) < 0)
+
+
 def test_surfaces_that_are_tangent_have_no_such_curve() -> None:
     edge = crooked(1, 1e-3)
     same = EdgeFunction(edge.curve, edge.span, (edge.traces[0], edge.traces[0]))
     assert common_curve(same, (np.array([1.0, 0, 2]), np.array([-1.0, 0, 2])), 1e-9) is None
+
+
+def cone(a: Array, b: Array) -> Jet:
+    """A cone about the z-axis, as wide as it is high, by the angle and the radius."""
+    x, y, one = np.cos(a), np.sin(a), np.ones_like(a)
+    return (
+        np.stack((b * x, b * y, b), axis=1),
+        np.stack((-b * y, b * x, 0 * a), axis=1),
+        np.stack((x, y, one), axis=1),
+    )
+
+
+def on_cone(size: float, out: float, off: float) -> tuple[CurveFunction, Trace]:
+    """Return the hyperbola at x = size, `out` of the cone across it, and a path that wavers."""
+
+    def curve(t: Array) -> tuple[Array, Array]:
+        x, y, z = np.ones_like(t), np.sinh(t), np.cosh(t)
+        normal = np.stack((x, y, -z), axis=1) / (np.sqrt(2) * z[:, None])
+        point = size * np.stack((x, y, z), axis=1)
+        return point + out * normal, size * np.stack((0 * x, z, y), axis=1)
+
+    def path(t: Array) -> tuple[Array, Array]:
+        waver = off * np.sin(9 * t)
+        return np.stack((np.arctan(np.sinh(t)) + waver, size * (np.cosh(t) - waver)), axis=1), t
+
+    surface = SurfaceFunction(cone, (None, np.zeros(0)), (1, 1), no_sizes)
+    return CurveFunction(curve, None, 1, no_sizes), Trace(
+        CurveFunction(path, None, 1, no_sizes), surface
+    )
+
+
+@pytest.mark.parametrize(("size", "off"), [(1, 1e-7), (0.01, 1e-3), (1e5, 1e-5)])
+def test_a_conic_gets_its_places_on_a_cone(size: float, off: float) -> None:
+    curve, trace = on_cone(size, 0, off)
+    found = path_along(curve, (-0.6, 0.5), trace, 1e-11 * size)
+    assert found is not None
+    path, far = found
+    assert far <= 2e-11 * size
+    t = np.linspace(0, 1, 501)
+    angle, radius = spline_values(path.knots, path.poles, DEGREE, t).T
+    tau = -0.6 + 1.1 * t
+    assert np.abs(angle - np.arctan(np.sinh(tau))).max() < 3e-11
+    assert np.abs(radius / size - np.cosh(tau)).max() < 3e-11
+
+
+def test_a_curve_beside_a_cone_gets_the_nearest_places_and_no_worse_path() -> None:
+    curve, trace = on_cone(1, 1e-4, 1e-2)
+    path, far = path_along(curve, (-0.6, 0.5), trace, 1e-9) or pytest.fail("there is a path")
+    assert far == pytest.approx(1e-4, abs=2e-9)
+    t = np.linspace(0, 1, 101)
+    place = cone(*spline_values(path.knots, path.poles, DEGREE, t).T)[0]
+    assert np.abs(place[:, 0] - 1).max() < 1e-4
+    curve, trace = on_cone(1, 1e-4, 0)
+    assert path_along(curve, (-0.6, 0.5), trace, 1e-9) is None
 
 
 BORED = """

@@ -35,8 +35,9 @@ PER_DEGREE = 6
 #: share of a surface's piece by which a path may leave it within a cell: the piece's polynomial
 #: changes as it does inside
 OVER = 1e-5
-#: halvings of cells for the sake of these
-DEEPEST = 40
+#: halvings of cells for the sake of these, and cells beyond which none are halved: where a path is
+#: outside its surface that does not help
+DEEPEST, MOST_CELLS = 40, 4000
 #: share of what is seen that leaving a piece may cost, and what halving cells has to leave of it at
 #: most to go on
 SPILLED, HELPFUL = 0.05, 0.7
@@ -100,10 +101,11 @@ def _settled(edge: EdgeFunction) -> _Survey:
     ]
     survey = _Survey(edge, cuts_between(span, cuts, *met))
     for _ in range(DEEPEST):
-        if not survey.coarse.any():
+        count = int(survey.coarse.sum())
+        if not count or survey.cells.count + count > MOST_CELLS:
             break
         survey = _Survey(edge, survey.cells.split(survey.coarse).points)
-    while survey.spilling.max() > 1:
+    while survey.spilling.max() > 1 and survey.cells.count < MOST_CELLS:
         finer = _Survey(edge, survey.cells.split(survey.spilling > 1).points)
         if finer.spilling.max() > HELPFUL * survey.spilling.max():
             break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,12 +54,16 @@ def copied(shape: NamedShape) -> NamedShape:
 
 
 def corners_of(shape: NamedShape, edges: Sequence[NamedEdge], origin: Array) -> list[Corner]:
-    """Return the vertices at the ends of edges, relative to `origin`."""
+    """Return the vertices at the ends of edges, relative to `origin`.
+
+    Lines and conics among the edges stay as they are in space.
+    """
     around = IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndUniqueAncestors_s(shape.shape, TopAbs_VERTEX, TopAbs_EDGE, around)
     replaced, ends = IndexedMapOfShape(), IndexedMapOfShape()
     for named in edges:
-        replaced.Add(named.edge)
+        if named.conic is None:
+            replaced.Add(named.edge)
         for vertex in ends_of(named.edge):
             ends.Add(vertex)
     found = []
@@ -145,5 +149,22 @@ def put(
         face = shape.faces[index][0]
         builder.UpdateEdge(named.edge, to_kernel.pcurve(path, 0.0, 1.0), face, KERNEL_TOLERANCE)
     builder.Range(named.edge, 0.0, 1.0)
+    builder.SameRange(named.edge, True)
+    builder.SameParameter(named.edge, True)
+
+
+def retrace(
+    shape: NamedShape, named: NamedEdge, paths: Mapping[int, SplinePath], off: float
+) -> None:
+    """Give an edge other curves, over [0, 1], in the parameters of its first or second face.
+
+    It is then `off` its faces.
+    """
+    builder, span, tolerance = BRep_Builder(), named.range, max(off, KERNEL_TOLERANCE)
+    for side, path in paths.items():
+        face = shape.faces[named.faces[side]][0]
+        builder.UpdateEdge(named.edge, to_kernel.pcurve(path, *span), face, tolerance)
+    named.edge.TShape().Tolerance(tolerance)
+    builder.Range(named.edge, *span)
     builder.SameRange(named.edge, True)
     builder.SameParameter(named.edge, True)

@@ -346,6 +346,12 @@ def _warnings(
                 f"edge {curve.name} is proved to within {curve.deviation:.2g} only, which is more "
                 "than the tolerance: its faces meet at a shallow angle"
             )
+        if curve.evidence == "sampled" and curve.sampled > KERNEL_TOLERANCE:
+            yield (
+                f"edge {curve.name} is {curve.sampled:.2g} off its faces, which strict checks of "
+                "other programs may find"
+                + (f"; try --tolerance {KERNEL_TOLERANCE:g}" if loosest > KERNEL_TOLERANCE else "")
+            )
 
 
 def _check(findings: KernelFindings, size: float, units: str) -> None:

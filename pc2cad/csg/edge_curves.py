@@ -6,12 +6,17 @@ low degree through these points gives the planes for good: the common curve is a
 the polynomial's parameter, whatever the kernel's edge was. Pieces of degree 7 take its values and
 its tangents, which the same equations give, and are halved until the curve is near both surfaces at
 equal parameters. They join with a common tangent.
+
+Where the curve is known, as a conic, such pieces are fitted to where its points are in a surface's
+parameters.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -19,7 +24,9 @@ from scipy.special import comb
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
+from pc2cad.geometry.carriers import SplinePath
 from pc2cad.geometry.jets import CurveFunction, EdgeFunction, Sizes, Trace, crossings
+from pc2cad.geometry.splines.spline_basis import spline_values
 
 #: of the pieces: values and tangents at both ends, and four values between
 DEGREE = 7
@@ -37,6 +44,11 @@ ADVANCE = 0.1
 MOST, SHORTEST = 300, 1e-4
 #: places in a piece at which its distance from both surfaces is looked at
 CHECKS = np.linspace(0.0, 1.0, 17)[1:-1]
+#: a tangent of a surface that is shorter than this share of the longest has no direction: at a pole
+FLAT = 1e-8
+#: places along an edge at which a path is compared with another, and the share of its distance that
+#: is worth replacing it
+PLACES, BETTER = 257, 0.5
 
 
 class _UnsettledError(Exception):
@@ -68,9 +80,91 @@ def common_curve(
     """
     try:
         with np.errstate(all="ignore"):
-            return _fitted(_planes(edge, ends, target), target)
+            knots, poles, seen = _fitted(_planes(edge, ends, target), target)
     except (_UnsettledError, np.linalg.LinAlgError):
         return None
+    return CommonCurve(knots, poles[:, :3], (poles[:, 3:5], poles[:, 5:]), seen)
+
+
+def path_along(
+    curve: CurveFunction, span: tuple[float, float], trace: Trace, target: float
+) -> tuple[SplinePath, float] | None:
+    """Return where a curve near a surface is in its parameters, over [0, 1], and how far off.
+
+    It begins at the trace's path, and comes to within `target` (a length) of the nearest places at
+    equal parameters. None where that cannot be had, as where the surface has no normal, or is no
+    better than the trace's path.
+    """
+    feet = _Feet((trace,), curve, span)
+    try:
+        with np.errstate(all="ignore"):
+            knots, poles, _ = _fitted(feet, target)
+    except (_UnsettledError, np.linalg.LinAlgError):
+        return None
+    t = np.linspace(0.0, 1.0, PLACES)
+    tau = feet.at(t)
+    point = curve.jet(tau)[0]
+    found, known = (
+        float(_distances((trace,), np.hstack((point, path))).max())
+        for path in (spline_values(knots, poles[:, 3:], DEGREE, t), trace.path.jet(tau)[0])
+    )
+    if not found <= BETTER * known:
+        return None
+    return SplinePath(DEGREE, knots, poles[:, 3:]), found
+
+
+class _Common(Protocol):
+    """A curve on surfaces, over [0, 1]."""
+
+    @property
+    def traces(self) -> tuple[Trace, ...]:
+        """The surfaces."""
+
+    def curve(self, t: Array) -> tuple[Array, Array]:
+        """Return points with all surfaces' parameters, (n, 3 + 2k), and their derivatives by t."""
+
+    def off(self, t: Array, fitted: Array) -> Array:
+        """Return by how much the fitted ones, (n, 3 + 2k), are too far off a surface, (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Feet:
+    """A curve that is known, and the places nearest to it on a surface."""
+
+    traces: tuple[Trace]
+    known: CurveFunction
+    span: tuple[float, float]
+
+    def at(self, t: Array) -> Array:
+        """Return the known curve's own parameters."""
+        first, last = self.span
+        return first + (last - first) * t
+
+    def curve(self, t: Array) -> tuple[Array, Array]:
+        (trace,), tau = self.traces, self.at(t)
+        point, along = self.known.jet(tau)
+        y = trace.path.jet(tau)[0]
+        least, kept = np.full(len(t), np.inf), y
+        for _ in range(STEPS):
+            there, *slopes = trace.surface.jet(y[:, 0], y[:, 1])
+            gap = np.linalg.norm(there - point, axis=1)
+            better = gap < least
+            least, kept = np.where(better, gap, least), np.where(better[:, None], y, kept)
+            if not better.any():
+                break
+            y = np.where(
+                better[:, None], y - _solved(np.stack(slopes, axis=2), there - point), kept
+            )
+        _, *slopes = trace.surface.jet(kept[:, 0], kept[:, 1])
+        moved = np.hstack((along, _solved(np.stack(slopes, axis=2), along)))
+        return np.hstack((point, kept)), moved * (self.span[1] - self.span[0])
+
+    def off(self, t: Array, fitted: Array) -> Array:
+        foot = self.curve(t)[0]
+        near, least = (
+            _distances(self.traces, np.hstack((foot[:, :3], at[:, 3:]))) for at in (fitted, foot)
+        )
+        return near - least
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +188,14 @@ class _Planes:
         advance = speed - np.einsum("ni,ni->n", point - base, bend)
         if not np.all(advance > ADVANCE * speed):
             raise _UnsettledError
-        right = np.zeros((len(t), 4, 1))
-        right[:, 3, 0] = advance
-        moved = np.linalg.solve(_matrix(slopes, along), right)[:, :, 0]
+        right = np.zeros((len(t), 4))
+        right[:, 3] = advance / np.sqrt(speed)
+        moved = _solved(_matrix(slopes, along), right)
         tangent = slopes[0] * moved[:, :1] + slopes[1] * moved[:, 1:2]
         return np.hstack((point, y)), np.hstack((tangent, moved))
+
+    def off(self, t: Array, fitted: Array) -> Array:
+        return _distances(self.traces, fitted)
 
 
 def _spine(coefficients: Array, t: Array, order: int = 0) -> Array:
@@ -126,8 +223,8 @@ def _newton(
         least, kept = np.where(better, gap, least), np.where(better[:, None], y, kept)
         if not better.any():
             break
-        rest = np.concatenate((p - q, plane[:, None]), axis=1)[:, :, None]
-        step = np.linalg.solve(_matrix((p_a, p_b, q_a, q_b), along), rest)[:, :, 0]
+        rest = np.concatenate((p - q, (plane / length)[:, None]), axis=1)
+        step = _solved(_matrix((p_a, p_b, q_a, q_b), along), rest)
         y = np.where(better[:, None], y - step, kept)
     if not np.all(least <= enough):
         raise _UnsettledError
@@ -140,9 +237,27 @@ def _matrix(slopes: tuple[Array, Array, Array, Array], along: Array) -> Array:
     p_a, p_b, q_a, q_b = slopes
     matrix = np.zeros((len(along), 4, 4))
     matrix[:, :3] = np.stack((p_a, p_b, -q_a, -q_b), axis=2)
-    matrix[:, 3, 0] = np.einsum("ni,ni->n", p_a, along)
-    matrix[:, 3, 1] = np.einsum("ni,ni->n", p_b, along)
+    length = np.linalg.norm(along, axis=1)
+    matrix[:, 3, 0] = np.einsum("ni,ni->n", p_a, along) / length
+    matrix[:, 3, 1] = np.einsum("ni,ni->n", p_b, along) / length
     return matrix
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solve (n, k, m) for (n, k), by the nearest where it is none; no step without a direction.
+
+    At a pole the angle round it has no tangent, and keeps its value.
+    """
+    lengths = np.linalg.norm(matrix, axis=1)
+    flat = ~(lengths.min(axis=1) > FLAT * lengths.max(axis=1))
+    if matrix.shape[1] > matrix.shape[2]:
+        flat[:] = True
+    found = np.empty(lengths.shape)
+    if not flat.all():
+        found[~flat] = np.linalg.solve(matrix[~flat], right[~flat, :, None])[:, :, 0]
+    inverse = np.linalg.pinv(matrix[flat], rcond=FLAT)
+    found[flat] = np.einsum("nij,nj->ni", inverse, right[flat])
+    return found
 
 
 def _planes(edge: EdgeFunction, ends: tuple[Array, Array], target: float) -> _Planes:
@@ -177,13 +292,18 @@ def _nearest(t: Array, points: Array, degree: int) -> Array:
     return np.vstack((lowest, found))
 
 
-def _fitted(planes: _Planes, target: float) -> CommonCurve:
-    """Return pieces with common tangents, each halved until it is near both surfaces."""
-    cuts = _cuts(planes)
+def _fitted(common: _Common, target: float) -> tuple[Array, Array, float]:
+    """Return knots, poles and the largest distance from a surface that was seen.
+
+    Pieces have common tangents, and each is halved until it is near the surfaces.
+    """
+    cuts = _cuts(common)
     while True:
-        nets = _nets(planes, cuts)
-        off = _distances(planes.traces, nets)
+        nets = _nets(common, cuts)
         widths = np.diff(cuts)
+        t = cuts[:-1, None] + widths[:, None] * CHECKS
+        fitted = np.einsum("ij,njk->nik", _bernstein(CHECKS), nets).reshape(t.size, -1)
+        off = common.off(t.ravel(), fitted).reshape(t.shape).max(axis=1)
         coarse = (off > target) & (widths > SHORTEST)
         if not coarse.any():
             break
@@ -194,17 +314,17 @@ def _fitted(planes: _Planes, target: float) -> CommonCurve:
     poles = np.concatenate((nets[0, :1], nets[:, 1:-1].reshape(-1, nets.shape[2]), nets[-1, -1:]))
     inner = np.repeat(cuts[1:-1], DEGREE - 1)
     knots = np.concatenate((np.zeros(DEGREE + 1), inner, np.ones(DEGREE + 1)))
-    return CommonCurve(knots, poles[:, :3], (poles[:, 3:5], poles[:, 5:]), float(off.max()))
+    return knots, poles, float(off.max())
 
 
-def _cuts(planes: _Planes) -> Array:
+def _cuts(common: _Common) -> Array:
     """Return where pieces begin: where the curve crosses the knots of a surface."""
     found = [np.array([0.0, 1.0])]
-    for number, trace in enumerate(planes.traces):
+    for number, trace in enumerate(common.traces):
         columns = slice(3 + 2 * number, 5 + 2 * number)
 
         def jet(t: Array, columns: slice = columns) -> tuple[Array, Array]:
-            values, slopes = planes.curve(t)
+            values, slopes = common.curve(t)
             return values[:, columns], slopes[:, columns]
 
         path = CurveFunction(jet, None, 1, _no_sizes)
@@ -234,22 +354,21 @@ def _interpolation() -> tuple[Array, Array]:
     return places, np.linalg.inv(np.vstack((_bernstein(places), tangents)))
 
 
-def _nets(planes: _Planes, cuts: Array) -> Array:
-    """Return Bézier poles of the pieces, (pieces, 8, 7)."""
+def _nets(common: _Common, cuts: Array) -> Array:
+    """Return Bézier poles of the pieces, (pieces, 8, 3 + 2k)."""
     places, matrix = _interpolation()
     widths = np.diff(cuts)
     t = (cuts[:-1, None] + widths[:, None] * places).ravel()
-    values, slopes = (rows.reshape(len(widths), -1, 7) for rows in planes.curve(t))
+    values, slopes = (rows.reshape(len(widths), len(places), -1) for rows in common.curve(t))
     ends = slopes[:, [0, -1]] * widths[:, None, None]
     rows = np.concatenate((values, ends), axis=1)
     return np.asarray(np.einsum("ij,njk->nik", matrix, rows))
 
 
-def _distances(traces: tuple[Trace, Trace], nets: Array) -> Array:
-    """Return for each piece the largest distance from a surface at equal parameters."""
-    flat = np.einsum("ij,njk->nik", _bernstein(CHECKS), nets).reshape(-1, 7)
-    off = [
-        np.linalg.norm(flat[:, :3] - trace.surface.jet(flat[:, k], flat[:, k + 1])[0], axis=1)
-        for trace, k in zip(traces, (3, 5), strict=True)
-    ]
-    return np.asarray(np.maximum(*off).reshape(len(nets), -1).max(axis=1))
+def _distances(traces: Sequence[Trace], fitted: Array) -> Array:
+    """Return how far points are from the farthest surface at the parameters beside them."""
+    points = fitted[:, :3]
+    return np.asarray(np.max([
+        np.linalg.norm(points - trace.surface.jet(fitted[:, k], fitted[:, k + 1])[0], axis=1)
+        for k, trace in zip(range(3, fitted.shape[1], 2), traces, strict=True)
+    ], axis=0))  # fmt: skip

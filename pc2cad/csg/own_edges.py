@@ -2,7 +2,9 @@
 
 The kernel's curves come within 1e-7 to 1e-2 of their faces. Each that is no line and no conic, and
 farther off than the target, is found anew from both surfaces (`csg.edge_curves`); the vertices at
-its ends go to the one place that all surfaces and edges there have in common.
+its ends go to the one place that all surfaces and edges there have in common. Lines, conics and
+curves that cannot be found anew stay, and get other curves in the parameters of their faces, where
+these are nearer.
 """
 
 from __future__ import annotations
@@ -14,10 +16,10 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, edges_between
-from pc2cad.brep.replacing import Corner, copied, corners_of, ends_of, move, put
-from pc2cad.csg.edge_curves import DEGREE, CommonCurve, common_curve
+from pc2cad.brep.replacing import Corner, copied, corners_of, ends_of, move, put, retrace
+from pc2cad.csg.edge_curves import DEGREE, CommonCurve, common_curve, path_along
 from pc2cad.geometry.carriers import SplineCurve, SplinePath
-from pc2cad.geometry.jets import EdgeFunction
+from pc2cad.geometry.jets import CurveFunction, EdgeFunction
 
 #: places along an edge at which its distance from its faces is looked at
 PLACES = 257
@@ -51,13 +53,13 @@ class _Place:
 def with_own_edges(shape: NamedShape, target: float) -> NamedShape:
     """Return a shape whose edges between bodies come within `target` (a length) of both faces.
 
-    What cannot be had, because faces are tangent or nearly so, stays the kernel's.
+    What cannot be had, because faces are tangent or nearly so, stays the kernel's in space.
     """
     if not _coarse(shape, target):
         return shape
     shape = copied(shape)
     coarse = _coarse(shape, target)
-    origin = coarse[0].named.points[0]
+    origin, staying = coarse[0].named.points[0], []
     while coarse:
         corners = corners_of(shape, [row.named for row in coarse], origin)
         off = max(row.off for row in coarse)
@@ -67,24 +69,29 @@ def with_own_edges(shape: NamedShape, target: float) -> NamedShape:
             for place in places:
                 move(place.corner, place.point, place.places, origin)
             for row, curve in zip(coarse, curves, strict=True):
-                if curve is not None:
+                if isinstance(curve, CommonCurve):
                     _put(shape, row.named, curve, origin)
+                else:
+                    staying.append(row)
             break
         # vertices of an edge that stays stay as well
+        staying += [row for row, curve in zip(coarse, curves, strict=True) if curve is None]
         coarse = [row for row, curve in zip(coarse, curves, strict=True) if curve is not None]
+    for row in staying:
+        _retrace(shape, row, target)
     return shape
 
 
 def _coarse(shape: NamedShape, target: float) -> list[_Coarse]:
-    """Return the edges between bodies that are splines and farther than `target` off a face."""
+    """Return the edges between bodies that are farther than `target` off a face."""
     edges = [
         edge for edge in edges_between(shape)
-        if edge.conic is None and _bodies(edge, 0).isdisjoint(_bodies(edge, 1))
+        if _bodies(edge, 0).isdisjoint(_bodies(edge, 1))
     ]  # fmt: skip
     origin = edges[0].points[0] if edges else None
     functions = edge_functions(shape, edges, origin)
     found = [
-        _Coarse(edge, function, _off(function))
+        _Coarse(edge, function, float(np.max(_gaps(function)[1])))
         for edge, function in zip(edges, functions, strict=True)
     ]
     return [row for row in found if row.off > target]
@@ -98,22 +105,18 @@ def farthest_place(shape: NamedShape, edge: NamedEdge) -> Array:
     """Return where an edge is farthest off its faces, (3,)."""
     (function,) = edge_functions(shape, [edge], np.zeros(3))
     points, off = _gaps(function)
-    return np.asarray(points[off.argmax()])
-
-
-def _off(edge: EdgeFunction) -> float:
-    return float(_gaps(edge)[1].max())
+    return np.asarray(points[off.max(axis=0).argmax()])
 
 
 def _gaps(edge: EdgeFunction) -> tuple[Array, Array]:
-    """Return places along an edge, and how far each is from the farther face."""
+    """Return places along an edge, and how far each is from both faces, (2, n)."""
     t = np.linspace(*edge.span, PLACES)
     points = edge.curve.jet(t)[0]
     found = []
     for trace in edge.traces:
         at = trace.path.jet(t)[0]
         found.append(np.linalg.norm(points - trace.surface.jet(at[:, 0], at[:, 1])[0], axis=1))
-    return points, np.maximum(*found)
+    return points, np.stack(found)
 
 
 def _place(corner: Corner, off: float, target: float) -> _Place | None:
@@ -147,7 +150,12 @@ def _place(corner: Corner, off: float, target: float) -> _Place | None:
     return _Place(corner, point, tuple(at))
 
 
-def _curve(row: _Coarse, places: Sequence[_Place], target: float) -> CommonCurve | None:
+def _curve(
+    row: _Coarse, places: Sequence[_Place], target: float
+) -> CommonCurve | CurveFunction | None:
+    """Return a new curve, or the edge's own where it stays; None where there is none."""
+    if row.named.conic is not None:
+        return row.function.curve
     ends = []
     for end in ends_of(row.named.edge):
         ends += [place.point for place in places if place.corner.vertex.IsSame(end)]
@@ -160,3 +168,16 @@ def _put(shape: NamedShape, named: NamedEdge, curve: CommonCurve, origin: Array)
     first, second = (SplinePath(DEGREE, curve.knots, path) for path in curve.paths)
     poles = curve.poles + origin
     put(shape, named, SplineCurve(DEGREE, curve.knots, poles), (first, second))
+
+
+def _retrace(shape: NamedShape, row: _Coarse, target: float) -> None:
+    """Give an edge that stays in space, but for where vertices trim it, paths on its faces."""
+    off = _gaps(row.function)[1].max(axis=1)
+    paths = {}
+    for side, trace in enumerate(row.function.traces):
+        if off[side] > target:
+            found = path_along(row.function.curve, row.named.range, trace, target)
+            if found is not None:
+                paths[side], off[side] = found
+    if paths:
+        retrace(shape, row.named, paths, float(off.max()))
