@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from itertools import islice
 from math import comb
 from typing import Any
 
@@ -24,16 +23,16 @@ from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import interval
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import PI, Expr, walk
+from pc2cad.expression.tree import PI, Expr
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.integer_bernstein import sign_inside
 
 Range = tuple[Fraction, Fraction]
 
-#: nodes of the derivatives, terms of det J, Bernstein coefficients, and halvings beyond which the
-#: proof is left to others
-MOST_NODES = 200
-MOST_TERMS = 60
+#: nodes of the derivatives (those inside a piecewise polynomial, which is one atom, do not count),
+#: terms of det J, Bernstein coefficients, and halvings beyond which the proof is left to others
+MOST_NODES = 300
+MOST_TERMS = 200
 MOST_COEFFICIENTS = 500
 DEEPEST = 4
 MOST_BOXES = 64
@@ -41,7 +40,7 @@ MOST_BOXES = 64
 
 def sign_from_factors(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
-    if len(list(islice(walk(sum(mapping.derivatives, ())), MOST_NODES + 1))) > MOST_NODES:
+    if _has_many_nodes(sum(mapping.derivatives, ())):
         return 0
     form = normal_form(determinant(mapping.derivatives), MOST_TERMS)
     if not form:
@@ -58,6 +57,17 @@ def sign_from_factors(mapping: Mapping3) -> int:
     # inside the box parameters stay clear of their limits; other atoms may be at theirs
     clear = tuple(axis for axis, atom in enumerate(atoms) if atom.op == "symbol")
     return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * MOST_COEFFICIENTS)
+
+
+def _has_many_nodes(roots: tuple[Expr, ...]) -> bool:
+    seen, left = set(roots), list(roots)
+    while left and len(seen) <= MOST_NODES:
+        node = left.pop()
+        if node.op != "pieces":
+            below = set(node.args) - seen
+            seen |= below
+            left += below
+    return bool(left)
 
 
 def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
