@@ -35,8 +35,7 @@ PER_DEGREE = 6
 #: share of a surface's piece by which a path may leave it within a cell: the piece's polynomial
 #: changes as it does inside
 OVER = 1e-5
-#: halvings of cells for the sake of these, and cells beyond which none are halved: where a path is
-#: outside its surface that does not help
+#: halvings of cells for the sake of these, and cells beyond which none are (outside a surface: all)
 DEEPEST, MOST_CELLS = 40, 4000
 #: share of what is seen that leaving a piece may cost, and what halving cells has to leave of it at
 #: most to go on
@@ -101,8 +100,7 @@ def _settled(edge: EdgeFunction) -> _Survey:
     ]
     survey = _Survey(edge, cuts_between(span, cuts, *met))
     for _ in range(DEEPEST):
-        count = int(survey.coarse.sum())
-        if not count or survey.cells.count + count > MOST_CELLS:
+        if not 0 < survey.coarse.sum() <= MOST_CELLS - survey.cells.count:
             break
         survey = _Survey(edge, survey.cells.split(survey.coarse).points)
     while survey.spilling.max() > 1 and survey.cells.count < MOST_CELLS:
