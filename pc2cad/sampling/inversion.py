@@ -25,14 +25,17 @@ _ROUND = np.arange(0.5, 12) / 12
 _DEPTHS = (1e-4, 1e-3, 1e-2, 0.05)
 
 
-def seed_points(analysis: Analysis) -> tuple[Array, Array]:
-    """Return local places all over the box, its sides included, and their images."""
+def seed_points(analysis: Analysis, fewest: int = 3) -> tuple[Array, Array]:
+    """Return local places all over the box, its sides included, and their images.
+
+    Along each direction there are so many at least; of lines through the middle they are even.
+    """
     nodes = []
     for d in range(3):
         inner = [b.position for b in analysis.breaks[d] if 0 < b.position < 1]
         grid = analysis.map.points(*open_grid(*_line(d)))
         steps = np.sqrt((np.diff(grid.reshape(-1, 3), axis=0) ** 2).sum(axis=1)).sum()
-        many = int(np.clip(_SEEDS * steps / max(analysis.size, 1e-300), 3, 40 * _SEEDS))
+        many = int(np.clip(_SEEDS * steps / max(analysis.size, 1e-300), fewest, 40 * _SEEDS))
         nodes.append(distinct(np.concatenate((np.linspace(0, 1, many), inner))))
     places = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)
     return places, analysis.map.points(*places.T)
@@ -47,9 +50,9 @@ def _line(direction: int) -> list[Array]:
 class Inverse:
     """M inverted by Levenberg-Marquardt steps in the box; lives for one call of `locate`."""
 
-    def __init__(self, analysis: Analysis) -> None:
+    def __init__(self, analysis: Analysis, fewest: int = 3) -> None:
         self._analysis = analysis
-        self._places, images = seed_points(analysis)
+        self._places, images = seed_points(analysis, fewest)
         self._tree = cKDTree(images)
         self.tolerance = analysis.scale.search_noise
         self._closed = np.zeros(3, dtype=bool)
@@ -78,7 +81,7 @@ class Inverse:
 
     def __call__(self, targets: Array) -> tuple[Array, Array]:
         """Return the local places (n, 3) nearest to targets (n, 3), and the gaps (n,)."""
-        best, residual = self._met(targets)
+        best, residual = self._met(targets, np.inf)
         gaps = np.zeros(len(targets))
         asked = np.flatnonzero(residual > self.tolerance**2)
         if len(asked):
@@ -89,13 +92,15 @@ class Inverse:
 
     def holds(self, targets: Array, near: Array) -> Booleans:
         """Say which targets (n, 3) have a place of the solid nearer than `near` (n,)."""
-        return np.asarray(self._met(targets)[1] <= near**2)
+        return np.asarray(self._met(targets, 4.0 * near)[1] <= near**2)
 
-    def _met(self, targets: Array) -> tuple[Array, Array]:
+    def _met(self, targets: Array, answer: float | Array) -> tuple[Array, Array]:
         """Return places that descents end at, and the squares of their distances.
 
-        What is far away is not looked for: its distance is infinite.
+        What is far away is not looked for: its distance is infinite. On a face that is nearer than
+        `answer` nothing more is looked for.
         """
+        near = np.broadcast_to(np.square(answer), len(targets))
         best = np.full_like(targets, 0.5)
         residual = np.full(len(targets), np.inf)
         asked = np.flatnonzero(self._may_be_inside(targets))
@@ -114,7 +119,7 @@ class Inverse:
             # a minimum on a face is an answer; one elsewhere at a distance is none
             on_face = ((best[asked] == self._limits[:, None]) & self._faces[:, None]).any(
                 axis=(0, 2)
-            )
+            ) & (residual[asked] <= near[asked])
             missed = residual[asked] > self.tolerance**2
             asked = asked[missed & ~on_face] if starts[0] else asked[missed]
         for direction, limit, ignored in self._collapsed:

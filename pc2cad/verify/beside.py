@@ -40,7 +40,7 @@ class Beside:
             places.append(at)
             along.append(slope if (last > first) == forward else -slope)
         points = np.concatenate(places)
-        inward = np.cross(_normals(face, points)[1], np.concatenate(along))
+        inward = np.cross(normals_of(face, points)[1], np.concatenate(along))
         inward = inward / np.maximum(np.linalg.norm(inward, axis=1), 1e-300)[:, None]
         own = [min(edge.length, face.moments.area / border) for edge in edges]
         return cls(face, tuple(edges), points, inward, np.array(own))
@@ -61,14 +61,14 @@ class Beside:
     def inside(self, inwards: float, least: float) -> Array:
         """Return rows of a place in the face, the normal of the face there, and the depth."""
         depths = self._depths(inwards, least)
-        points, normals = _normals(self.face, self.places + depths[:, None] * self.inward)
+        points, normals = normals_of(self.face, self.places + depths[:, None] * self.inward)
         return np.column_stack((points, normals, depths))
 
     def _depths(self, inwards: float, least: float) -> Array:
         return np.maximum(inwards * self.widths, _FAR * least)
 
 
-def _normals(face: JudgedFace, points: Array) -> tuple[Array, Array]:
+def normals_of(face: JudgedFace, points: Array) -> tuple[Array, Array]:
     """Return the places of a face's surface that are nearest to points, and its normals there."""
     if face.frame is not None:
         place, axes = face.frame

@@ -15,12 +15,15 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.sampling.inversion import Inverse
 from pc2cad.templates.bodies import Operation, Tree
 
+#: places along each parameter from which a descent may begin, at least
+_SEEDS = 12
+
 
 class Membership:
     """Bodies, and how they are joined."""
 
     def __init__(self, bodies: Mapping[str, Analysis], tree: Tree) -> None:
-        self._inverses = {name: Inverse(analysis) for name, analysis in bodies.items()}
+        self._inverses = {name: Inverse(body, _SEEDS) for name, body in bodies.items()}
         self._tree = tree
         #: the least distance from a boundary at which inside and outside are told apart
         self.least = 100.0 * max(inverse.tolerance for inverse in self._inverses.values())

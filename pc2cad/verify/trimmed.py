@@ -11,6 +11,7 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.topology.cells import Cell, directions_of
+from pc2cad.verify.beside import normals_of
 from pc2cad.verify.defects import StepDefectError
 from pc2cad.verify.faces import JudgedFace, judge_trimmed
 from pc2cad.verify.membership import Membership
@@ -196,15 +197,21 @@ def moments_on(match: Match, sides: Sides, origin: Array) -> Moments | None:
     for patch in match.patches:
         own = SideSurface.of(sides, patch)
         if match.trimmed:
-            for sense in (True, False):
-                asked = replace(face.face, same_sense=sense)
-                try:
-                    return judge_trimmed(own, asked, origin, np.inf).moments
-                except StepDefectError:
-                    continue
-            return None
+            try:
+                asked = replace(face.face, same_sense=_same_sense(own, face))
+                return judge_trimmed(own, asked, origin, np.inf).moments
+            except StepDefectError:
+                return None
         part = patch_moments(own, own.limits, origin, corner)
         total = part if total is None else total.plus(part)
     if total is not None and total.vector @ face.moments.vector < 0.0:
         total = total.times(-1.0)
     return total
+
+
+def _same_sense(side: SideSurface, face: JudgedFace) -> bool:
+    """Say whether the normal of a side's parameters is that of a face, on an edge of it."""
+    edge = face.face.loops[0].edges[0][0]
+    place = edge.samples[[len(edge.samples) // 2]]
+    _, along_s, along_t = side.at(*side.locate(place))
+    return float((np.cross(along_s, along_t) * normals_of(face, place)[1]).sum()) > 0.0
