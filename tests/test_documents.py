@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
+import subprocess
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,13 +19,14 @@ from pc2cad.templates.file import parse_template
 ROOT = Path(__file__).parent.parent
 #: read from top to bottom, each block needing those before it
 TUTORIAL = ROOT / "docs" / "tutorial.md"
+RESULT = ROOT / "docs" / "one-equation.md"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def snippets(language: str) -> list[tuple[str, str]]:
     found = []
     for path in DOCUMENTS:
-        if path == TUTORIAL:
+        if path in (TUTORIAL, RESULT):
             continue
         blocks = re.findall(rf"^```{language}\n(.*?)^```", path.read_text(), re.M | re.S)
         found += [(f"{path.name} {i}", block) for i, block in enumerate(blocks, start=1)]
@@ -154,6 +157,36 @@ def test_the_tutorial_from_top_to_bottom(tmp_path: Path, monkeypatch: pytest.Mon
     assert [name for name, fate in fates.items() if fate == "interface"] == ["v=0", "v=1"]
     assert sorted(face.carrier for face in report.faces) == ["plane"] * 2 + ["revolution"] * 2
     assert report.evidence == "exact"
+
+
+@pytest.mark.interop
+def test_one_equation_comes_to_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page from top to bottom, with CalculiX and MFEM, and every value that it states."""
+    pytest.importorskip("mfem")
+    if shutil.which("ccx") is None:
+        pytest.skip("CalculiX is not installed (apt-get install calculix-ccx)")
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```(sh|toml|python)\n(.*?)^```", RESULT.read_text(), re.M | re.S)
+    names: dict[str, object] = {}
+    held = 0
+    for language, text in blocks:
+        if language == "toml":
+            Path(text.partition("\n")[0].removeprefix("# ")).write_text(text)
+        elif language == "python":
+            exec(compile(text, RESULT.name, "exec"), names)
+            for expression, value in re.findall(r"(?m)^(\S.*?)  +# (.+)$", text):
+                assert eval(expression, names) == pytest.approx(eval(value), rel=1e-9), expression
+                held += 1
+        else:
+            for line in text.splitlines():
+                program, *arguments = shlex.split(line)
+                if program == "ccx":
+                    subprocess.run([program, *arguments], check=True, capture_output=True)
+                else:
+                    assert main(arguments) == 0, line
+    assert (len(blocks), held) == (9, 7)
+    for name in ("pipe.step", "pipe.vtu", "pipe.png", "pipe.html", "pipe.3mf"):
+        assert_whole(tmp_path / name)
 
 
 def test_the_reference_is_that_of_the_docstrings(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -110,3 +110,17 @@ def test_the_page_offers_scalar_fields() -> None:
         steps = np.frombuffer(raw[start : start + place["count"]], dtype=np.uint8)
         assert 3 * len(steps) == face["positions"]["count"]
         assert np.ptp(steps) > 200
+
+
+def test_the_page_of_a_part_in_layers_has_its_outer_faces() -> None:
+    template = parse_template(
+        'title = "Block"\n[layers]\nlow = "1"\nhigh = "1/2"\n'
+        '[solid]\nx = "2*u"\ny = "3*v"\nz = "depth(w)"\n',
+        "block",
+    )
+    part = pc.compile_equation(template.bind())
+    raw = gzip.decompress(payload(part))
+    header = json.loads(raw[4 : 4 + int.from_bytes(raw[:4], "little")])
+    names = [face["name"] for face in header["faces"]]
+    assert names == [face.name for face in part.surface]
+    assert len(part.report.faces) == len(names) + 1

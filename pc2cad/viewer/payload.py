@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import AnyArray, Array
+from pc2cad.brep.triangles import Triangles
 from pc2cad.errors import InputError
 from pc2cad.export.colours import side_colour
 from pc2cad.part import Part
@@ -50,33 +51,41 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
         if points is not None:
             raise InputError("a point set belongs to one equation, and here are several bodies")
         header |= {"others": [], "points": None}
-        wholes: dict[str, str] = {}
         edges = [points for _, points in shown_edges(part, mesh)]
     else:
         sides = Sides(part, TURN)
         header["others"] = _others(part, sides, block)
         header["points"] = None if points is None else _points(sides, points, block)
         edges = [path for _, path in sides.creases(120)]
-        wholes = {face.name: face.key.whole.label for face in part.model.faces}
+    header |= _faces(part, mesh, block)
+    header["edges"] = [block.add(path, "<f4") for path in edges]
+    return block.packed(header)
+
+
+def _faces(part: Part, mesh: Triangles, block: _Block) -> dict[str, Any]:
+    """Return the outer faces with their triangles, and the scalar fields that colour them."""
     faces, names = list(shown_faces(part, mesh)), scalar_fields(part)
     valued = list(on_faces(part, faces, names)) if names else [(face, {}) for face in faces]
     limits = {
         name: limits_of(np.concatenate([values[name] for _, values in valued])) for name in names
     }
-    header["fields"] = [{"name": name, "low": a, "high": b} for name, (a, b) in limits.items()]
-    if names:
-        header["scale"] = np.round(viridis(np.linspace(0.0, 1.0, STEPS)), 3).tolist()
-    pairs = zip(part.report.faces, valued, strict=True)
-    header["faces"] = [
-        {
-            **_face(known, shown, block),
-            "side": wholes.get(known.name, known.name),
-            "fields": _fields(values, limits, block),
-        }
-        for known, (shown, values) in pairs
-    ]
-    header["edges"] = [block.add(path, "<f4") for path in edges]
-    return block.packed(header)
+    known, wholes = part.report.faces, {}
+    if len(part.bodies) == 1:
+        # those between layers are within the solid, and not drawn
+        known = tuple(known[i] for i in part.model.outer)
+        wholes = {face.name: face.key.whole.label for face in part.model.faces}
+    return {
+        "fields": [{"name": name, "low": a, "high": b} for name, (a, b) in limits.items()],
+        "scale": np.round(viridis(np.linspace(0.0, 1.0, STEPS)), 3).tolist() if names else [],
+        "faces": [
+            {
+                **_face(told, shown, block),
+                "side": wholes.get(told.name, told.name),
+                "fields": _fields(values, limits, block),
+            }
+            for told, (shown, values) in zip(known, valued, strict=True)
+        ],
+    }
 
 
 def page_of(part: Part) -> bytes:
