@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from math import exp, log, sqrt
+from math import exp, log, pi, sqrt
 
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from OCP.Geom import Geom_CylindricalSurface, Geom_RectangularTrimmedSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
-from OCP.gp import gp_Pnt2d
+from OCP.GeomConvert import GeomConvert
+from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt, gp_Pnt2d
 
 import pc2cad as pc
 from pc2cad.brep.from_kernel import path_function
 from pc2cad.brep.kernel import Array1OfInteger, Array1OfPnt2d, Array1OfReal
 from pc2cad.brep.settling import settled
+from pc2cad.brep.spline_integrals import clamped, spline_flux
 from pc2cad.errors import KernelError
 
 U, V, W = pc.parameters()
@@ -143,3 +146,16 @@ def test_periodic_curves_of_parameters_are_read():
     t = np.array([1.0, 1.3, 2.5, 3.9, 4.0])
     wanted = [(curve.Value(x).X(), curve.Value(x).Y()) for x in t.tolist()]
     assert path_function(curve).jet(t)[0] == pytest.approx(np.array(wanted), abs=1e-14)
+
+
+def test_a_periodic_surface_is_integrated_over_one_period():
+    place = gp_Ax3(gp_Pnt(1, 2, 3), gp_Dir(0, 0, 1))
+    side = Geom_RectangularTrimmedSurface(Geom_CylindricalSurface(place, 2.0), 0, 2 * pi, 0, 3)
+    surface = GeomConvert.SurfaceToBSplineSurface_s(side)
+    surface.SetUPeriodic()
+    assert surface.IsUPeriodic()
+    flux, area, *_ = spline_flux(surface, 1.0, np.array([1.0, 2.0, 3.0]))
+    assert area == pytest.approx(2 * pi * 2 * 3, rel=1e-13)
+    assert flux == pytest.approx(2 * area, rel=1e-13)
+    assert clamped(surface).Bounds() == surface.Bounds()
+    assert clamped(surface).UMultiplicity(1) == surface.UDegree() + 1

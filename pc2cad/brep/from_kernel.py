@@ -42,7 +42,14 @@ from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
-from pc2cad.brep.spline_integrals import differences, flat_knots, read_curve, read_patch, spline_jet
+from pc2cad.brep.spline_integrals import (
+    clamped,
+    differences,
+    flat_knots,
+    read_curve,
+    read_patch,
+    spline_jet,
+)
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import CurveFunction, Jet, Sizes, SurfaceFunction
 
@@ -109,9 +116,7 @@ def path_function(curve: Geom2d_Curve) -> CurveFunction:
         return _conic(*conic_terms(curve))
     if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational():
         raise KernelError(f"no integral is known along a {type(curve).__name__}")
-    if curve.IsPeriodic():  # its knots do not hold their ends
-        curve = curve.Copy()
-        curve.SetNotPeriodic()
+    curve = clamped(curve)
     poles = np.array([vector(p) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))])
     knots, degree = flat_knots(curve), curve.Degree()
     return _spline(knots, poles, degree, spline_jet(knots, poles, degree), 2)

@@ -111,10 +111,6 @@ def _of_face(face: TopoDS_Face, edges: IndexedMapOfShape) -> Iterator[Numbers]:
 
 def _of_curve(curve: Any) -> Iterator[Numbers]:
     if isinstance(curve, Geom_BSplineCurve):
-        if curve.IsPeriodic():  # files hold them clamped
-            curve = curve.Copy()
-            curve.SetNotPeriodic()
-            curve.Segment(curve.FirstParameter(), curve.LastParameter())
         spline = read_curve(curve, _ORIGIN)
         yield (spline.degree,), spline.knots
         yield ("spline",), spline.poles
@@ -126,11 +122,6 @@ def _of_curve(curve: Any) -> Iterator[Numbers]:
 def _of_surface(surface: Geom_Surface) -> Iterator[Numbers]:
     kind = type(surface).__name__
     if isinstance(surface, Geom_BSplineSurface):
-        if surface.IsUPeriodic() or surface.IsVPeriodic():
-            surface = surface.Copy()
-            surface.SetUNotPeriodic()
-            surface.SetVNotPeriodic()
-            surface.Segment(*surface.Bounds())
         patch = read_patch(surface, _ORIGIN)
         yield (kind, patch.degrees), np.concatenate(patch.knots)
         yield (tuple(map(len, patch.knots)),), patch.poles

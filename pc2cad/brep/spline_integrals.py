@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
@@ -21,6 +22,8 @@ from pc2cad.geometry.splines.spline_basis import (
     local_basis,
     spline_values,
 )
+
+_Spline = TypeVar("_Spline", Geom_BSplineCurve, Geom2d_BSplineCurve, Geom_BSplineSurface)
 
 
 def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
@@ -80,11 +83,30 @@ class SplineCurveData:
         return spline_jet(self.knots, self.poles, self.degree)
 
 
+def clamped(spline: _Spline) -> _Spline:
+    """Return a kernel spline whose knots hold the ends of its parameters, as files have them.
+
+    Those of a periodic one do not, and taking its period away leaves knots beyond.
+    """
+    if isinstance(spline, Geom_BSplineSurface):
+        if not (spline.IsUPeriodic() or spline.IsVPeriodic()):
+            return spline
+        copy = spline.Copy()
+        copy.SetUNotPeriodic()
+        copy.SetVNotPeriodic()
+        copy.Segment(*copy.Bounds())
+        return copy
+    if not spline.IsPeriodic():
+        return spline
+    copy = spline.Copy()
+    copy.SetNotPeriodic()
+    copy.Segment(copy.FirstParameter(), copy.LastParameter())
+    return copy
+
+
 def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
     """Return a kernel spline curve relative to `origin`."""
-    if curve.IsPeriodic():
-        curve = curve.Copy()
-        curve.SetNotPeriodic()
+    curve = clamped(curve)
     count = curve.NbPoles()
     poles = np.array([curve.Pole(i + 1).Coord() for i in range(count)]) - origin
     if curve.IsRational():
@@ -108,10 +130,7 @@ def spline_flux(
 
 def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -> Patch:
     """Return a kernel spline surface relative to `origin`, its normal turned by `sign`."""
-    if surface.IsUPeriodic() or surface.IsVPeriodic():  # its knots do not hold their ends
-        surface = surface.Copy()
-        surface.SetUNotPeriodic()
-        surface.SetVNotPeriodic()
+    surface = clamped(surface)
     rows, columns = surface.NbUPoles(), surface.NbVPoles()
     rational = surface.IsURational() or surface.IsVRational()
     poles = np.empty((rows, columns, 4 if rational else 3))
