@@ -151,7 +151,7 @@ def test_the_verb_and_the_gate_take_bodies(
     file.write_text(named(box(), NAMES))
     command = ["verify", str(file), str(template)]
     assert main([*command, "--certificate", str(tmp_path / "box.json")]) == 0
-    assert "verified" in capsys.readouterr().out
+    assert re.search(r"verified, .*\n  bounds .* \d+ places \(sampled\)", capsys.readouterr().out)
     assert main(["verify", str(file), "--replay", str(tmp_path / "box.json")]) == 0
     template.write_text(BOXES.replace("intersect", "union"))
     capsys.readouterr()

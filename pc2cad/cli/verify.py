@@ -124,6 +124,8 @@ def _verdict(path: str, found: Verification) -> Iterator[str]:
             f"{shown(path)}: verified, no face further than {found.deviation:.2g} {units} from its "
             f"side ({found.evidence}; {found.tolerance:.2g} allowed)"
         )
+        if found.places is not None:
+            yield f"  bounds the bodies as they are joined at {found.places} places (sampled)"
     else:
         yield f"{shown(path)}: not this solid"
         yield f"  first: {one_line(found.differences[0])}"
