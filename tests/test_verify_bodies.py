@@ -219,6 +219,18 @@ def test_a_hole_in_a_side_that_is_closed(tmp_path: Path) -> None:
     assert seen.area == pytest.approx(12 * math.pi, rel=1e-6)
 
 
+@pytest.mark.slow
+def test_names_of_halves_are_known(tmp_path: Path) -> None:
+    """Bodies may be joined with what closes cut in halves; here the face is both of them."""
+    text = cut_ball()
+    first, second = re.findall(r"ADVANCED_FACE\('([^']*)'", text)
+    text = text.replace(f"ADVANCED_FACE('{first}'", "ADVANCED_FACE('ball:w=1 (piece 2 of u)'", 1)
+    text = text.replace(f"ADVANCED_FACE('{second}'", "ADVANCED_FACE('block:u=0'", 1)
+    found = held(text, bodies(BALL, tmp_path / "ball.toml"))
+    assert not any("name of no side" in sentence for sentence in found.differences)
+    assert any("from that of the side ball:w=1 (piece 2 of u)" in s for s in found.differences)
+
+
 def test_a_place_is_found_at_the_end_of_a_spiral_beside_its_beginning(tmp_path: Path) -> None:
     """Descents from the nearest samples all end on the side u=0, which is nearer than the place."""
     spiral = bodies(

@@ -20,6 +20,7 @@ from functools import cache, cached_property, partial
 import numpy as np
 
 from pc2cad.domain.analysis import Analysis, analyse
+from pc2cad.domain.cuts import halved
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.equation.sums import sums
 from pc2cad.integrals.mass_properties import MassProperties, integrate
@@ -84,20 +85,40 @@ class _Joined(Collected):
         analyses = {name: analysis for name, (_, analysis, _) in self._known.items()}
         self._membership = Membership(analyses, bodies.result)
         self._least = max(self._membership.least, _CLEAR * self._tolerance)
-        faces = [face for solid in file.solids for face in solid.faces]
-        self._prefixes = {
-            part.rpartition(":")[0] for face in faces for part in face.face.name.split(" = ")
-        }
-        text = cache(partial(StepText, file.data)) if claims else None
-        self._leaves = {}
-        for name, base, place in self._leaves_of(bodies.result):
-            _, analysis, mass = self._known[base]
+        names = {face.face.name for solid in file.solids for face in solid.faces}
+        self._parts = {part for name in names for part in name.split(" = ")}
+        self._prefixes = {part.rpartition(":")[0] for part in self._parts}
+        self._leaves = self._made()
+        if not all(map(self._side_of, self._parts)):
+            # bodies may be joined with what closes cut in halves: sides then are in pieces
+            whole, self._leaves = self._leaves, self._made(halves=True)
+            if not all(map(self._side_of, self._parts)):
+                self._leaves = whole
+
+    def _made(self, *, halves: bool = False) -> dict[str, _Leaf]:
+        """Return the bodies and copies of the result by their names."""
+        text = cache(partial(StepText, self.file.data)) if self._claims else None
+        sides_of: dict[str, tuple[Analysis, MassProperties]] = {}
+        made = {}
+        for name, base, place in self._leaves_of(self._bodies.result):
+            if base not in sides_of:
+                _, analysis, mass = self._known[base]
+                cut = halved(analysis) if halves else analysis
+                sides_of[base] = cut, mass if cut is analysis else integrate(cut)
+            analysis, mass = sides_of[base]
             sides = Sides(analysis, [*mass.face_areas, *mass.interface_areas], place)
             cells = [face.patch for face in analysis.complex.faces]
             key = analysis.complex.key
             whole = {cell: key(cell).whole.label for cell in cells}
             proofs = Proofs(sides, self._tolerance, text)
-            self._leaves[name] = _Leaf(name, sides, sides.groups(), whole, proofs)
+            made[name] = _Leaf(name, sides, sides.groups(), whole, proofs)
+        return made
+
+    def _side_of(self, part: str) -> tuple[_Leaf, str] | None:
+        """Return the body and the side of a name, None where there is none."""
+        prefix, _, side = part.rpartition(":")
+        leaf = self._leaves.get(prefix)
+        return None if leaf is None or side not in leaf.groups else (leaf, side)
 
     def judged(self) -> Verification:
         """Return what became of the file."""
@@ -172,10 +193,9 @@ class _Joined(Collected):
             for face in solid.faces:
                 own = []
                 for part in face.face.name.split(" = "):
-                    prefix, _, side = part.rpartition(":")
-                    leaf = self._leaves.get(prefix)
-                    if leaf is not None and side in leaf.groups:
-                        own.append((leaf, side))
+                    side = self._side_of(part)
+                    if side is not None:
+                        own.append(side)
                     else:
                         self.add(0.0, f"the face {face.face.label} has the name of no side")
                 found.append((face, own))
