@@ -18,12 +18,19 @@ ERRORS = {
     "calculix_heat": (2, 2e-5),
     "draft_check": (3, 3e-4),
     "graded_block": (4, 1e-7),
+    "jax_gradient": (3, 1e-6),
     "mfem_heat": (3, 5e-6),
+    "openmdao_cone": (4, 1e-6),
     "stellarator": (3, 3e-4),
     "thickness_picture": (2, 2e-3),
 }
 #: script -> the program it needs, or the package
-NEEDS = {"calculix_heat": "ccx", "mfem_heat": "mfem"}
+NEEDS = {
+    "calculix_heat": "ccx", "jax_gradient": "jax", "mfem_heat": "mfem",
+    "openmdao_cone": "openmdao.api",
+}  # fmt: skip
+#: what takes long, or comes with the packages of our users
+ONCE = {"bend_study", "jax_gradient", "openmdao_cone"}
 #: what is imported by others: the analyses have a test of their own
 OTHERS = {"analyses", "solvers"}
 
@@ -37,8 +44,8 @@ def examples() -> list[object]:
 def need(name: str) -> None:
     if name == "calculix_heat" and which("ccx") is None:
         pytest.skip("CalculiX is not installed (apt-get install calculix-ccx)")
-    if name == "mfem_heat":
-        pytest.importorskip("mfem")
+    elif name in NEEDS:
+        pytest.importorskip(NEEDS[name])
 
 
 def test_every_script_is_tried() -> None:
@@ -56,7 +63,7 @@ def test_an_example_finds_what_is_known(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*(name for name in ERRORS if name != "bend_study"), "analyses"])
+@pytest.mark.parametrize("name", [*(name for name in ERRORS if name not in ONCE), "analyses"])
 def test_a_script_runs_by_itself(name: str, tmp_path: Path) -> None:
     need(name)
     done = subprocess.run(

@@ -11,6 +11,7 @@ from pc2cad.errors import InputError
 from pc2cad.export.mesh_files import write_mesh
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.mesh.meshing import MeshOptions, mesh_volume
 from pc2cad.mesh.volume_mesh import VolumeMesh
 
 
@@ -77,8 +78,37 @@ def test_layers_are_subdomains_of_scikit_fem() -> None:
     assert sum(map(len, found.subdomains.values())) == found.nelements
 
 
-@pytest.mark.parametrize(("name", "order"), [("half_ball", 1), ("hollow_cylinder", 2)])
-def test_what_scikit_fem_has_not_is_refused(name: str, order: int) -> None:
+def test_scikit_fem_refuses_wedges() -> None:
     pytest.importorskip("skfem")
     with pytest.raises(InputError, match="order 1, and nothing beside them"):
-        made(name, (6, 3, 2), order).to_skfem()
+        made("half_ball", (6, 3, 2), 1).to_skfem()
+
+
+def test_hexahedra_of_27_nodes_lie_on_the_equation() -> None:
+    """A pipe of radii 1 and 2, 8 cells round: order 4 in the volume, and every node on the map."""
+    skfem = pytest.importorskip("skfem")
+    mesh = mesh_volume(checked_of("elbow_pipe"), MeshOptions(cells=(6, 8, 2), order=2))[0]
+    found = mesh.to_meshio(nodes=27)
+    block, *facets = found.cells
+    assert (block.type, block.data.shape) == ("hexahedron27", (96, 27))
+    assert {cell.type for cell in facets} == {"quad9"}
+    # each middle of a face is one node, of two cells or on a side
+    assert len(found.points) == len(mesh.points) + 96 + (96 * 6 + 2 * 48 + 2 * 16) // 2
+    x, y, z = found.points.T
+    radius = np.hypot(np.hypot(x, y) - 3, z)
+    assert np.abs(radius * 8 - np.round(radius * 8)).max() < 1e-12
+    for side, value in (("w=0", 0.5), ("w=1", 1.0)):
+        (rows,) = (c.data[s] for c, s in zip(found.cells, found.cell_sets[side], strict=True)
+                   if len(s))  # fmt: skip
+        np.testing.assert_allclose(radius[rows], value, rtol=1e-12)
+    basis = skfem.Basis(mesh.to_skfem(), skfem.ElementHex1(), intorder=8)
+    volume = skfem.Functional(lambda w: 1.0 + 0 * w.x[0]).assemble(basis)
+    exact = 2 * np.pi * 3 / 4 * np.pi * (1 - 0.25)
+    assert volume == pytest.approx(exact, rel=1e-3)
+    assert {*mesh.to_skfem().boundaries} == {*mesh.whole_sides}
+
+
+@pytest.mark.parametrize(("name", "order"), [("half_ball", 2), ("hollow_cylinder", 1)])
+def test_what_has_no_27_nodes_is_refused(name: str, order: int) -> None:
+    with pytest.raises(InputError, match="hexahedra of order 2 of a"):
+        made(name, (6, 3, 2), order).to_meshio(nodes=27)

@@ -37,6 +37,9 @@ class Places(Protocol):
     def facets(self, side: str) -> dict[str, Array]:
         """Return those of a place within each facet of a side, by shape as `facet_nodes`."""
 
+    def corners(self, kind: str) -> Array | None:
+        """Return those of the corners of each element, (n, corners, 3); None: not of a grid."""
+
 
 @dataclass(frozen=True, eq=False)
 class GridPlaces:
@@ -64,6 +67,10 @@ class GridPlaces:
         """See Places.facets."""
         corners = self.mesh.facet_rows(side, self._indices[1], 1)
         return {shape: self._middles(rows) for shape, rows in corners.items()}
+
+    def corners(self, kind: str) -> Array:
+        """See Places.corners."""
+        return self._at(self._indices[1][kind])
 
     def _at(self, indices: Integers) -> Array:
         lines = (self.grid.halved() if self.order == 2 else self.grid).lines
@@ -105,3 +112,6 @@ class FoundPlaces:
             shape: self._inverse(self.mesh.points[rows].mean(axis=1))[0]
             for shape, rows in corners.items()
         }
+
+    def corners(self, kind: str) -> None:
+        """See Places.corners."""

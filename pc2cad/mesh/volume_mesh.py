@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -109,16 +109,21 @@ class VolumeMesh:
                 found.setdefault(shape, []).append(blocks[facets.kind][rows][:, local])
         return {shape: np.concatenate(parts) for shape, parts in found.items()}
 
-    def to_meshio(self) -> Any:
-        """Return a `meshio.Mesh` with the sets of sides and layers; PackageMissingError."""
+    def to_meshio(self, nodes: Literal[20, 27] = 20) -> Any:
+        """Return a `meshio.Mesh` with the sets of sides and layers, and fields.
+
+        Hexahedra of order 2 have 20 nodes, or 27 where a (u,v,w) grid is made of nothing else.
+        Raises InputError, PackageMissingError.
+        """
         from pc2cad.mesh.objects import to_meshio
 
-        return to_meshio(self)
+        return to_meshio(self, nodes)
 
     def to_skfem(self) -> Any:
-        """Return scikit-fem's mesh of hexahedra or tetrahedra of order 1, with names of sides.
+        """Return scikit-fem's mesh of hexahedra, or of tetrahedra of order 1, with names of sides.
 
-        Raises InputError where there are others, PackageMissingError.
+        Hexahedra of order 2 are those of 27 nodes. Raises InputError where there are others,
+        PackageMissingError.
         """
         from pc2cad.mesh.objects import to_skfem
 
