@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,7 +14,7 @@ from pc2cad.errors import InputError
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, piece_rows, pieces, rebuild, rewrite, walk
+from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, pieces, rebuild, rewrite, walk
 
 #: positions nearer than this (of a direction of length 1) are one break
 SAME_POSITION = 1e-12
@@ -141,8 +142,8 @@ def _met(
     if not high - low < inf:  # a table beyond its range
         return None
     breaks, _, _, closed = node.payload
-    rows, period = piece_rows(node), breaks[-1] - breaks[0]
-    laps, last = range(1), len(rows) - 1
+    period, last, row = breaks[-1] - breaks[0], len(breaks) - 2, node.payload.width
+    laps = range(1)
     if closed:
         if high - low > float(period) * (1 - SAME_POSITION):
             return None
@@ -150,18 +151,23 @@ def _met(
                        for x, k in ((low, -1), (high, 2))))  # fmt: skip
     found = []
     for lap in laps:
-        places, lengths = _in_lap(breaks, lap)
-        for i, width in enumerate(lengths):
+        places, lengths = _in_lap(node, lap)
+        # those beside the limits are asked, with a margin for what rounds
+        near = range(max(bisect_right(places, low) - 2, 0), bisect_left(places, high) + 1)
+        for i in near[: last + 1 - near.start]:
+            width = lengths[i]
             begins = places[i] < high - width * SAME_POSITION or (not closed and i == 0)
             ends = low + width * SAME_POSITION < places[i + 1] or (not closed and i == last)
             if begins and ends:
-                found.append((breaks[i] + lap * period, rows[i]))
+                coefficients = node.args[1 + i * row : 1 + (i + 1) * row]
+                found.append((breaks[i] + lap * period, coefficients))
     return found
 
 
 @lru_cache(maxsize=256)
-def _in_lap(breaks: tuple[Fraction, ...], lap: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the breaks so many periods on, and how far apart they are."""
+def _in_lap(node: Expr, lap: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the breaks of pieces so many periods on, and how far apart they are."""
+    breaks = node.payload.breaks
     shift = lap * (breaks[-1] - breaks[0])
     return (
         tuple(float(b + shift) for b in breaks),

@@ -50,8 +50,10 @@ def coplanar_groups(analysis: Analysis, planes: Sequence[Plane | None]) -> list[
             continue
         if a.normal @ b.normal > 0 and np.abs(np.cross(a.normal, b.normal)).max() < SAME_PLANE:
             group[find(second)] = find(first)
-    roots = sorted({find(i) for i in range(len(planes))})
-    return [tuple(i for i in range(len(planes)) if find(i) == root) for root in roots]
+    members: dict[int, list[int]] = {}
+    for i in range(len(planes)):
+        members.setdefault(find(i), []).append(i)
+    return [tuple(members[root]) for root in sorted(members)]
 
 
 def _same_side(boundary: BoundaryComplex, first: int, second: int) -> bool:
@@ -118,13 +120,11 @@ def _key(group: tuple[int, ...], boundary: BoundaryComplex) -> SideKey:
     """Return the key of a face of several patches: what they share tells them from others."""
     patches = [boundary.faces[i].patch for i in group]
     shared = [d for d in DIRECTIONS if len({patch[d] for patch in patches}) == 1]
-    same = [face for face in boundary.faces
-            if all(face.patch[d] == patches[0][d] for d in shared)]  # fmt: skip
-    if len(same) > len(group):
+    if boundary.faces_beside(patches[0], shared) > len(group):
         return boundary.key(patches[0])
     d = normal_direction(patches[0])
-    every = [f for f in boundary.faces if _side(f.patch) == _side(patches[0])]
-    alone = [k for k in shared if k != d and len({face.patch[k] for face in every}) > 1]
+    every = boundary.faces_beside(patches[0], [d])
+    alone = [k for k in shared if k != d and boundary.faces_beside(patches[0], [d, k]) < every]
     return SideKey.of(patches[0], boundary.labels, [d, *alone])
 
 
@@ -146,15 +146,21 @@ def join_straight_edges(
         if not face.wires:
             busy |= {use.vertex for use in face.uses}
             busy |= {v for use in face.uses if use.edge is not None for v in _limits(edges, use)}
+    ending: dict[int, set[int]] = {}
+    for edge in owners:
+        for end in (edges[edge].start, edges[edge].end):
+            ending.setdefault(end, set()).add(edge)
     for vertex in range(len(boundary.vertices)):
-        ends = [e for e in owners if vertex in (edges[e].start, edges[e].end)]
+        ends = sorted(ending.get(vertex, ()))
         if vertex in busy or len(ends) != 2 or owners[ends[0]] != owners[ends[1]]:
             continue
-        kept, dropped = sorted(ends)
+        kept, dropped = ends
         joined = _joined(edges[kept], edges[dropped], vertex)
         if joined is None:
             continue
         edges[kept] = joined
+        for end in {edges[dropped].start, edges[dropped].end} - {vertex}:
+            ending[end] = ending[end] - {dropped} | {kept}
         for index in owners.pop(dropped):
             face = faces[index]
             wires = tuple(tuple(step for step in w if step[0] != dropped) for w in face.wires)

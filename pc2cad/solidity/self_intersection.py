@@ -86,12 +86,10 @@ def find_contact(
     levels = build_levels(face_meshes, opposite)
     top = levels[-1].start
     # a plane face is injective where its edges are, and those belong to other faces too
-    pairs = np.array([
-        (top[a], top[b])
-        for a, face_mesh in enumerate(face_meshes)
-        for b in range(a, len(face_meshes))
-        if a != b or not face_mesh.flat
-    ])  # fmt: skip
+    flat = np.array([face_mesh.flat for face_mesh in face_meshes])
+    first, second = np.triu_indices(len(face_meshes))
+    kept = (first != second) | ~flat[first]
+    pairs = np.column_stack((top[first[kept]], top[second[kept]]))
     for level, coarser in zip(reversed(levels), [None, *reversed(levels)], strict=False):
         if coarser is not None:
             pairs = children(level, coarser, pairs)
