@@ -42,8 +42,9 @@ def examples() -> list[object]:
 
 
 def need(name: str) -> None:
-    if name == "calculix_heat" and which("ccx") is None:
-        pytest.skip("CalculiX is not installed (apt-get install calculix-ccx)")
+    if name == "calculix_heat":
+        if which("ccx") is None:
+            pytest.skip("CalculiX is not installed (apt-get install calculix-ccx)")
     elif name in NEEDS:
         pytest.importorskip(NEEDS[name])
 
