@@ -19,6 +19,8 @@ from pc2cad.cli.main import VERBS, main
 from pc2cad.templates import shipped
 
 COMMAND = [sys.executable, "-m", "pc2cad.cli.main"]
+#: modules of ours that a verb may load which needs no array, of more than 400
+MOST_MODULES = 90
 HEAVY = ("OCP", "cadquery", "sympy", "numpy", "scipy")
 
 
@@ -103,6 +105,8 @@ def test_light_verbs_and_bad_input_load_nothing_heavy(arguments, code, tmp_path)
     program = (
         "import sys; from pc2cad.cli.main import main; code = main(sys.argv[1:]); "
         f"loaded = [m for m in {HEAVY} if m in sys.modules]; "
+        "ours = [m for m in sys.modules if m.split('.')[0] == 'pc2cad']; "
+        f"loaded += ours if len(ours) > {MOST_MODULES} else []; "
         "sys.exit(f'loaded {loaded}' if loaded else code)"
     )
     done = subprocess.run(
@@ -110,23 +114,6 @@ def test_light_verbs_and_bad_input_load_nothing_heavy(arguments, code, tmp_path)
     )
     assert "loaded" not in done.stderr
     assert done.returncode == code
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [("--help",), ("templates",), ("show", "channel_sine"), ("build", "pyramd", "-o", "a.step")],
-)
-def test_light_verbs_take_little_cpu(arguments, tmp_path):
-    best = 10.0
-    for _ in range(3):
-        child = subprocess.Popen(
-            [*COMMAND, *arguments], cwd=tmp_path,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        _, status, usage = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-        best = min(best, usage.ru_utime + usage.ru_stime)
-    assert best < 0.3
 
 
 @pytest.mark.slow
