@@ -330,14 +330,7 @@ class MapQuestions:
 
     def coincide(self, first: Cell, second: Cell, symmetry: Symmetry) -> Verdict:
         """See Questions.coincide."""
-        image = self._at(second)
-        # read second at symmetry(s, t): reverse the axes of its own coordinates, then swap
-        if symmetry.reverse_s:
-            image = image[::-1]
-        if symmetry.reverse_t:
-            image = image[:, ::-1]
-        if symmetry.swap:
-            image = image.transpose(1, 0, 2)
+        image = symmetry.read(self._at(second))
         if not self._equal(self._at(first), image, "the sides {} and {}", first, second):
             return Verdict.REFUTED
         s, t = symbol("s"), symbol("t")

@@ -146,10 +146,7 @@ class PointEquation:
                     f"a guide takes {name} as a number: there is no formula of how places move "
                     f"with it (sensitivity('{name}').velocity gives differences)"
                 )
-            own = {
-                p: (symbol(p) - low) / (high - low)
-                for p, (low, high) in zip(PARAMETERS, self.domain, strict=True)
-            }
+            own = over_own_box(self.domain)
             along = derivatives(variation.coordinates, name)
             trees = substitute(substitute(along, {name: variation.bound}), own)
             x, y, z = simplified(trees)
@@ -209,6 +206,14 @@ def over_unit_box(domain: Iterable[tuple[Expr, Expr]]) -> dict[str, Expr]:
     """Return what u, v and w are in parameters that run from 0 to 1, to be put in their places."""
     return {
         name: low + (high - low) * symbol(name)
+        for name, (low, high) in zip(PARAMETERS, domain, strict=True)
+    }
+
+
+def over_own_box(domain: Iterable[tuple[Expr, Expr]]) -> dict[str, Expr]:
+    """Return what parameters that run from 0 to 1 are in u, v and w: `over_unit_box` inverted."""
+    return {
+        name: (symbol(name) - low) / (high - low)
         for name, (low, high) in zip(PARAMETERS, domain, strict=True)
     }
 

@@ -30,11 +30,7 @@ def over_unit_box(equation: PointEquation, trees: Trees | None = None) -> Trees:
 
 def over_own_box(equation: PointEquation, trees: Trees) -> Trees:
     """Return coordinates over the unit box over the box of an equation."""
-    change = {
-        name: (symbol(name) - low) / (high - low)
-        for name, (low, high) in zip(PARAMETERS, equation.domain, strict=True)
-    }
-    return replaced(trees, change)
+    return replaced(trees, point_equation.over_own_box(equation.domain))
 
 
 def replaced(trees: Trees, values: dict[str, Expr]) -> Trees:

@@ -104,12 +104,7 @@ def _check_joined(model: VolumeModel, field: SplineField) -> None:
         if side.partner is None or side.symmetry is None:
             continue
         here, there = (_poles_on(model, field, patch) for patch in (side.patch, side.partner))
-        if side.symmetry.reverse_s:
-            there = there[::-1]
-        if side.symmetry.reverse_t:
-            there = there[:, ::-1]
-        if side.symmetry.swap:
-            there = there.transpose(1, 0, 2)
+        there = side.symmetry.read(there)
         if here.shape != there.shape or not np.abs(here - there).max() <= room:
             names = " and ".join(model.boundary.name(p) for p in (side.patch, side.partner))
             raise FieldJumpsError(

@@ -236,12 +236,7 @@ def _parting(forms: _Forms) -> tuple[str, ...]:
         if side.partner is None or side.symmetry is None or side.partner < side.patch:
             continue
         here, there = (_on_side(forms, patch) for patch in (side.patch, side.partner))
-        if side.symmetry.reverse_s:
-            there = there[::-1]
-        if side.symmetry.reverse_t:
-            there = there[:, ::-1]
-        if side.symmetry.swap:
-            there = there.transpose(1, 0, 2)
+        there = side.symmetry.read(there)
         gap = float(np.nanmax(np.abs(here - there), initial=0.0)) / forms.analysis.scale.size
         if gap > max(AGREES, EXPLAINED * forms.moving.doubt()) * forms.rate:
             found.append(f"{boundary.name(side.patch)} and {boundary.name(side.partner)}")

@@ -71,17 +71,8 @@ def merged_nodes(grid: Grid, boundary: BoundaryComplex) -> tuple[Integers, Integ
 def partner_nodes(grid: Grid, side: SideFate) -> Integers:
     """Return the nodes of the side that a side is glued to, in the order of its own."""
     assert side.partner is not None
-    return _turned(cell_nodes(grid, side.partner), side)
-
-
-def _turned(image: Integers, side: SideFate) -> Integers:
-    """Return what lies on the partner of a side in the order of the side."""
     assert side.symmetry is not None
-    if side.symmetry.reverse_s:
-        image = image[::-1]
-    if side.symmetry.reverse_t:
-        image = image[:, ::-1]
-    return image.T if side.symmetry.swap else image
+    return side.symmetry.read(cell_nodes(grid, side.partner))
 
 
 def side_cells(grid: Grid, patch: Cell) -> Integers:
@@ -101,9 +92,9 @@ def glued_cells(grid: Grid, boundary: BoundaryComplex) -> dict[int, list[int]]:
     """Return the cells that lie on the other side of a gluing from each cell there."""
     found: dict[int, list[int]] = {}
     for side in boundary.sides:
-        if side.fate == "interface" and side.partner is not None:
+        if side.fate == "interface" and side.partner is not None and side.symmetry is not None:
             here = side_cells(grid, side.patch)
-            there = _turned(side_cells(grid, side.partner), side)
+            there = side.symmetry.read(side_cells(grid, side.partner))
             for a, b in zip(here.ravel().tolist(), there.ravel().tolist(), strict=True):
                 found.setdefault(a, []).append(b)
                 found.setdefault(b, []).append(a)

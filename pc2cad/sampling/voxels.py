@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays.distinct import distinct
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.fields import local_field
 from pc2cad.errors import InputError
@@ -43,11 +44,8 @@ class Voxels:
 
     def middles(self) -> tuple[Array, Array, Array]:
         """Return the coordinates of the cubes' middles along x, y and z."""
-        x, y, z = (
-            low + self.step * (np.arange(count) + 0.5)
-            for low, count in zip(self.low, reversed(self.inside.shape), strict=True)
-        )
-        return x, y, z
+        nz, ny, nx = self.inside.shape
+        return _middles(self.low, self.step, (nx, ny, nz))
 
 
 def voxels(checked: CheckedMap, names: Sequence[str] = (), count: int = USUAL) -> Voxels:
@@ -70,7 +68,7 @@ def voxels(checked: CheckedMap, names: Sequence[str] = (), count: int = USUAL) -
     low = (low + high - shape * step) / 2
     if shape.prod() > MOST:
         raise InputError(f"{shape.prod():,} voxels are more than {MOST:,}: take fewer")
-    x, y, z = (a + step * (np.arange(n) + 0.5) for a, n in zip(low, shape, strict=True))
+    x, y, z = _middles(low.tolist(), step, shape.tolist())
     tree, inverse = cKDTree(images), Inverse(checked.analysis)
     reach = _spacing(places, images) + 2 * step
     inside = np.zeros((len(z), len(y), len(x)), dtype=bool)
@@ -86,6 +84,15 @@ def voxels(checked: CheckedMap, names: Sequence[str] = (), count: int = USUAL) -
             rows[name][part] = field.checked_at(local)[:, 0]
     a, b, c = low.tolist()
     return Voxels((a, b, c), step, inside, values)
+
+
+def _middles(
+    low: Sequence[float], step: float, counts: Sequence[int]
+) -> tuple[Array, Array, Array]:
+    """Return the coordinates of the middles of cubes of a box along x, y and z."""
+    edges = zip(low, counts, strict=True)
+    x, y, z = (np.asarray(a + step * (np.arange(n) + 0.5)) for a, n in edges)
+    return x, y, z
 
 
 def _found(
@@ -107,7 +114,7 @@ def _found(
 
 def _spacing(places: Array, images: Array) -> float:
     """Return how far a place may be from the nearest seed: across the largest cell of them."""
-    sizes = [len(np.unique(places[:, d])) for d in range(3)]
+    sizes = [len(distinct(places[:, d])) for d in range(3)]
     grid = images.reshape(*sizes, 3)
     return sum(
         float(np.sqrt((np.diff(grid, axis=d) ** 2).sum(axis=-1)).max()) for d in range(3)

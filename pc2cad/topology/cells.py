@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Final
+from typing import Any, Final, Protocol, TypeVar
 
 #: one position per direction u, v, w
 Cell = tuple[int, int, int]
@@ -159,6 +159,19 @@ def cell_name(cell: Cell, labels: Labels) -> str:
     return SideKey.of(cell, labels).label
 
 
+class _Table(Protocol):
+    """An array of two axes or more."""
+
+    def __getitem__(self, key: Any, /) -> Any:
+        """Return a part of it."""
+
+    def swapaxes(self, first: int, second: int, /) -> Any:
+        """Return it with two axes exchanged."""
+
+
+Table = TypeVar("Table", bound=_Table)
+
+
 @dataclass(frozen=True)
 class Symmetry:
     """One of the 8 symmetries of the unit square: swap s and t first, then reverse s, t."""
@@ -171,6 +184,16 @@ class Symmetry:
     def determinant(self) -> int:
         """+1 for a rotation, -1 for a reflection."""
         return -1 if (self.swap + self.reverse_s + self.reverse_t) % 2 else 1
+
+    def read(self, values: Table) -> Table:
+        """Return values on a grid of the square, (m, n, …), as they are met before the symmetry.
+
+        The grid's lines lie alike from both ends.
+        """
+        met: Table = values[:: -1 if self.reverse_s else 1, :: -1 if self.reverse_t else 1]
+        if self.swap:
+            met = met.swapaxes(0, 1)
+        return met
 
     def __str__(self) -> str:
         """Show where (s, t) goes, for example ``(t, 1-s)``."""
