@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from pc2cad.templates.shipped import bodies_paths, template_paths
+
 HERE = Path(__file__).parent
 #: what may be missing in CI: words of the reason to skip -> why it cannot be installed there
 MAY_BE_MISSING: dict[str, str] = {}
@@ -69,6 +71,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         files = {name.split("::")[0] for name in collected}
         gone = {name for name in slow - collected if name.split("::")[0] in files}
         config.stash[GONE] = sorted(gone)
+
+
+@pytest.hookimpl(specname="pytest_collection_modifyitems", trylast=True)
+def together(items: list[pytest.Item]) -> None:
+    """Put tests of one shipped template one after the other: most processes compile it once."""
+    templates = template_paths() | bodies_paths()
+
+    def template(item: pytest.Item) -> str:
+        given = (
+            item.callspec.params.values()
+            if isinstance(item, pytest.Function) and hasattr(item, "callspec")
+            else ()
+        )
+        named = (getattr(x, "template", x.stem if isinstance(x, Path) else x) for x in given)
+        return next((x for x in named if isinstance(x, str) and x in templates), "~")
+
+    items.sort(key=template)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -9,11 +9,15 @@ no border and shows in the volume only.
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -39,8 +43,6 @@ from pc2cad.verify.defects import StepDefectError
 
 pytestmark = pytest.mark.interop
 
-#: these files are written once, in one process
-together = pytest.mark.xdist_group("files")
 BODIES = bodies_paths()
 PATHS = template_paths() | BODIES
 TEMPLATES = list(PATHS)
@@ -52,43 +54,91 @@ def needs(tool: object, name: str):
     return pytest.mark.skipif(not tool, reason=f"{name} is not installed")
 
 
-def in_mm3(part: Part) -> float:
-    return (
-        part.report.solid.volume
-        * {"mm": 1.0, "cm": 1e3, "m": 1e9, "in": 25.4**3}[part.report.units]
-    )
+@dataclass(frozen=True)
+class Written:
+    """What is known of a part whose files are written; its files are in mm."""
+
+    volume: float
+    volume_mm3: float
+    #: by the kernel's plain rule, which programs on the same kernel take
+    plain_mm3: float
+    solids: int
+    shells: int
+    faces: int
+    #: whether all faces are planes
+    plane: bool
+    #: closed surfaces of the whole boundary, and their genus
+    surfaces: int
+    genus: int
+
+    @classmethod
+    def of(cls, part: Part) -> Written:
+        report, found = part.report, GProp_GProps()
+        BRepGProp.VolumeProperties_s(part.shape, found)
+        unit = {"mm": 1.0, "cm": 1e3, "m": 1e9, "in": 25.4**3}[report.units]
+        bodies = part.exportable().bodies
+        shells, faces = (
+            sum(len(subshapes(body, kind)) for body in bodies)
+            for kind in (TopAbs_SHELL, TopAbs_FACE)
+        )
+        return cls(
+            report.solid.volume, report.solid.volume * unit, found.Mass() * unit, len(bodies),
+            shells, faces, all(face.carrier == "plane" for face in report.faces),
+            report.shells, 1 - report.euler // 2,
+        )  # fmt: skip
 
 
-def plain_mm3(part: Part) -> float:
-    """The volume by the kernel's plain rule, which programs on the same kernel take."""
-    found = GProp_GProps()
-    BRepGProp.VolumeProperties_s(part.shape, found)
-    return found.Mass() * in_mm3(part) / part.report.solid.volume
-
-
-def counts(part: Part) -> tuple[int, int, int]:
-    """The solids, shells and faces that a STEP file of the part holds."""
-    bodies = part.exportable().bodies
-    shells, faces = (
-        sum(len(subshapes(body, kind)) for body in bodies) for kind in (TopAbs_SHELL, TopAbs_FACE)
-    )
-    return len(bodies), shells, faces
+def known(files: Path, template: str) -> Written:
+    return Written(**json.loads((files / f"{template}.json").read_text()))
 
 
 @pytest.fixture(scope="session")
-def files(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("files")
+def files(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Every template as STEP and STL, by what process of the run comes first to each."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base if worker_id == "master" else base.parent) / "files"
+    (folder / "begun").mkdir(parents=True, exist_ok=True)
     for template in TEMPLATES:
-        for ending in (".step", ".stl"):
-            part_of(template).write(folder / f"{template}{ending}")
+        try:
+            (folder / "begun" / template).touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        part = part_of(template)
+        for ending in (".stl", ".step"):
+            whole(folder / f"{template}{ending}", part.write)
+        text = json.dumps(asdict(Written.of(part)))
+        whole(folder / f"{template}.json", lambda path, text=text: path.write_text(text))
+    await_all(folder / f"{template}.json" for template in TEMPLATES)
+    wrong(folder)
+    return folder
+
+
+def whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file that nobody sees before it is finished."""
+    aside = path.with_stem(f"{path.stem}-{os.getpid()}")
+    write(aside)
+    aside.rename(path)
+
+
+def await_all(paths: Iterable[Path]) -> None:
+    end = time.monotonic() + 300
+    for path in paths:
+        while not path.exists():
+            assert time.monotonic() < end, f"nobody has written {path.name}"
+            time.sleep(0.1)
+
+
+def wrong(folder: Path) -> None:
+    """Write files that are torn, or have a pole moved."""
     sound = {name: read_instances(folder / f"{name}.step") for name in ("pyramid_cut", MOVED)}
-    (folder / "torn.step").write_text(without_face(sound["pyramid_cut"]))
     inner = pole(sound[MOVED], 1, 1)  # of w=1
-    (folder / "moved.step").write_text(move(sound[MOVED], inner, 0.05, axis=2))
+    moved = move(sound[MOVED], inner, 0.05, axis=2)
+    for name, text in (("torn", without_face(sound["pyramid_cut"])), ("moved", moved)):
+        whole(folder / f"{name}.step", lambda path, text=text: path.write_text(text))
     data = (folder / "pyramid_cut.stl").read_bytes()
     count = int.from_bytes(data[80:84], "little") - 1
-    (folder / "torn.stl").write_bytes(data[:80] + count.to_bytes(4, "little") + data[84:-50])
-    return folder
+    torn = data[:80] + count.to_bytes(4, "little") + data[84:-50]
+    whole(folder / "torn.stl", lambda path: path.write_bytes(torn))
 
 
 def wrong_at_the_end(files: Path, templates: Sequence[str] = TEMPLATES) -> list[Path]:
@@ -96,18 +146,15 @@ def wrong_at_the_end(files: Path, templates: Sequence[str] = TEMPLATES) -> list[
     return [files / f"{name}.step" for name in (*templates, "torn", "moved")]
 
 
-@together
 @pytest.mark.parametrize("template", template_paths())
 def test_a_reader_without_a_kernel(template, files):
-    part, path = part_of(template), files / f"{template}.step"
-    several = counts(part)[0] > 1
-    found = list(check_solids(path).values()) if several else [check_step(path)]
-    assert sum(one.volume_mm3 for one in found) == pytest.approx(in_mm3(part), rel=1e-9)
+    part, path = known(files, template), files / f"{template}.step"
+    found = list(check_solids(path).values()) if part.solids > 1 else [check_step(path)]
+    assert sum(one.volume_mm3 for one in found) == pytest.approx(part.volume_mm3, rel=1e-9)
     shells, faces = (sum(x) for x in zip(*((o.shells, len(o.faces)) for o in found), strict=True))
-    assert (len(found), shells, faces) == counts(part)
+    assert (len(found), shells, faces) == (part.solids, part.shells, part.faces)
 
 
-@together
 def test_the_reader_without_a_kernel_finds_what_is_wrong(files):
     with pytest.raises(StepDefectError, match="is open"):
         check_step(files / "torn.step")
@@ -115,19 +162,16 @@ def test_the_reader_without_a_kernel_finds_what_is_wrong(files):
         check_step(files / "moved.step")
 
 
-@together
 def test_gmsh_reads_every_template_without_healing(files):
     *found, torn, moved = read_all_in_gmsh(wrong_at_the_end(files))
     assert torn["volumes"] != 1
-    assert moved["volume"] != pytest.approx(plain_mm3(part_of(MOVED)), rel=1e-4)
+    assert moved["volume"] != pytest.approx(known(files, MOVED).plain_mm3, rel=1e-4)
     for template, one in zip(TEMPLATES, found, strict=True):
-        part = part_of(template)
-        solids, _, faces = counts(part)
-        assert (one["volumes"], one["surfaces"]) == (solids, faces), template
-        assert one["volume"] == pytest.approx(plain_mm3(part), rel=1e-9), template
+        part = known(files, template)
+        assert (one["volumes"], one["surfaces"]) == (part.solids, part.faces), template
+        assert one["volume"] == pytest.approx(part.plain_mm3, rel=1e-9), template
 
 
-@together
 @needs(freecad(), "FreeCAD")
 def test_freecad_reads_every_template_as_valid_with_its_strictest_check(files):
     # its check compares all faces with all others, for minutes where they are long tubes, and
@@ -135,30 +179,30 @@ def test_freecad_reads_every_template_as_valid_with_its_strictest_check(files):
     templates = [name for name in TEMPLATES if name not in LONG]
     *found, torn, moved = read_in_freecad(wrong_at_the_end(files, templates), files)
     assert not torn["valid"] or torn["solids"] != 1
-    assert moved["volume"] != pytest.approx(plain_mm3(part_of(MOVED)), rel=1e-4)
+    assert moved["volume"] != pytest.approx(known(files, MOVED).plain_mm3, rel=1e-4)
     for template, one in zip(templates, found, strict=True):
-        part = part_of(template)
+        part = known(files, template)
         assert one["valid"], f"{template}: {one['complaint']}"
-        assert (one["solids"], one["shells"], one["faces"]) == counts(part), template
-        assert one["volume"] == pytest.approx(plain_mm3(part), rel=1e-9), template
+        seen = one["solids"], one["shells"], one["faces"]
+        assert seen == (part.solids, part.shells, part.faces), template
+        assert one["volume"] == pytest.approx(part.plain_mm3, rel=1e-9), template
 
 
-@together
 @needs(find_spec("netgen"), "netgen")
 def test_netgen_reads_every_template_and_meshes_without_healing(files):
     meshed = [files / "pyramid_cut.step", files / "turned_ring.step"]
     *found, torn, moved = read_in_netgen(wrong_at_the_end(files), meshed)
-    assert torn["volume"] != pytest.approx(in_mm3(part_of("pyramid_cut")), rel=1e-3)
-    assert moved["volume"] != pytest.approx(in_mm3(part_of(MOVED)), rel=1e-4)
+    assert torn["volume"] != pytest.approx(known(files, "pyramid_cut").volume_mm3, rel=1e-3)
+    assert moved["volume"] != pytest.approx(known(files, MOVED).volume_mm3, rel=1e-4)
     for template, one in zip(TEMPLATES, found, strict=True):
-        part = part_of(template)
-        solids, _, faces = counts(part)
-        assert (one["solids"], one["faces"]) == (solids, faces), template
-        plane = all(face.carrier == "plane" for face in part.report.faces)
-        assert one["volume"] == pytest.approx(in_mm3(part), rel=1e-12 if plane else 5e-7), template
+        part = known(files, template)
+        assert (one["solids"], one["faces"]) == (part.solids, part.faces), template
+        near = pytest.approx(part.volume_mm3, rel=1e-12 if part.plane else 5e-7)
+        assert one["volume"] == near, template
     flat, ring = (found[TEMPLATES.index(path.stem)] for path in meshed)
-    assert flat["mesh volume"] == pytest.approx(in_mm3(part_of("pyramid_cut")), rel=1e-9)
-    assert ring["mesh volume"] == pytest.approx(in_mm3(part_of("turned_ring")), rel=0.05)
+    whole_of = {path.stem: known(files, path.stem).volume_mm3 for path in meshed}
+    assert flat["mesh volume"] == pytest.approx(whole_of["pyramid_cut"], rel=1e-9)
+    assert ring["mesh volume"] == pytest.approx(whole_of["turned_ring"], rel=0.05)
     assert ring["tetrahedra"] > 20
 
 
@@ -166,17 +210,15 @@ def stls(files: Path) -> list[Path]:
     return [files / f"{template}.stl" for template in TEMPLATES]
 
 
-@together
 def test_trimesh_takes_every_stl_for_a_volume(files):
     for template, path in zip(TEMPLATES, stls(files), strict=True):
         mesh = trimesh.load(path)
         assert mesh.is_volume, template
-        assert mesh.body_count == part_of(template).report.shells, template
-        assert mesh.volume == pytest.approx(part_of(template).report.solid.volume, rel=0.0101)
+        assert mesh.body_count == known(files, template).surfaces, template
+        assert mesh.volume == pytest.approx(known(files, template).volume, rel=0.0101)
     assert not trimesh.load(files / "torn.stl").is_volume
 
 
-@together
 @needs(find_spec("manifold3d"), "manifold3d")
 def test_manifold_accepts_every_stl(files):
     import manifold3d
@@ -192,12 +234,11 @@ def test_manifold_accepts_every_stl(files):
     for template, path in zip(TEMPLATES, stls(files), strict=True):
         solid = manifold(path)
         assert solid.status() == manifold3d.Error.NoError, template
-        assert solid.genus() == 1 - part_of(template).report.euler // 2, template
-        assert solid.volume() == pytest.approx(part_of(template).report.solid.volume, rel=0.0101)
+        assert solid.genus() == known(files, template).genus, template
+        assert solid.volume() == pytest.approx(known(files, template).volume, rel=0.0101)
     assert manifold(files / "torn.stl").status() != manifold3d.Error.NoError
 
 
-@together
 @needs(shutil.which("admesh"), "admesh")
 def test_admesh_has_nothing_to_mend_in_any_stl(files):
     def disconnected(path: Path) -> list[int]:

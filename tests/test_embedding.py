@@ -9,9 +9,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from OCP.BRepCheck import BRepCheck_Analyzer
+from shipped import checked_of
 
 import pc2cad as pc
-from pc2cad.checked import CheckedMap, check_map
+from pc2cad.checked import CheckedMap
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
@@ -38,7 +39,6 @@ from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
 from pc2cad.solidity.injectivity import OverlappingMapError
 from pc2cad.solidity.orientation import find_orientation
 from pc2cad.solidity.solidity import Solidity
-from pc2cad.templates.shipped import template_paths
 
 U, V, W = pc.parameters()
 
@@ -91,7 +91,7 @@ def ring(gap: str):
      "turned_ring"],
 )  # fmt: skip
 def test_templates_are_proved(name):
-    checked = check_map(pc.read_template(template_paths()[name]).bind())
+    checked = checked_of(name)
     found = embed(checked, represent(checked))
     assert found.proved, found.open
     assert found.cells >= 4
@@ -199,7 +199,7 @@ def test_faces_that_lie_on_one_another_are_refused():
 @pytest.mark.slow
 def test_sides_that_algebra_does_not_show_to_coincide_are_bounded():
     """The ends of a figure of eight: a bound of their distance takes the place of the identity."""
-    checked = check_map(pc.read_template(template_paths()["figure_of_eight"]).bind())
+    checked = checked_of("figure_of_eight")
     verdicts = {side.verdict.value for side in checked.analysis.boundary.sides}
     assert verdicts == {"proved", "sampled"}
     found = embed(checked, represent(checked))
@@ -317,7 +317,7 @@ def test_restriction_is_the_polynomial_on_a_part():
 @pytest.mark.parametrize("name", ["ball", "cone", "elbow_pipe", "half_ball", "paraboloid_cap",
                                   "hollow_cylinder", "turned_ring", "torus_wedge"])  # fmt: skip
 def test_sheets_end_in_their_vertices_and_lie_on_the_equation(name):
-    checked = check_map(pc.read_template(template_paths()[name]).bind())
+    checked = checked_of(name)
     model = represent(checked)
     sheets, left = sheets_of(model)
     assert left == []

@@ -25,6 +25,7 @@ from OCP.Geom import (
 from OCP.Geom2d import Geom2d_Line
 from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from scipy.interpolate import BSpline
+from shipped import part_of
 
 import pc2cad as pc
 from pc2cad.bounds.edge_bounds import bound_edge
@@ -93,8 +94,7 @@ MEETINGS = {"common_of_pipes": 6, "cooled_block": 2, "pipe_cross": 16}
 
 @pytest.fixture(scope="module")
 def shipped() -> dict[str, Part]:
-    paths = bodies_paths()
-    return {name: pc.compile_equation(pc.read_template(paths[name]).bind()) for name in MEETINGS}
+    return {name: part_of(name) for name in MEETINGS}
 
 
 @pytest.mark.slow

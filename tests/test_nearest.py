@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from shipped import checked_of
 
-from pc2cad.checked import check_map
 from pc2cad.domain.map import open_grid
 from pc2cad.sampling.interior import locate
-from pc2cad.templates.file import read_template
-from pc2cad.templates.shipped import find_template
 
 SLOW = ("torus", "trefoil", "channel_sine", "duct", "hollow_ball")
 
@@ -20,7 +18,7 @@ SLOW = ("torus", "trefoil", "channel_sine", "duct", "hollow_ball")
     [("spring", 60), *(pytest.param(name, 2000, marks=pytest.mark.slow) for name in SLOW)],
 )
 def test_no_place_of_a_dense_sampling_is_nearer(name: str, count: int) -> None:
-    checked = check_map(read_template(find_template(name)).bind({}))
+    checked = checked_of(name)
     analysis = checked.analysis
     parts = []
     for direction in range(3):

@@ -31,7 +31,7 @@ SOLIDS = {
 every_template = pytest.mark.parametrize("template", SOLIDS)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("files")
 

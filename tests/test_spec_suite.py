@@ -332,7 +332,7 @@ def test_a_ring_whose_ends_meet_askew_is_refused():
 # -- files -----------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("suite")
 

@@ -39,7 +39,7 @@ def write(name: str, path: Path, options: CompileOptions = DEFAULTS, schema: str
     return str(path)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], str]:
     folder = tmp_path_factory.mktemp("true")
     made: dict[str, str] = {}

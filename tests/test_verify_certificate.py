@@ -35,7 +35,7 @@ Case = tuple[dict[str, Any], bytes]
 NAMES = ("bilinear_top", "cone", "ball_wedge")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def cases(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Case]:
     folder, made = tmp_path_factory.mktemp("certified"), dict[str, Case]()
 

@@ -23,7 +23,7 @@ HARMLESS = (("hollow_ball", "vertex by 1e-4"), ("hollow_ball", "all in one direc
 Change = Callable[[str], str | None]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def texts(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[str, PointEquation]]:
     folder, made = tmp_path_factory.mktemp("true"), dict[str, tuple[str, PointEquation]]()
 
