@@ -114,12 +114,26 @@ def path_function(curve: Geom2d_Curve) -> CurveFunction:
         return path_function(curve.BasisCurve())
     if isinstance(curve, Geom2d_Line | Geom2d_Conic):
         return _conic(*conic_terms(curve))
-    if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational():
+    if not isinstance(curve, Geom2d_BSplineCurve):
         raise KernelError(f"no integral is known along a {type(curve).__name__}")
     curve = clamped(curve)
-    poles = np.array([vector(p) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))])
+    places = range(1, curve.NbPoles() + 1)
+    poles = np.array([vector(p) for p in map(curve.Pole, places)])
     knots, degree = flat_knots(curve), curve.Degree()
-    return _spline(knots, poles, degree, spline_jet(knots, poles, degree), 2)
+    if not curve.IsRational():
+        return _spline(knots, poles, degree, spline_jet(knots, poles, degree), 2)
+    # the kernel projects a plane's edges into it, and they may be rational
+    weights = np.array([[curve.Weight(i)] for i in places])
+    poles = np.hstack((poles * weights, weights))
+    homogeneous = spline_jet(knots, poles, degree)
+
+    def jet(t: Array) -> tuple[Array, Array]:
+        value, slope = homogeneous(t)
+        weight = value[:, 2:]
+        point = value[:, :2] / weight
+        return point, (slope[:, :2] - point * slope[:, 2:]) / weight
+
+    return _spline(knots, poles, degree, jet, 2)
 
 
 #: functions and their derivatives

@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
         for sides in s.parting:
             say(f"  {s.parameter}: {sides} coincide, and part as it changes: no solid of one "
                 "piece with the same sides lies beside this value")  # fmt: skip
-    for name, sentence in refused.items():
+    for name, sentence in (_open(found) | refused).items():
         say(f"  {name}: {one_line(sentence)}")
     for one in ranges:
         say(f"\n{one.parameter} = {one.value:.10g} may go (found by search)")
@@ -151,7 +151,14 @@ def _plain(
     for figure in (*FIGURES, "volume_by_flux", "relative_error", "how", "parting"):
         rows[figure] = {s.parameter: getattr(s, figure) for s in found}
         rows[figure] |= dict.fromkeys(refused)
-    return {**rows, "refused": refused}
+    return {**rows, "open": _open(found), "refused": refused}
+
+
+def _open(found: Sequence[Derived]) -> dict[str, str]:
+    """Return why areas have no derivative, by the parameters."""
+    from pc2cad.part.several import BodiesSensitivity
+
+    return {s.parameter: s.open for s in found if isinstance(s, BodiesSensitivity) and s.open}
 
 
 def _table(found: Sequence[Derived], units: str) -> str:

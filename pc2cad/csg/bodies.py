@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from pc2cad.brep.booleans import (
     Kind,
@@ -40,7 +40,7 @@ from pc2cad.export.model import ExportOptions, NamedFace
 from pc2cad.export.step import encode
 from pc2cad.part import Body, Part
 from pc2cad.report import EdgeReport, FaceReport, Integrals, Report, StepReport
-from pc2cad.templates.bodies import Bodies, Operation, Pattern, Tree
+from pc2cad.templates.bodies import Bodies, Pattern, Tree
 from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import SideKey
 
@@ -102,7 +102,7 @@ def join_bodies(
     told = Told(report.name, report.units, report.solid.volume, joining.one)
     part = Part(
         parts, joined.shape.solids[0], faces, report, edges, bodies.about,
-        Joined(cast("Operation | Pattern", made.result), parts, told, joined.shape, report),
+        Joined(made.result, parts, told, joined.shape, report, bodies.placed_at),
     )  # fmt: skip
     encode(part.exportable(), ExportOptions())  # it has to read back as it is
     times["validate"] = time.perf_counter() - start

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pc2cad.brep.booleans import NamedShape, label, moved
 from pc2cad.brep.fragments import Fragment, Fragments, fragments
-from pc2cad.brep.integrals import solid_integrals
+from pc2cad.brep.integrals import faces_of, solid_integrals
 from pc2cad.errors import KernelError
 from pc2cad.mesh.tetrahedra import KernelSolid, NamedSurface
 from pc2cad.part import Body
@@ -21,14 +22,31 @@ from pc2cad.templates.bodies import Pattern, Tree
 from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import SideKey
 
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face, TopoDS_Solid
+
 #: what the regions' volume may be off the part's, of that: the kernel cuts along its own edges
 AGREE = 1e-5
-#: says whether a piece that lies in some bodies is of the result
-_Holds = Callable[[frozenset[str]], bool]
+_none: frozenset[str] = frozenset()
+#: says of which bodies a piece that lies in some is made, in the result; of none: it is not of it
+_Made = Callable[[frozenset[str]], frozenset[str]]
 
 
 class RegionsDisagreeError(KernelError):
     """The pieces of the bodies are not what the part holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A piece of a part."""
+
+    #: of the region that it is in
+    name: str
+    solid: TopoDS_Solid
+    #: the bodies that it is made of: what is cut from others is none of these any more
+    bodies: frozenset[str]
+    #: as they are turned, and the sides that each is a part of
+    faces: tuple[tuple[TopoDS_Face, tuple[SideKey, ...]], ...]
 
 
 @dataclass(frozen=True)
@@ -47,7 +65,7 @@ def regions(result: Tree, parts: Mapping[str, Body], told: Told) -> KernelSolid:
 
     Raises KernelError, RegionsDisagreeError where volumes do not agree.
     """
-    found, pieces, names = _cut(result, parts, told)
+    found, pieces, names, _ = _cut(result, parts, told)
     volumes = {id(piece): solid_integrals(piece.solid).volume for piece in pieces}
     total = sum(volumes.values())
     if not abs(total - told.volume) <= AGREE * told.volume:
@@ -69,27 +87,32 @@ def regions(result: Tree, parts: Mapping[str, Body], told: Told) -> KernelSolid:
     )  # fmt: skip
 
 
-def pieces_of(result: Tree, parts: Mapping[str, Body], told: Told) -> list[tuple[str, Fragment]]:
-    """Return the pieces of a part with the names of their regions; raise KernelError."""
-    _, pieces, names = _cut(result, parts, told)
-    return [(names[id(piece)], piece) for piece in pieces]
+def pieces_of(result: Tree, parts: Mapping[str, Body], told: Told) -> list[Piece]:
+    """Return the pieces of a part; raise KernelError."""
+    found, pieces, names, made = _cut(result, parts, told)
+    rows = []
+    for piece in pieces:
+        keys = (found.faces[index][1] for index in piece.faces)
+        faces = tuple(zip(faces_of(piece.solid), keys, strict=True))
+        rows.append(Piece(names[id(piece)], piece.solid, made(piece.bodies), faces))
+    return rows
 
 
 def _cut(
     result: Tree, parts: Mapping[str, Body], told: Told
-) -> tuple[Fragments, list[Fragment], dict[int, str]]:
+) -> tuple[Fragments, list[Fragment], dict[int, str], _Made]:
     """Return the bodies cut along one another, the pieces of the result, and their names."""
     bodies: dict[str, NamedShape] = {}
-    holds = _placed(result, parts, Placement(np.eye(3), np.zeros(3)), "", bodies)
+    made = _placed(result, parts, Placement(np.eye(3), np.zeros(3)), "", bodies)
     found = fragments(bodies, told.one)
-    pieces = [piece for piece in found.pieces if holds(piece.bodies)]
+    pieces = [piece for piece in found.pieces if made(piece.bodies)]
     order = list(bodies)
-    return found, pieces, {id(piece): _name(piece.bodies, order) for piece in pieces}
+    return found, pieces, {id(piece): _name(piece.bodies, order) for piece in pieces}, made
 
 
 def _placed(
     tree: Tree, parts: Mapping[str, Body], place: Placement, mark: str, into: dict[str, NamedShape]
-) -> _Holds:
+) -> _Made:
     """Put the bodies of a tree where they lie; return what says which pieces are of the result."""
     if isinstance(tree, str):
         name = f"{tree}{mark}"
@@ -100,19 +123,23 @@ def _placed(
             ),
         )
         into[name] = moved(shape, place.turn, place.offset, mark) if mark else shape
-        return lambda bodies: name in bodies
+        return lambda bodies: bodies & {name}
     if isinstance(tree, Pattern):
         inner = [
             _placed(tree.operand, parts, place.after(copy), f"[{k}]{mark}", into)
             for k, copy in enumerate(tree.copies)
         ]
-        return lambda bodies: any(holds(bodies) for holds in inner)
+        return lambda bodies: _none.union(*(made(bodies) for made in inner))
     first, *others = (_placed(operand, parts, place, mark, into) for operand in tree.operands)
     if tree.kind == "union":
-        return lambda bodies: first(bodies) or any(holds(bodies) for holds in others)
+        return lambda bodies: first(bodies).union(*(made(bodies) for made in others))
     if tree.kind == "intersect":
-        return lambda bodies: first(bodies) and all(holds(bodies) for holds in others)
-    return lambda bodies: first(bodies) and not any(holds(bodies) for holds in others)
+        return lambda bodies: _all([first(bodies), *(made(bodies) for made in others)])
+    return lambda bodies: _none if any(made(bodies) for made in others) else first(bodies)
+
+
+def _all(made: list[frozenset[str]]) -> frozenset[str]:
+    return _none.union(*made) if all(made) else _none
 
 
 def _name(bodies: frozenset[str], order: list[str]) -> str:

@@ -12,16 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.brep.booleans import NamedShape
-from pc2cad.brep.forms import PAIRS, Form
+from pc2cad.brep.forms import PAIRS
 from pc2cad.brep.inspect import bounding_box
-from pc2cad.brep.integrals import face_integrals, second_moments, solid_integrals
-from pc2cad.csg.regions import Told, pieces_of, regions
-from pc2cad.domain.velocity import NotDifferentiableError, velocity
+from pc2cad.brep.integrals import face_integrals, faces_of, second_moments, solid_integrals
+from pc2cad.csg.moving import COLUMNS, Moving, NoAngleError
+from pc2cad.csg.regions import Piece, Told, pieces_of, regions
+from pc2cad.domain.velocity import NotDifferentiableError
 from pc2cad.equation.fields import DENSITY
 from pc2cad.errors import InputError
 from pc2cad.integrals.inertia import Mass, joined, made, weighed_by
@@ -29,9 +32,15 @@ from pc2cad.mesh.tetrahedra import KernelSolid
 from pc2cad.part import Body
 from pc2cad.part.several import BodiesSensitivity
 from pc2cad.report import Report
-from pc2cad.sampling.on_sides import SidePlaces
-from pc2cad.templates.bodies import Operation, Pattern
+from pc2cad.templates.bodies import Tree
 from pc2cad.topology.cells import SideKey
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face
+
+    #: a face as it is turned, and the sides that it is a part of
+    NamedFace = tuple[TopoDS_Face, tuple[SideKey, ...]]
+
 
 SOURCE = "B-rep (divergence theorem)"
 HOW = "flux of the derivative of the equations"
@@ -41,11 +50,13 @@ HOW = "flux of the derivative of the equations"
 class Joined:
     """The result of several bodies: see `Several`."""
 
-    result: Operation | Pattern
+    result: Tree
     parts: Mapping[str, Body]
     told: Told
     shape: NamedShape
     report: Report
+    #: see Bodies.placed_at
+    placed_at: Callable[[str, Fraction], Tree]
 
     def regions(self) -> KernelSolid:
         """See Several.regions."""
@@ -86,17 +97,11 @@ class Joined:
 
     def _by_pieces(self, given: Mapping[str, float]) -> Mass:
         found: dict[str, list[Mass]] = {}
-        for name, piece in pieces_of(self.result, self.parts, self.told):
-            own = {body: given[body.partition("[")[0]] for body in sorted(piece.bodies)}
-            if len({*own.values()}) > 1:
-                raise InputError(
-                    f"{' and '.join(own)} overlap, and their densities differ: cut one of them "
-                    "from the other in the result, or give them the same"
-                )
-            whole, rho = solid_integrals(piece.solid), next(iter(own.values()))
+        for piece in pieces_of(self.result, self.parts, self.told):
+            whole, rho = solid_integrals(piece.solid), _told_by(given, piece)
             values = second_moments(piece.solid, np.array(whole.centroid))
             error = self._error(float(np.trace(values)))
-            found.setdefault(name, []).append(
+            found.setdefault(piece.name, []).append(
                 made(rho * whole.volume, whole.centroid, rho * values, error, SOURCE, rho)
             )
         layers = {name: _one(rows) for name, rows in found.items()}
@@ -106,29 +111,62 @@ class Joined:
 
     def sensitivity(self, name: str, density: float | Mapping[str, float]) -> BodiesSensitivity:
         """See Several.sensitivity; raise InputError, NotDifferentiableError."""
+        moving = Moving(self.result, self.parts, self.placed_at, name)
+        mass, whole = self.mass(density), self.report.solid
+        centre = np.array(mass.centroid)
+        # the solid's own faces: those that are kept by name may be turned the other way
+        turned = faces_of(self.shape.solids[0])
+        faces = [(f, keys) for f, (_, keys) in zip(turned, self.shape.faces, strict=True)]
+        total = self._flux(faces, moving, centre)
         if isinstance(density, Mapping):
-            raise InputError("of several bodies, figures are derived for one density")
-        rho, whole = weighed_by(density), self.report.solid
-        centre = np.array(whole.centroid)
-        moving = {body: _Moving(part, name, centre) for body, part in self.parts.items()}
-        doubt = max(one.doubt for one in moving.values())
-        total = np.zeros(10)
-        for face, keys in self.shape.faces:
-            forms = [moving[_body(key, name)].form(key) for key in keys]
-            rows = [np.zeros(10) if f is None else face_integrals(face, centre, f)[5:]
-                    for f in forms]  # fmt: skip
-            _check_together(rows, keys, name)
-            total += rows[0]
+            given, weighed = _checked(density, self.parts, self.report.name), np.zeros(COLUMNS)
+            for piece in pieces_of(self.result, self.parts, self.told):
+                weighed += _told_by(given, piece) * self._flux(piece.faces, moving, centre)
+        else:
+            weighed = weighed_by(density) * total
         second = np.empty((3, 3))
-        for (i, j), value in zip(PAIRS, rho * total[4:], strict=True):
+        for (i, j), value in zip(PAIRS, weighed[4:10], strict=True):
             second[i, j] = second[j, i] = value
-        x, y, z = (total[1:4] / whole.volume).tolist()
+        way = np.subtract(whole.centroid, centre)
+        x, y, z = ((total[1:4] - way * total[0]) / whole.volume).tolist()
         a, b, c = (np.trace(second) * np.eye(3) - second).tolist()
-        volume = float(total[0])
+        volume, open_ = float(total[0]), ""
+        try:
+            area: float | None = float(total[10]) + moving.edges(self.shape)
+        except NoAngleError as error:
+            area, open_ = None, str(error)
         return BodiesSensitivity(
-            name, next(iter(moving.values())).value, volume, (x, y, z), rho * volume,
-            (tuple(a), tuple(b), tuple(c)), volume, max(whole.relative_error or 0.0, doubt), HOW,
+            name, moving.value, volume, area, (x, y, z), float(weighed[0]),
+            (tuple(a), tuple(b), tuple(c)), volume,
+            max(whole.relative_error or 0.0, moving.doubt), HOW, open_,
         )  # fmt: skip
+
+    def _flux(
+        self,
+        faces: Sequence[tuple[TopoDS_Face, tuple[SideKey, ...]]],
+        moving: Moving,
+        centre: Array,
+    ) -> Array:
+        """Return the integrals of `Moving.form` over faces."""
+        total = np.zeros(COLUMNS)
+        for face, keys in faces:
+            forms = [moving.form(key, centre) for key in keys]
+            rows = [np.zeros(COLUMNS) if f is None else face_integrals(face, centre, f)[5:]
+                    for f in forms]  # fmt: skip
+            _check_together(rows, keys, moving.name)
+            total += rows[0]
+        return total
+
+
+def _told_by(given: Mapping[str, float], piece: Piece) -> float:
+    """Return the density of a piece; raise InputError where bodies overlap that differ."""
+    own = {body: given[body.partition("[")[0]] for body in sorted(piece.bodies)}
+    if len({*own.values()}) > 1:
+        raise InputError(
+            f"{' and '.join(own)} overlap, and their densities differ: cut one of them "
+            "from the other in the result, or give them the same"
+        )
+    return next(iter(own.values()))
 
 
 def _one(rows: Sequence[Mass]) -> Mass:
@@ -149,59 +187,12 @@ def _checked(given: Mapping[str, float], parts: Mapping[str, Body], name: str) -
     return {body: weighed_by(value) for body, value in given.items()}
 
 
-def _body(key: SideKey, name: str) -> str:
-    if "[" in key.body:
-        raise NotDifferentiableError(
-            f"there is no derivative with respect to {name}: how copies move with a parameter is "
-            "not derived; ask one body (--body)"
-        )
-    return key.body
-
-
 def _check_together(rows: Sequence[Array], keys: Sequence[SideKey], name: str) -> None:
     """Raise NotDifferentiableError where sides that coincide part as the parameter changes."""
+    # how they move along themselves may differ, and so may the last column
     for row in rows[1:]:
-        if not np.allclose(row, rows[0], rtol=1e-6, atol=1e-9 * np.abs(row).max()):
+        if not np.allclose(row[:10], rows[0][:10], rtol=1e-6, atol=1e-9 * np.abs(row).max()):
             raise NotDifferentiableError(
                 f"there is no derivative with respect to {name}: "
                 f"{' and '.join(key.label for key in keys)} coincide, and part as it changes"
             )
-
-
-class _Moving:
-    """One body as a parameter changes, its moments taken about one place."""
-
-    def __init__(self, body: Body, name: str, centre: Array) -> None:
-        self._body, self._centre = body, centre
-        variation = body.equation.variation(name)
-        self.value = variation.value
-        self._velocity = velocity(body.checked.analysis, variation)
-        look = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
-        speed = self._velocity.frame(*np.ix_(look, look, look))[0]
-        #: of its fastest point
-        self._rate = float(np.nanmax(np.abs(speed), initial=0.0))
-        self.doubt = self._velocity.doubt() if self._rate else 0.0
-        self._forms: dict[SideKey, Form] = {}
-
-    def form(self, key: SideKey) -> Form | None:
-        """Return V·n and its first and second moments on a side; None: the body stays."""
-        if not self._rate:
-            return None
-        if key not in self._forms:
-            self._forms[key] = Form(
-                self._through(key),
-                lambda reach: self._rate * np.repeat([1.0, reach, reach * reach], [1, 3, 6]),
-            )
-        return self._forms[key]
-
-    def _through(self, key: SideKey) -> Callable[[Array, Array], Array]:
-        places = SidePlaces(self._body.checked.analysis, self._body.patches(key))
-
-        def columns(points: Array, normals: Array) -> Array:
-            local = places(points + self._centre)
-            speed = self._velocity.frame(*local.T)[0]
-            second = [points[:, i] * points[:, j] for i, j in PAIRS]
-            moments = np.column_stack((np.ones(len(points)), points, *second))
-            return np.asarray((speed * normals).sum(axis=1)[:, None] * moments)
-
-        return columns

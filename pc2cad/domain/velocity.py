@@ -33,6 +33,8 @@ DIFFERENCES: Final = "difference of order 8 of the equation"
 #: weights of the central difference of order 8 at the distances h, 2h, 3h and 4h, and of order 6
 _EIGHTH: Final = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 _SIXTH: Final = (3 / 4, -3 / 20, 1 / 60)
+#: where a difference is taken, in steps
+STEPS: Final = (1, -1, 2, -2, 3, -3, 4, -4)
 #: share of the part's size that a step of the difference moves its fastest point by
 STEP: Final = 0.01
 #: doubt at which no shorter step is tried
@@ -79,7 +81,7 @@ class SymbolicVelocity:
 class DifferenceVelocity:
     """The central difference of M at p ± h, … p ± 4h."""
 
-    #: at p + h, p - h, p + 2h, …
+    #: at the places of `STEPS`
     maps: tuple[Mapping3, ...]
     step: float
     how: str = DIFFERENCES
@@ -87,19 +89,24 @@ class DifferenceVelocity:
     def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         """See Velocity.frame."""
         frames = [mapping.frame(u, v, w) for mapping in self.maps]
-        return [self._combined(_EIGHTH, [frame[k] for frame in frames]) for k in range(4)]
+        return [difference([frame[k] for frame in frames], self.step)[0] for k in range(4)]
 
     def doubt(self) -> float:
         """See Velocity.doubt: what the difference of order 6 leaves."""
         at = np.ix_(_LOOK, _LOOK, _LOOK)
         points = [mapping.points(*at) for mapping in self.maps]
-        fine, coarse = self._combined(_EIGHTH, points), self._combined(_SIXTH, points)
+        fine, coarse = difference(points, self.step)
         return float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
 
-    def _combined(self, weights: Sequence[float], values: Sequence[Array]) -> Array:
+
+def difference(values: Sequence[Array], step: float) -> tuple[Array, Array]:
+    """Return the central differences of orders 8 and 6 of values at the places of `STEPS`."""
+    found = []
+    for weights in (_EIGHTH, _SIXTH):
         pairs = zip(weights, values[::2], values[1::2], strict=False)
         total = sum((c * (ahead - behind) for c, ahead, behind in pairs), np.zeros(1))
-        return np.asarray(total / self.step)
+        found.append(np.asarray(total / step))
+    return found[0], found[1]
 
 
 def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | DifferenceVelocity:
@@ -135,7 +142,7 @@ def _check_breaks(analysis: Analysis, variation: Variation, step: Fraction) -> N
 
 
 def _differences(analysis: Analysis, variation: Variation, step: Fraction) -> DifferenceVelocity:
-    places = [_at(variation, k * step) for k in (1, -1, 2, -2, 3, -3, 4, -4)]
+    places = [_at(variation, k * step) for k in STEPS]
     maps = [_local(analysis, _over_the_box(equation)) for equation in places]
     return DifferenceVelocity(tuple(maps), float(step))
 

@@ -111,8 +111,8 @@ class Part(OfOneEquation):
 
             part.sensitivity("r").volume            # mm^3 per unit of r
 
-        Of several bodies without that of the area. Raises InputError for a name of no parameter,
-        and NotDifferentiableError.
+        Of several bodies that of the area may be None (see `BodiesSensitivity`). Raises InputError
+        for a name of no parameter, and NotDifferentiableError.
         """
         if self.several is not None:
             return self.several.sensitivity(name, density)

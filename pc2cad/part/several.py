@@ -16,13 +16,15 @@ if TYPE_CHECKING:
 class BodiesSensitivity:
     """d/dp of the figures of a solid of several bodies, in their units per unit of the parameter.
 
-    From the flux of ∂M/∂p of each body through what is left of its sides; that of the area is not
-    known, for it goes with the edges where bodies meet.
+    From the flux of ∂M/∂p of each body through what is left of its sides; that of the area from
+    how these spread, and how the edges where bodies meet move.
     """
 
     parameter: str
     value: float
     volume: float
+    #: None: bodies touch along an edge without an angle, and part there
+    area: float | None
     centroid: Vector
     mass: float
     inertia: tuple[Vector, Vector, Vector]
@@ -30,7 +32,8 @@ class BodiesSensitivity:
     #: estimate: what the solid's own volume may be off
     relative_error: float
     how: str
-    area: None = None
+    #: why there is no derivative of the area, if there is none
+    open: str = ""
     parting: tuple[str, ...] = ()
 
 

@@ -15,6 +15,8 @@ from pc2cad.topology.cells import Cell, directions_of, normal_direction
 #: points along each direction of a patch from which the search begins
 _SEEDS = 65
 _STEPS = 12
+#: share of a side's extent that two places of one are apart
+ONE = 1e-9
 
 
 class SidePlaces:
@@ -39,9 +41,12 @@ class _Patch:
         self._map, self._free = analysis.map, directions_of(patch)
         spans = [analysis.span(d, patch[d]) for d in range(3)]
         self._low, self._high = (np.array([span[k] for span in spans]) for k in (0, 1))
-        rows = [np.linspace(a, b, _SEEDS) for a, b in spans]
+        # middles of cells: of seeds on a seam or at a pole several are one place
+        shares = (np.arange(_SEEDS) + 0.5) / _SEEDS
+        rows = [a + (b - a) * shares for a, b in spans]
         d = normal_direction(patch)
-        rows[d] = rows[d][:1]
+        rows[d] = self._low[d : d + 1]
+        self._closed = np.array([self._closes(rows, k) for k in range(3)])
         grid = np.broadcast_arrays(*open_grid(*rows))
         self._seeds = np.stack([g.ravel() for g in grid], axis=1)
         self._tree = cKDTree(self._map.points(*self._seeds.T))
@@ -64,10 +69,26 @@ class _Patch:
             moved = places.copy()
             moved[:, s] += ds
             moved[:, t] += dt
-            moved = np.clip(moved, self._low, self._high)
+            moved = self._inside(moved)
             nearer = ((self._map.points(*moved.T) - points) ** 2).sum(axis=1)
             better = nearer <= (gap * gap).sum(axis=1)
             places[better] = moved[better]
             if not better.any() or np.abs(ds[better]).max() + np.abs(dt[better]).max() < 1e-14:
                 break
         return places
+
+    def _closes(self, rows: list[Array], k: int) -> bool:
+        """Say whether the patch comes back to itself along a direction."""
+        if k not in self._free:
+            return False
+        low, high = (
+            self._map.points(*np.ix_(*rows[:k], end[k : k + 1], *rows[k + 1 :]))
+            for end in (self._low, self._high)
+        )
+        return bool(np.abs(low - high).max() <= ONE * max(np.ptp(low.reshape(-1, 3), axis=0)))
+
+    def _inside(self, places: Array) -> Array:
+        width = np.where(self._closed, self._high - self._low, 1.0)
+        turns = np.floor((places - self._low) / width)
+        wrapped = np.where(self._closed, places - turns * width, places)
+        return np.asarray(np.clip(wrapped, self._low, self._high))

@@ -6,8 +6,9 @@ of [let] of the file are common to all.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import partial
 from typing import Any, Final, Literal, cast
 
@@ -23,6 +24,7 @@ from pc2cad.equation.syntax import (
 )
 from pc2cad.errors import InputError
 from pc2cad.expression.tree import Expr
+from pc2cad.expression.tree import number as as_number
 from pc2cad.templates.patterns import PATTERNS, Placement, check_operands, placements
 from pc2cad.templates.reader import TABLES, TEXTS, Reader, read_tables
 from pc2cad.templates.tables import Tables, shown
@@ -82,6 +84,8 @@ class Bodies:
     units: str
     parameters: Mapping[str, float]
     expectations: Expectations
+    #: the result with the places of its copies, at another value of one parameter
+    placed_at: Callable[[str, Fraction], Tree] = field(repr=False, compare=False)
 
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value:g}" for name, value in self.parameters.items())
@@ -125,8 +129,15 @@ class BodiesTemplate(Header):
         except InputError as error:
             raise TemplateError(f"{self.name}: result: {error}") from error
         return Bodies(
-            equations, result, self.name, self.title, self.about, self.units, given, expected
-        )
+            equations, result, self.name, self.title, self.about, self.units, given, expected,
+            partial(self._placed_at, bound, moved),
+        )  # fmt: skip
+
+    def _placed_at(
+        self, bound: Mapping[str, Expr], moved: Mapping[str, Moved], name: str, value: Fraction
+    ) -> Tree:
+        there = {**bound, name: as_number(value)}
+        return _placed(self.result, self._expected(there, moved)["names"])
 
 
 def read_bodies(name: str, file: str, data: dict[str, Any]) -> BodiesTemplate:
