@@ -190,7 +190,7 @@ def test_pipes_at_any_angle_and_of_any_size(turn, rise, radius, scale, moved):
 
 
 @pytest.mark.slow
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     turn=tenths(-10, 10), rise=tenths(-6, 6), radius=tenths(2, 8), wave=tenths(1, 4),
     scale=st.sampled_from([1.0, 30.0, 1e4]),
@@ -321,12 +321,11 @@ def test_arcs_of_a_rational_face_make_no_crease():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tolerance", [None, 1e-4])
-def test_a_wavy_tube_through_a_wavy_slab(tolerance):
+def test_a_wavy_tube_through_a_wavy_slab():
     """Both are splines, and both equations are known without their parameters."""
     slab = ("4*(u - 1/2)", "4*(v - 1/2)", "0.3*sin(3*u)*cos(4*v) + w")
     bore = ("0.3 + 0.5*w*cos(2*pi*v) + 0.2*sin(u)", "0.5*w*sin(2*pi*v)", "u", "u = [-3, 3]")
-    part = compiled("cut(slab, bore)", tolerance, slab=slab, bore=bore)
+    part = compiled("cut(slab, bore)", slab=slab, bore=bore)
 
     def height(points: Array, level: float) -> tuple[Array, Array]:
         x, y, z = points.T

@@ -234,7 +234,7 @@ def test_small_perturbations_are_built_exactly(brick):
 
 
 @pytest.mark.slow
-@few(40)
+@few(20)
 @given(bricks())
 def test_many_small_perturbations_are_built_exactly(brick):
     check_brick(brick)
@@ -270,7 +270,7 @@ def test_larger_perturbations_are_right_or_refused(brick):
 
 
 @pytest.mark.slow
-@few(20)
+@few(12)
 @given(bricks(most=24))
 def test_many_larger_perturbations_are_right_or_refused(brick):
     check_proved_or_refused(brick)
@@ -290,7 +290,7 @@ def test_area_of_a_side_that_is_nearly_flat_in_a_corner_keeps_its_digits():
 
 
 @pytest.mark.slow
-@few(15)
+@few(8)
 @given(bricks(most=80))
 def test_wild_perturbations_are_right_or_refused(brick):
     check_proved_or_refused(brick)
@@ -373,21 +373,21 @@ def test_smooth_change_of_one_parameter(change, brick, direction):
 
 
 @pytest.mark.slow
-@few(10)
+@few(6)
 @given(bricks(), st.sampled_from(sorted(CHANGES)), st.integers(0, 2))
 def test_smooth_change_of_one_parameter_often(brick, change, direction):
     check_reparametrised(brick, change, direction)
 
 
 @pytest.mark.slow
-@few(15)
+@few(8)
 @given(bricks(), matrices, offsets)
 def test_affine_images_often(brick, matrix, offset):
     check_affine(brick, matrix, offset)
 
 
 @pytest.mark.slow
-@few(15)
+@few(8)
 @given(bricks(), orders, turns)
 def test_permuted_and_reversed_parameters_often(brick, order, turned):
     check_renamed(brick, order, turned)
@@ -426,7 +426,7 @@ def test_folds_are_refused(brick):
 
 
 @pytest.mark.slow
-@few(15)
+@few(8)
 @given(folded_bricks())
 def test_many_folds_are_refused(brick):
     check_folded(brick)
