@@ -15,6 +15,7 @@ from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.brep.forms import FLUX, Form
+from pc2cad.brep.spline_numbers import curve_numbers, surface_numbers
 from pc2cad.errors import KernelError
 from pc2cad.geometry.splines.spline_basis import (
     SparseRows,
@@ -107,12 +108,17 @@ def clamped(spline: _Spline) -> _Spline:
 def read_curve(curve: Geom_BSplineCurve, origin: Array) -> SplineCurveData:
     """Return a kernel spline curve relative to `origin`."""
     curve = clamped(curve)
-    count = curve.NbPoles()
-    poles = np.array([curve.Pole(i + 1).Coord() for i in range(count)]) - origin
-    if curve.IsRational():
-        weights = np.array([[curve.Weight(i)] for i in range(1, count + 1)])
-        poles = np.hstack((poles * weights, weights))
-    return SplineCurveData(poles, flat_knots(curve), curve.Degree())
+    poles, knots = curve_numbers(curve)
+    return SplineCurveData(_homogeneous(poles, origin), knots, curve.Degree())
+
+
+def _homogeneous(poles: Array, origin: Array) -> Array:
+    """Return poles relative to `origin`, times their weights where they have some."""
+    places = poles[..., :3] - origin
+    if poles.shape[-1] == 3:
+        return places
+    weights = poles[..., 3:]
+    return np.concatenate((places * weights, weights), axis=-1)
 
 
 def flat_knots(curve: Geom_BSplineCurve | Geom2d_BSplineCurve) -> Array:
@@ -131,21 +137,9 @@ def spline_flux(
 def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -> Patch:
     """Return a kernel spline surface relative to `origin`, its normal turned by `sign`."""
     surface = clamped(surface)
-    rows, columns = surface.NbUPoles(), surface.NbVPoles()
-    rational = surface.IsURational() or surface.IsVRational()
-    poles = np.empty((rows, columns, 4 if rational else 3))
-    places = [[surface.Pole(i + 1, j + 1).Coord() for j in range(columns)] for i in range(rows)]
-    poles[..., :3] = np.array(places) - origin
-    if rational:
-        for i in range(rows):
-            for j in range(columns):
-                poles[i, j, 3] = surface.Weight(i + 1, j + 1)
-        poles[..., :3] *= poles[..., 3:]
-    u = np.repeat([surface.UKnot(i + 1) for i in range(surface.NbUKnots())],
-                    [surface.UMultiplicity(i + 1) for i in range(surface.NbUKnots())])  # fmt: skip
-    v = np.repeat([surface.VKnot(i + 1) for i in range(surface.NbVKnots())],
-                    [surface.VMultiplicity(i + 1) for i in range(surface.NbVKnots())])  # fmt: skip
-    return Patch(poles, (u, v), (surface.UDegree(), surface.VDegree()), sign)
+    poles, u, v = surface_numbers(surface)
+    degrees = surface.UDegree(), surface.VDegree()
+    return Patch(_homogeneous(poles, origin), (u, v), degrees, sign)
 
 
 #: exact forms have few pieces (a full turn has 4)

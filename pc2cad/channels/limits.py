@@ -120,7 +120,7 @@ class _Channel:
         axes = list(self._axes)
         for _ in range(ZOOMS):
             u, v, w = np.ix_(*axes)
-            values = np.broadcast_to(field(u, v, w), (u.size, v.size, w.size))
+            values = field(u, v, w)
             values = np.where(np.isfinite(values), values, np.inf)
             index = [int(i) for i in np.unravel_index(int(np.argmin(values)), values.shape)]
             place = tuple(float(axis[i]) for axis, i in zip(axes, index, strict=True))
@@ -164,10 +164,9 @@ class _Channel:
             return None  # the section is filled: its inner side is the guide
 
         def distance(u: Array, v: Array, w: Array) -> Array:
-            first, last = (
-                self._vectors(self._offset, u, v, ends[..., k : k + 1])[0]
-                for k in (inner, 1 - inner)
-            )
+            (q,) = self._vectors(self._offset, u, v, ends)
+            both = [np.broadcast_to(x, np.broadcast_shapes(x.shape, (1, 1, 2))) for x in q]
+            first, last = ([x[..., k : k + 1] for x in both] for k in (inner, 1 - inner))
             return _product(first, last) / _length(last)
 
         value, place = self._smallest(distance)

@@ -46,10 +46,10 @@ class _Side:
         """Return points (places, across, 3)."""
         return self._ordered(self.mapping.points(*self._grid(places, across)))
 
-    def tangents(self, places: Array, across: Array = _ACROSS) -> Array:
-        """Return derivatives along the direction that is followed; shape as points."""
-        (found,) = self.mapping.tangents((self.along,), *self._grid(places, across))
-        return self._ordered(found)
+    def line(self, places: Array, across: Array) -> tuple[Array, Array]:
+        """Return points and derivatives along the direction that is followed; shapes as points."""
+        points, slopes = self.mapping.line(self.along, *self._grid(places, across))
+        return self._ordered(points), self._ordered(slopes)
 
     def _grid(self, places: Array, across: Array) -> list[Array]:
         grid = [np.array([self.limit])] * 3
@@ -78,7 +78,7 @@ def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[
             for turned in (False, True):
                 there = others[:, ::-1] if turned else others
                 if _alike(points, there):
-                    found[along].update(_cuts(first, second, turned, scale))
+                    found[along].update(_cuts(first, second, there, turned, scale))
     return found
 
 
@@ -126,12 +126,15 @@ def _alike(first: Array, second: Array) -> bool:
     return bool(apart <= _ALIKE * extent)
 
 
-def _cuts(first: _Side, second: _Side, turned: bool, scale: Scale) -> set[Fraction]:
-    """Return where a direction has to be cut for two sides (or one) to coincide cell by cell."""
+def _cuts(first: _Side, second: _Side, there: Array, turned: bool, scale: Scale) -> set[Fraction]:
+    """Return where a direction has to be cut for two sides (or one) to coincide cell by cell.
+
+    `there` are the uniform points of the second one.
+    """
     across = _ACROSS[::-1] if turned else _ACROSS
     points, own = first(_TRIED), first == second
     found: set[Fraction] = set()
-    for place in _meeting(points[0], second, across, scale):
+    for place in _meeting(points[0], second, there, across, scale):
         for reverse in (False, True):
             shift = (place + _TRIED[0] if reverse else place - _TRIED[0]) % 1
             part = Fraction(shift).limit_denominator(MOST_PARTS) % 1
@@ -152,16 +155,21 @@ def _cuts(first: _Side, second: _Side, turned: bool, scale: Scale) -> set[Fracti
     return {place for place in found if 0 < place < 1}
 
 
-def _meeting(point: Array, side: _Side, across: Array, scale: Scale) -> Sequence[float]:
+def _meeting(
+    point: Array, side: _Side, there: Array, across: Array, scale: Scale
+) -> Sequence[float]:
     """Return the places along a side at which it goes through the two points (2, 3) of another."""
-    places = _uniform()
-    away = np.linalg.norm(side(places, across) - point, axis=-1).max(axis=1)
+    away = np.linalg.norm(there - point, axis=-1).max(axis=1)
     lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1))
-    at = places[lowest]
+    at = _uniform()[lowest]
     for _ in range(_STEPS):
-        rest, slope = side(at, across) - point, side.tangents(at, across)
+        points, slope = side.line(at, across)
+        rest = points - point
         with np.errstate(all="ignore"):
             step = (rest * slope).sum(axis=(1, 2)) / (slope * slope).sum(axis=(1, 2))
-        at = np.where(np.isfinite(step), (at - np.clip(step, -0.01, 0.01)) % 1, at)
+        moved = np.where(np.isfinite(step), (at - np.clip(step, -0.01, 0.01)) % 1, at)
+        if np.array_equal(moved, at):
+            break
+        at = moved
     left = np.abs(side(at, across) - point).max(axis=(1, 2))
     return [float(x) for x in at[left <= _LEFT * scale.same_point]]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -34,14 +35,26 @@ from pc2cad.expression.tree import Expr, operands, program
 class IntervalProgram:
     """Straight-line program that encloses some trees; every common sub-tree is worked out once."""
 
-    def __init__(self, roots: tuple[Expr, ...]) -> None:
+    def __init__(
+        self, roots: tuple[Expr, ...], fixed: Mapping[str, Interval] = MappingProxyType({})
+    ) -> None:
+        """Take the trees; what depends on symbols that are `fixed` alone is worked out now."""
         nodes = program(roots)
         index = {node: i for i, node in enumerate(nodes)}
-        self._nodes = [(node, tuple(index[arg] for arg in operands(node))) for node in nodes]
         self._outputs = tuple(index[root] for root in roots)
-        last = {index[arg]: i for i, node in enumerate(nodes) for arg in operands(node)}
+        self._fixed: list[Any] = [None] * len(nodes)
+        #: where a result goes, its node, and where its operands are
+        self._steps: list[tuple[int, Expr, tuple[int, ...]]] = []
+        with np.errstate(all="ignore"):
+            for i, node in enumerate(nodes):
+                before = tuple([index[arg] for arg in operands(node)])
+                if not node.symbols or node.symbols <= fixed.keys():
+                    self._fixed[i] = enclose(node, tuple([self._fixed[k] for k in before]), fixed)
+                else:
+                    self._steps.append((i, node, before))
+        last = {k: i for i, _, before in self._steps for k in before if self._fixed[k] is None}
         kept = set(self._outputs)
-        self._frees: list[list[int]] = [[] for _ in nodes]
+        self._frees: dict[int, list[int]] = {i: [] for i, _, _ in self._steps}
         for i, use in last.items():
             if i not in kept:
                 self._frees[use].append(i)
@@ -49,17 +62,17 @@ class IntervalProgram:
     @property
     def size(self) -> int:
         """Number of operations."""
-        return len(self._nodes)
+        return len(self._fixed)
 
     def __call__(self, boxes: Mapping[str, Interval]) -> tuple[Interval, ...]:
         """Enclose all trees over boxes given by one interval (of arrays) per symbol.
 
         Results have the broadcast shape of the symbols that each tree depends on.
         """
-        store: list[Any] = [None] * len(self._nodes)
+        store = self._fixed.copy()
         with np.errstate(all="ignore"):
-            for i, (node, before) in enumerate(self._nodes):
-                store[i] = enclose(node, tuple(store[k] for k in before), boxes)
+            for i, node, before in self._steps:
+                store[i] = enclose(node, tuple([store[k] for k in before]), boxes)
                 for k in self._frees[i]:
                     store[k] = None
         return tuple(store[k] for k in self._outputs)

@@ -48,7 +48,8 @@ class Program:
     """
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
-        nodes = list(walk(roots, _operands))
+        below = {node: _operands(node) for node in walk(roots, _operands)}
+        nodes = list(below)
         index = {node: i for i, node in enumerate(nodes)}
         self._outputs = tuple(index[root] for root in roots)
         #: values of the nodes that hold no symbol, worked out once
@@ -60,7 +61,7 @@ class Program:
         located: dict[object, int] = {}
         with np.errstate(all="ignore"):
             for i, node in enumerate(nodes):
-                before = tuple(index[arg] for arg in _operands(node))
+                before = tuple([index[arg] for arg in below[node]])
                 if node.op == "symbol":
                     self._symbols.append((i, node.payload))
                 elif node.op == "pieces" and node.symbols:
@@ -78,6 +79,8 @@ class Program:
                         self._widths[i] = width
                 elif node.symbols:
                     self._steps.append((i, _step(node), before))
+                elif node.op == "number":
+                    self._constants[i] = np.float64(float(node.payload))
                 else:
                     self._constants[i] = _step(node)(*(self._constants[k] for k in before))
         #: where places are located, and in how many pieces
@@ -86,7 +89,7 @@ class Program:
             for i, _, before in self._steps
             if i in self._widths
         }
-        needed = self._needed(set(self._located), {})
+        needed = self._needed(set(self._located), {}) if self._located else set()
         self._first: list[_Timed] = [
             (i, partial(run, 0) if i in self._widths else run, before, [])
             for i, run, before in self._steps
@@ -133,18 +136,19 @@ class Program:
         among = dict(zip(self._located, ranges, strict=True))
         needed = self._needed(set(self._outputs), among)
         done = {step[0] for step in self._first}
+        #: what is not let go of, or has been
         kept = {*self._outputs, *done}
+        kept |= {k for k, constant in enumerate(self._constants) if constant is not None}
         plan: list[_Timed] = []
-        used: set[int] = set()
         for i, run, before in reversed(self._steps):
             if i not in needed or i in done:
                 continue
             if i in self._widths:
                 run = partial(run, among[before[0]][0])
                 before = self._chosen(i, before, among)
-            last = set(before) - kept - used
-            plan.append((i, run, before, [k for k in last if self._constants[k] is None]))
-            used |= last
+            last = [k for k in dict.fromkeys(before) if k not in kept]
+            plan.append((i, run, before, last))
+            kept.update(last)
         plan.reverse()
         if len(self._plans) >= MOST_PLANS:
             self._plans.clear()
@@ -185,11 +189,8 @@ def _operands(node: Expr) -> tuple[Expr, ...]:
 def _step(node: Expr) -> _Run:
     """Return the operation of a node on the values of its operands."""
     op, payload = node.op, node.payload
-    if op == "add" and _operands(node) != node.args:
+    if op == "add" and "neg" in (node.args[0].op, node.args[1].op):
         return np.subtract
-    if op == "number":
-        constant = np.float64(float(payload))
-        return lambda: constant
     if op == "constant":
         value = np.float64(np.pi if payload == "pi" else np.e)
         return lambda: value

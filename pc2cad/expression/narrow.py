@@ -36,9 +36,9 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
     found: list[Array] = []
     if not nodes:
         return np.empty(0)
-    ask = IntervalProgram(nodes)
     whole = Interval(np.array(0.0), np.array(1.0))
-    boxes = {p: whole for p in PARAMETERS}
+    boxes = {p: whole for p in PARAMETERS if p != name}
+    ask = IntervalProgram(nodes, boxes.copy())
     low, width = np.arange(2**FIRST) / 2**FIRST, 0.5**FIRST
     least, most = np.full(len(nodes), np.inf), np.full(len(nodes), -np.inf)
     useful = np.ones(len(nodes), dtype=bool)

@@ -26,6 +26,8 @@ LARGEST_FORM: Final = 3000
 #: the same for the angles of sines and cosines
 LARGEST_ANGLE: Final = 12
 _angles: Final[Recent[NormalForm]] = Recent()
+#: most coefficients are this very object, which needs no multiplication
+_UNIT: Final = Fraction(1)
 
 
 class _TooLargeError(Exception):
@@ -47,7 +49,7 @@ def normal_form(
     try:
         for node in walk((root,), below):
             atom = whole is not None and whole(node)
-            forms[node] = {((node, 1),): Fraction(1)} if atom else _form_of(node, forms, largest)
+            forms[node] = {((node, 1),): _UNIT} if atom else _form_of(node, forms, largest)
     except _TooLargeError:
         return None
     return forms[root]
@@ -102,14 +104,14 @@ def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalF
     if node.op == "mul":
         return _product(forms[node.args[0]], forms[node.args[1]], largest)
     if node.op == "div":
-        inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): Fraction(1)}
+        inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): _UNIT}
         return _product(forms[node.args[0]], inverse, largest)
     if node.op == "pow" and _is_repeated(node.args[1]):
         result = forms[node.args[0]]
         for _ in range(int(node.args[1].payload) - 1):
             result = _product(result, forms[node.args[0]], largest)
         return result
-    return {((node, 1),): Fraction(1)}
+    return {((node, 1),): _UNIT}
 
 
 def _reciprocal(denominator: Expr) -> Expr:
@@ -131,17 +133,19 @@ def _product(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
     result: NormalForm = {}
     for left, p in a.items():
         for right, q in b.items():
+            both = q if p is _UNIT else p if q is _UNIT else p * q
             for monomial, factor in _join(left, right):
-                _accumulate(result, monomial, p * q * factor)
+                _accumulate(result, monomial, both if factor == 1 else both * factor)
     if len(result) > largest:
         raise _TooLargeError
     return result
 
 
 def _accumulate(form: NormalForm, monomial: Monomial, coefficient: Fraction) -> None:
-    total = form.get(monomial, 0) + coefficient
+    before = form.get(monomial)
+    total = coefficient if before is None else before + coefficient
     if total:
-        form[monomial] = Fraction(total)
+        form[monomial] = total
     else:
         form.pop(monomial, None)
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
-from weakref import WeakValueDictionary
 from zlib import crc32
 
 from pc2cad.expression.budget import spend
 from pc2cad.expression.exact import ValueDomainError as ValueDomainError
 from pc2cad.expression.exact import exact
 from pc2cad.expression.foreign import Foreign
+from pc2cad.expression.interning import Interned
 
 Number = int | float | Fraction
 
@@ -29,8 +29,7 @@ _SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
 #: Exact numbers are no longer than this: sums and products of sums double their length each time.
 LARGEST_BITS: Final = 4096
 
-_interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
-
+_interned: Interned[Expr] = Interned()
 
 #: order of continuity of what is one analytic function but for rounding: its breaks do not count
 ANALYTIC: Final = 99
@@ -132,30 +131,34 @@ def _is_scalar(value: object) -> bool:
 
 def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
     """Return the one node of this content as it is, nothing folded."""
-    key = (op, args, payload)
-    node = _interned.get(key)
+    # fractions are slow to hash and to compare
+    key = payload.as_integer_ratio() if op == "number" else (op, args, payload)
     spend(len(args))
-    if node is None:
-        node = object.__new__(Expr)
-        symbols: frozenset[str] = frozenset((payload,)) if op == "symbol" else frozenset()
-        for arg in args:
-            if not arg.symbols <= symbols:
-                symbols |= arg.symbols
-        rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
-        for name, value in (
-            ("op", op), ("args", args), ("payload", payload), ("rank", rank),
-            ("symbols", symbols), ("value", None),
-        ):  # fmt: skip
-            object.__setattr__(node, name, value)
-        _interned[key] = node
-    return node
+    if (known := _interned.get(key)) is not None:
+        return known
+    node = object.__new__(Expr)
+    symbols: frozenset[str] = frozenset((payload,)) if op == "symbol" else frozenset()
+    for arg in args:
+        if not arg.symbols <= symbols:
+            symbols |= arg.symbols
+    rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
+    for name, value in (
+        ("op", op), ("args", args), ("payload", payload), ("rank", rank),
+        ("symbols", symbols), ("value", None),
+    ):  # fmt: skip
+        object.__setattr__(node, name, value)
+    return _interned.keep(key, node)
 
 
 def number(value: Number) -> Expr:
     """Return the exact number; a float means the decimal it prints as (0.1 is 1/10)."""
-    if type(value) is not Fraction:
+    if type(value) is not Fraction and type(value) is not int:
         value = exact(value)
-    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
+    key = value.as_integer_ratio()
+    if (known := _interned.get(key)) is not None:
+        spend(0)
+        return known
+    value, bits = Fraction(value), max(part.bit_length() for part in key)
     if bits < _SAFE_BITS:  # nearly all numbers are short, and comparing fractions is slow
         return intern("number", (), value)
     if abs(value) > LARGEST_CONSTANT or 0 < abs(value) < 1 / LARGEST_CONSTANT:
@@ -362,23 +365,22 @@ _BUILDERS: Final[dict[str, Callable[..., Expr]]] = {
 def walk(
     roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] | None = None
 ) -> Iterator[Expr]:
-    """Yield every node below `roots` once, operands before the node that uses them.
-
-    `below` gives the operands of a node to go on with, if these are not all.
-    """
+    """Yield every node below `roots` once, operands (those that `below` gives) before it."""
     seen: set[Expr] = set()
+    opened: set[Expr] = set()
     stack = list(reversed(roots))
     while stack:
         node = stack[-1]
-        if node not in seen:
+        if node not in opened:
+            opened.add(node)
             args = node.args if below is None else below(node)
-            fresh = args and [arg for arg in reversed(args) if arg not in seen]
-            if fresh:
-                stack += fresh
+            if args:
+                stack += args[::-1]
                 continue
+        stack.pop()
+        if node not in seen:
             seen.add(node)
             yield node
-        stack.pop()
 
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:

@@ -14,7 +14,7 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
-from pc2cad.trust.processes import end_with_parent
+from pc2cad.trust.processes import end_with_parent, keep_what_is_loaded
 
 
 def main() -> None:
@@ -45,6 +45,8 @@ def _warm_up() -> None:
     """Load the kernel before the first job, whose time would tell of nothing else."""
     import pc2cad.compiler
     import pc2cad.export.step  # noqa: F401
+
+    keep_what_is_loaded()
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 from pc2cad.errors import KernelError, PointCadError
-from pc2cad.trust.processes import end_with_parent
+from pc2cad.trust.processes import end_with_parent, keep_what_is_loaded
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def main() -> None:
     questions = sys.stdin.buffer
     answer: bytes | PointCadError
     try:
-        make = receive(questions)
+        make, first = receive(questions), True
         while True:
             question = receive(questions)
             try:
@@ -69,5 +69,8 @@ def main() -> None:
             except Exception as error:  # one part must not end the page
                 answer = KernelError(f"an unexpected error: {type(error).__name__}: {error}")
             send(answers, answer)
+            if first:
+                keep_what_is_loaded()
+                first = False
     except (EOFError, BrokenPipeError):
         return
