@@ -14,7 +14,7 @@ from pc2cad.cli.inputs import (
     add_options,
     add_template,
     check_different,
-    load_one,
+    load,
     read_densities,
     read_options,
     read_settings,
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Adjust the parameters, write the files, tell the values."""
-    template, path = load_one(arguments)
+    template, path = load(arguments)
     options = read_options(arguments)
     if arguments.minimise and arguments.maximise:
         raise InputError("--minimise and --maximise cannot be asked for at once")
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.outputs:
             from pc2cad.compiler import compile_solid
 
-            part = compile_solid(found.checked.equation, options, progress)
+            part = compile_solid(found.equation, options, progress)
             files = _encoded(part, arguments.outputs, progress)
             progress("write")
             write_all(files)
@@ -103,7 +103,7 @@ def _encoded(part: Part, outputs: Sequence[str], progress: Progress) -> dict[str
 def _tell(found: Adjusted, outputs: Sequence[str], as_json: bool, title: str) -> None:
     if as_json:
         say(json.dumps({
-            "name": found.checked.equation.name, "units": found.checked.equation.units,
+            "name": found.equation.name, "units": found.equation.units,
             "parameters": dict(found.parameters), "figures": dict(found.figures),
             "goals": [
                 {**vars(goal), "found": found.figures[goal.figure]} for goal in found.goals

@@ -1,8 +1,8 @@
 """Parameters for which a solid has a wanted volume, area, mass, centroid or inertia.
 
-Figures and their exact derivatives come from the equation (`integrals.sensitivity`), no kernel is
-asked. Goals alone are met by damped Newton steps within the ranges, the least or most of a figure
-under goals by sequential quadratic programming (SciPy's SLSQP).
+Figures and their exact derivatives come from the equation (`studies.figures`), or from the joined
+solid of several bodies. Goals alone are met by damped Newton steps within the ranges, the least or
+most of a figure under goals by sequential quadratic programming (SciPy's SLSQP).
 
 *Source:* J. Nocedal, S. Wright, Numerical Optimization (2006), chapters 10 and 18.
 """
@@ -18,21 +18,16 @@ from typing import Any, Final
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.checked import CheckedMap, Progress, Stages, check_map
-from pc2cad.domain.analysis import derive, sample_sides
-from pc2cad.errors import InputError, NotASolidError
-from pc2cad.integrals.inertia import Mass, densities, mass_of
-from pc2cad.integrals.mass_properties import MassProperties, integrate
-from pc2cad.integrals.sensitivity import sensitivity
-from pc2cad.solidity.orientation import find_orientation
+from pc2cad.checked import Progress, Stages, check_map
+from pc2cad.domain.velocity import NotDifferentiableError
+from pc2cad.equation.point_equation import PointEquation
+from pc2cad.errors import InputError, KernelError, NotASolidError
+from pc2cad.studies.figures import FIGURES, figures_of, figures_of_map
+from pc2cad.templates.bodies import Bodies, BodiesTemplate
 from pc2cad.templates.file import read_template
 from pc2cad.templates.ranges import RangeError, read_axis, read_number, split_setting
-from pc2cad.templates.template import Header, Template
+from pc2cad.templates.template import Template
 
-#: what may be asked for: centroid by its coordinates, inertia about the centre of mass by axes
-FIGURES: Final = (
-    "volume", "area", "mass", "x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz",
-)  # fmt: skip
 #: relative miss of a goal that is none
 MET: Final = 1e-10
 #: relative miss at which Newton's steps end, and the shortest share of one that is tried
@@ -79,7 +74,8 @@ class Adjusted:
     at_limits: tuple[str, ...]
     #: maps that were looked at on the way
     evaluations: int
-    checked: CheckedMap
+    #: with these values
+    equation: PointEquation | Bodies
 
 
 def read_goal(text: str) -> Goal:
@@ -114,7 +110,7 @@ def read_ranges(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def adjust(
-    template: Template | str | os.PathLike[str],
+    template: Template | BodiesTemplate | str | os.PathLike[str],
     vary: Mapping[str, tuple[float, float]],
     until: Sequence[Goal | str] = (),
     *,
@@ -140,8 +136,10 @@ def adjust(
         raise InputError("say which parameters may change, and from where to where (--vary)")
     wanted, sign = minimise or maximise, -1.0 if maximise else 1.0
     goals = tuple(read_goal(goal) if isinstance(goal, str) else goal for goal in until)
-    whole = _whole(template)
-    problem = _Problem(whole, dict(vary), goals, dict(values or {}), density, progress)
+    whole = (
+        template if isinstance(template, (Template, BodiesTemplate)) else read_template(template)
+    )
+    problem = _Problem(whole, dict(vary), goals, dict(values or {}), density, progress, wanted)
     best: Array | None = None
     for start in problem.starts():
         found = (
@@ -150,17 +148,9 @@ def adjust(
         )  # fmt: skip
         if found is not None and (best is None or problem.misses(found) < problem.misses(best)):
             best = found
-        if best is not None and problem.misses(best) <= MET:
+        if best is not None and problem.misses(best) <= problem.near:
             return problem.result(best)
     raise problem.unmet(best)
-
-
-def _whole(template: Template | str | os.PathLike[str]) -> Template:
-    """Return the template of one solid that is given or named."""
-    found = template if isinstance(template, Header) else read_template(template)
-    if not isinstance(found, Template):
-        raise InputError(f"{found.name} has several bodies; give one of them, template.body(name)")
-    return found
 
 
 class _Problem:
@@ -168,14 +158,16 @@ class _Problem:
 
     def __init__(
         self,
-        template: Template,
+        template: Template | BodiesTemplate,
         vary: Mapping[str, tuple[float, float]],
         goals: tuple[Goal, ...],
         values: Mapping[str, Any],
         density: float | Mapping[str, float],
         progress: Progress | None,
+        wanted: str | None,
     ) -> None:
         self.template, self.vary, self.goals = template, vary, goals
+        self.asked = frozenset({goal.figure for goal in goals} | ({wanted} if wanted else set()))
         self.fixed, self.density, self.progress = values, density, progress
         both = [name for name in vary if name in values]
         if both:
@@ -194,6 +186,8 @@ class _Problem:
         self.now = np.array([bound[name] for name in self.names])
         self._known: dict[tuple[float, ...], tuple[dict[str, float], dict[str, Array]] | None] = {}
         self.refused = ""
+        #: relative miss of a goal that is none: several bodies are known no better
+        self.near = MET
 
     @property
     def evaluations(self) -> int:
@@ -225,28 +219,15 @@ class _Problem:
 
     def _worked_out(self, share: Array) -> tuple[dict[str, float], dict[str, Array]] | None:
         equation = self.template.bind({**self.fixed, **self.settings(share)})
-        given = densities(self.density, equation)
         try:
-            sides = sample_sides(equation)
-            sign = find_orientation(sides.map).sign
-            analysis = derive(sides)
-            geometry = integrate(analysis)
-        except NotASolidError as error:
+            found = figures_of(equation, self.density, self.names, self.asked)
+        except (NotASolidError, KernelError, NotDifferentiableError) as error:
             self.refused = str(error)
             return None
-        mass = mass_of(analysis, geometry, given)
-        figures = _figures(geometry, mass)
-        moved = [
-            sensitivity(analysis, sign, geometry, mass, given, equation.variation(name))
-            for name in self.names
-        ]
-        rows = [
-            {"volume": s.volume, "area": s.area, "mass": s.mass, **_named(s.centroid, s.inertia)}
-            for s in moved
-        ]
+        self.near = max(self.near, found.error)
         width = self.high - self.low
-        slopes = {f: np.array([row[f] for row in rows]) * width for f in FIGURES}
-        return figures, slopes
+        slopes = {f: np.array([row[f] for row in found.slopes]) * width for f in FIGURES}
+        return dict(found.values), slopes
 
     def scale(self, goal: Goal) -> float:
         """Return what a miss of a goal is held against."""
@@ -274,15 +255,17 @@ class _Problem:
 
     def result(self, share: Array) -> Adjusted:
         settings = self.settings(share)
-        checked = check_map(
-            self.template.bind({**self.fixed, **settings}), stages=Stages(self.progress)
-        )
+        equation = self.template.bind({**self.fixed, **settings})
+        if isinstance(equation, Bodies):
+            found = self.figures(share)
+            assert found is not None
+            figures = found[0]
+        else:
+            checked = check_map(equation, stages=Stages(self.progress))
+            figures = figures_of_map(checked, self.density)
         ends = np.minimum(np.abs(share), np.abs(1 - share)) <= 1e-9
         at_limits = tuple(name for name, end in zip(self.names, ends, strict=True) if end)
-        return Adjusted(
-            settings, _figures(checked.mass, checked.mass_properties(self.density)),
-            self.goals, at_limits, self.evaluations, checked,
-        )  # fmt: skip
+        return Adjusted(settings, figures, self.goals, at_limits, self.evaluations, equation)
 
     def unmet(self, share: Array | None) -> GoalsNotMetError:
         """Return the error that says what is not reached, and the nearest that was seen."""
@@ -290,23 +273,13 @@ class _Problem:
         found = None if share is None else self.figures(share)
         if found is None or share is None:
             why = f" ({self.refused})" if self.refused else ""
-            return GoalsNotMetError(f"no solid was found with {ranges}{why}")
-        missed = [g for g in self.goals if abs(g.miss(found[0][g.figure])) > MET * self.scale(g)]
+            return GoalsNotMetError(f"no solid was found with {ranges} that has derivatives{why}")
+        missed = [
+            g for g in self.goals if abs(g.miss(found[0][g.figure])) > self.near * self.scale(g)
+        ]
         settings = ", ".join(f"{n} = {x:.6g}" for n, x in self.settings(share).items())
         told = "; ".join(f"{g} is not met, {g.figure} is {found[0][g.figure]:.6g}" for g in missed)
         return GoalsNotMetError(f"with {ranges} the nearest solid found has {settings}: {told}")
-
-
-def _figures(geometry: MassProperties, mass: Mass) -> dict[str, float]:
-    return {
-        "volume": geometry.volume, "area": geometry.area, "mass": mass.mass,
-        **_named(geometry.centroid, mass.inertia),
-    }  # fmt: skip
-
-
-def _named(centroid: Sequence[float], inertia: Sequence[Sequence[float]]) -> dict[str, float]:
-    pairs = {"I" + "xyz"[i] + "xyz"[j]: inertia[i][j] for i in range(3) for j in range(i, 3)}
-    return {**dict(zip("xyz", centroid, strict=True)), **pairs}
 
 
 def _root(problem: _Problem, start: Array) -> Array | None:
