@@ -14,8 +14,9 @@ import pytest
 from consumers.step_edits import edit, instance, move, read_instances
 from shipped import LONG, part_of
 
+from pc2cad.checked import check_map, parted
 from pc2cad.cli.main import main
-from pc2cad.compiler import compile_solid
+from pc2cad.compiler import compile_checked, compile_solid
 from pc2cad.export.model import ExportOptions
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.templates.file import read_template
@@ -63,6 +64,18 @@ def differences(text: str, name: str) -> tuple[str, ...]:
 @pytest.mark.parametrize("name", QUICK)
 def test_true_files_are_verified(files: Callable[[str], str], name: str) -> None:
     assert differences(files(name), name) == ()
+
+
+def test_faces_cut_in_their_middles_are_held_against_pieces_of_sides(tmp_path: Path) -> None:
+    """A build cuts faces that its checker cannot tell apart, and names them after the pieces."""
+    equation = read_template(PATHS["hexahedron"]).bind()
+    cut = compile_checked(parted(parted(check_map(equation, faces=True), 0), 1))
+    cut.write(tmp_path / "cut.step")
+    found = verification(parse_step((tmp_path / "cut.step").read_bytes()), equation)
+    assert found.verified, found.differences
+    assert len({m.name for m in found.matches}) == len(found.matches) == 2 * 4 + 2 * 2 + 2 * 2
+    text = read_instances(tmp_path / "cut.step").replace("(piece 2 of u)'", "(piece 9 of u)'", 1)
+    assert not verification(parse_step(text.encode()), equation).verified
 
 
 #: of each template one kind of file: all kinds of all templates take half an hour

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.cli.inputs import read_length, read_settings
@@ -14,6 +15,11 @@ from pc2cad.errors import InputError, named
 if TYPE_CHECKING:
     from pc2cad.verify.verdict import Verification
 
+#: what reading a certificate or a file may end in that is none
+UNREADABLE: Final = (
+    OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError,
+    MemoryError,
+)  # fmt: skip
 #: exit code: not sound, or not to be judged whole
 NOT_VERIFIED: Final = 6
 
@@ -102,19 +108,24 @@ def _certify(arguments: argparse.Namespace, found: Verification) -> None:
 def _replay(arguments: argparse.Namespace) -> int:
     """Hold a certificate against the file, and against the template where one is named."""
     from pc2cad.templates.shipped import find_template
-    from pc2cad.verify.replay import check
+    from pc2cad.verify.replay import ReplayError, replay
 
     if arguments.settings or arguments.tolerance is not None or arguments.certificate is not None:
         raise InputError("--replay takes a file, and a template, but no other option")
     names = [arguments.replay, arguments.file]
     if arguments.template is not None:
         names.append(str(find_template(arguments.template)))
-    code, (first, *others) = check(names)
-    if code:
-        complain(f"{shown(arguments.replay)}: {first}")
-    else:
-        say("\n".join((f"{shown(arguments.replay)}: {first}", *others)))
-    return code
+    try:
+        first, *others = (Path(name).read_bytes() for name in names)
+        lines = replay(json.loads(first), *others)
+    except ReplayError as error:
+        complain(f"{shown(arguments.replay)}: does not hold: {error}")
+        return NOT_VERIFIED
+    except UNREADABLE as error:
+        complain(f"{shown(arguments.replay)}: cannot be read: {type(error).__name__}: {error}")
+        return 2
+    say("\n  ".join((f"{shown(arguments.replay)}: holds", *lines)))
+    return 0
 
 
 def _verdict(path: str, found: Verification) -> Iterator[str]:

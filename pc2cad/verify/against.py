@@ -8,13 +8,15 @@ can be had (`nearness`, `borders`), else *sampled*: the largest seen.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from pc2cad.domain.analysis import Analysis, analyse
+from pc2cad.domain.cuts import parted
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.templates.bodies import Bodies, BodiesTemplate
@@ -23,14 +25,16 @@ from pc2cad.templates.shipped import find_template
 from pc2cad.templates.template import Template
 from pc2cad.topology.cells import Cell
 from pc2cad.verify.faces import JudgedFace
-from pc2cad.verify.instances import StepText
 from pc2cad.verify.proofs import Proofs
 from pc2cad.verify.receipt import StepFile, read_step
+from pc2cad.verify.replay import StepText
 from pc2cad.verify.sides import Match, Sides, coarse, compare, goes_on
 from pc2cad.verify.verdict import Collected, Verification, usual_tolerance
 
 #: relative differences that quadrature leaves open
 _INTEGRALS = 1e-9
+#: how often a build cuts all pieces of a direction in their middles
+_MOST_CUTS = 4
 #: faces that are off their side for which another side is looked for
 _SEARCHES = 4
 
@@ -83,9 +87,24 @@ def verification(
             from pc2cad.verify.joined import joined_verification
 
             return joined_verification(file, equation, tolerance, claims=claims)
-        analysis = analyse(equation)
+        names = {face.face.name for solid in file.solids for face in solid.faces}
+        analysis = _as_named(analyse(equation), names)
         mass = integrate(analysis)
         return _Judge(file, analysis, mass, tolerance, claims).judged()
+
+
+def _as_named(analysis: Analysis, names: Collection[str]) -> Analysis:
+    """Return the analysis with directions cut as the names of a file's faces say, if they are it.
+
+    A build may cut pieces in their middles (`parted`), and again; faces are named after pieces.
+    """
+    cut, left = analysis, _MOST_CUTS
+    for direction, parameter in enumerate("uvw"):
+        found = re.findall(rf"\bpiece (\d+) of {parameter}\b", "\n".join(names))
+        while left and len(cut.bounds[direction]) <= max(map(int, found), default=0):
+            cut, left = parted(cut, direction), left - 1
+    known = Sides(cut, [0.0] * len(cut.complex.faces)).groups()
+    return cut if set(names) <= known.keys() else analysis
 
 
 class _Judge(Collected):

@@ -29,11 +29,11 @@ from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import Cell
 from pc2cad.verify.beside import Beside
 from pc2cad.verify.faces import JudgedFace
-from pc2cad.verify.instances import StepText
 from pc2cad.verify.membership import Membership
 from pc2cad.verify.nearness import Nearness
 from pc2cad.verify.proofs import Proofs
 from pc2cad.verify.receipt import StepFile
+from pc2cad.verify.replay import StepText
 from pc2cad.verify.sides import Match, Sides, compare, distances
 from pc2cad.verify.trimmed import Grid, compare_part, moments_on
 from pc2cad.verify.verdict import Collected, Verification, usual_tolerance

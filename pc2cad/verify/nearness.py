@@ -7,8 +7,10 @@ is not replayed. Faces of analytic surfaces may be exact besides, by algebra.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Final
 
 import numpy as np
@@ -22,11 +24,8 @@ from pc2cad.geometry import carriers
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.splines.bernstein import bezier_knots
-from pc2cad.verify.balls import ReplayError
-from pc2cad.verify.replay import Difference, Quadric, Spline, lebesgue
+from pc2cad.verify.replay import OPERATIONS, Difference, Quadric, ReplayError, Spline
 
-#: degrees above the spline's with which differences are interpolated, and that of other surfaces
-_MORE, _DEGREE = 3, 10
 #: share of the tolerance that may be left open between the places
 _SHARE = 0.01
 #: rounds in which cells are halved, and those of them in which all are
@@ -48,6 +47,8 @@ class Nearness:
     claims: tuple[dict[str, Any], ...] = ()
 
 
+#: a surface that runs as its side does: axes swapped, first and second of its own reversed
+STRAIGHT: Final = (False, False, False)
 #: before anything is proved
 SEEN: Final = Nearness("sampled", 0.0)
 
@@ -63,9 +64,9 @@ def nearness(
 ) -> Nearness:
     """Return how near all patches of a side, as trees and names, are to the surface of their face.
 
-    The surface is as `replay` reads it, turned as the patch runs; `turn` is None where places are
-    not compared at equal parameters. `seen` is the largest distance that was. With `claims` there
-    comes what a replay needs, where it has a way.
+    The surface is as `replay` reads it; `turn` says how it runs over the patch, None where places
+    are not compared at equal parameters. `seen` is the largest distance that was. With `claims`
+    there comes what a replay needs, where it has a way.
     """
     evidence: list[Evidence] = []
     kept, largest = [], seen
@@ -73,12 +74,12 @@ def nearness(
         exact = isinstance(surface, Quadric) and holds(_carrier(surface), trees)
         found = None
         if claims or not (exact or isinstance(surface, Spline)):
-            found = _replayable(trees, names, surface, tolerance)
+            found = _replayable(trees, names, surface, turn or STRAIGHT, tolerance)
         if found is not None and found[1] <= tolerance:
-            kept.append({**found[0], "turn": list(turn or (False, False, False))})
+            kept.append(found[0])
             largest = max(largest, found[1])
         elif not exact:
-            distance = _by_taylor_models(trees, names, surface)
+            distance = _by_taylor_models(trees, names, surface, turn or STRAIGHT)
             if not distance <= tolerance:
                 return Nearness("sampled", seen)
             largest = max(largest, distance)
@@ -88,25 +89,25 @@ def nearness(
 
 
 def _replayable(
-    trees: Sequence[Expr], names: Sequence[str], surface: Spline | Quadric, tolerance: float
-) -> tuple[dict[str, Any], float] | None:
+    trees: Sequence[Expr], names: Sequence[str], surface: Spline | Quadric,
+    turn: Sequence[bool], tolerance: float,
+) -> tuple[dict[str, Any], float] | None:  # fmt: skip
     """Return what a replay needs, and the bound that it finds; None where it has no way."""
     try:
-        program, outputs = program_of(trees, names)
+        program, outputs = program_of(trees, names, turn)
         if isinstance(surface, Spline):
             cells = [distinct(row) for row in surface.knots]
-            degrees = [p + _MORE for p in surface.degrees]
         else:
-            cells, degrees = [np.linspace(0.0, 1.0, _CELLS + 1)] * 2, [_DEGREE, _DEGREE]
-        claim = {"program": program, "outputs": outputs, "degrees": degrees}
-        distance, sharper = np.inf, 0
+            cells = [np.linspace(0.0, 1.0, _CELLS + 1)] * 2
+        claim = {"program": program, "outputs": outputs}
+        sharper = 0
         for _ in range(_ROUNDS):
             claim["cells"] = [row.tolist() for row in cells]
             difference = Difference(claim, surface)
-            halved = _halved(difference, cells, tolerance)
+            halved = _halved(difference, tolerance)
             if halved is None:
-                distance, seen = difference.bound()
-                if distance <= tolerance or not seen <= tolerance or sharper == _SHARPER:
+                distance = difference.bound()
+                if distance <= tolerance or sharper == _SHARPER:
                     return claim, distance
                 # coefficients are nearer to the values on smaller cells
                 sharper += 1
@@ -117,17 +118,15 @@ def _replayable(
     return None
 
 
-def _halved(difference: Difference, cells: Sequence[Array], tolerance: float) -> list[Array] | None:
+def _halved(difference: Difference, tolerance: float) -> list[Array] | None:
     """Return the cells with those halved in which too much is left open; None where none is."""
+    cells = difference.cells
     with np.errstate(all="ignore"):
-        own = difference.surface
-        rests = [own.distance(*difference.remainder(axis)) for axis in (0, 1)]
-        rests[1] = lebesgue(difference.degrees[0]) * rests[1]
+        rests = [difference.distances(difference.remainder(axis)) for axis in (0, 1)]
     open_ = [np.isfinite(rest) & (rest > _SHARE * tolerance) for rest in rests]
     # a quotient or a root of a ball that is too wide: along the axis of which there are fewer
     coarser = int(len(cells[0]) > len(cells[1]))
-    unknown = ~(np.isfinite(rests[0]) & np.isfinite(rests[1]))
-    open_[coarser] = np.asarray(open_[coarser] | unknown)
+    open_[coarser] = open_[coarser] | ~(np.isfinite(rests[0]) & np.isfinite(rests[1]))
     if not any(part.any() for part in open_):
         return None
     return [
@@ -142,35 +141,108 @@ def _split(points: Array, which: Booleans) -> Array:
     return np.sort(np.concatenate((points, 0.5 * (points[:-1] + points[1:])[which])))
 
 
-def program_of(trees: Sequence[Expr], names: Sequence[str]) -> tuple[list[list[Any]], list[int]]:
-    """Return trees in two parameters as rows of a program, and the rows of their values."""
-    rows: list[list[Any]] = []
-    places: dict[Expr, int] = {}
+class _Rows:
+    """The rows of a program that `replay` can run: a few operations on earlier ones."""
+
+    def __init__(self) -> None:
+        self.rows: list[list[Any]] = []
+
+    def add(self, op: str, *operands: Any) -> int:
+        """Add a row; return its place."""
+        self.rows.append([op, *operands])
+        return len(self.rows) - 1
+
+    def number(self, value: Fraction | float) -> int:
+        """Add a number: it stands for all that are rounded to it."""
+        return self.add("number", float(value))
+
+    def quotient(self, a: int, b: int) -> int:
+        return self.add("mul", a, self.add("inverse", b))
+
+    def power(self, x: int, exponent: Fraction) -> int:
+        """Add a power: products where it is whole, else of what is positive."""
+        if exponent.denominator > 1:
+            return self.add("exp", self.add("mul", self.number(exponent), self.add("log", x)))
+        if exponent < 0:
+            return self.power(self.add("inverse", x), -exponent)
+        if exponent == 1:
+            return x
+        half = self.power(x, Fraction(exponent.numerator // 2))
+        square = self.add("mul", half, half)
+        return self.add("mul", square, x) if exponent % 2 else square
+
+    def hyperbola(self, x: int, sign: float) -> int:
+        """Add (exp(x) + sign exp(-x)) / 2."""
+        up, down = self.add("exp", x), self.add("exp", self.add("neg", x))
+        both = self.add("add", up, down if sign > 0.0 else self.add("neg", down))
+        return self.add("mul", self.number(0.5), both)
+
+    def beside(self, x: int, sign: float, exponent: Fraction) -> int:
+        """Add a power of 1 + sign x²."""
+        square = self.add("mul", x, x)
+        return self.power(
+            self.add("add", self.number(1.0), square if sign > 0.0 else self.add("neg", square)),
+            exponent,
+        )
+
+    def arc(self, x: int) -> int:
+        """Add the arc of a sine, x, as that of its tangent."""
+        return self.add("atan", self.add("mul", x, self.beside(x, -1.0, Fraction(-1, 2))))
+
+
+def program_of(
+    trees: Sequence[Expr], names: Sequence[str], turn: Sequence[bool] = STRAIGHT
+) -> tuple[list[list[Any]], list[int]]:
+    """Return trees in two parameters as rows of a program, and the rows of their values.
+
+    The program is in the surface's own parameters: the side's are swapped and reversed by `turn`.
+    """
+    program, places = _Rows(), dict[Expr, int]()
+    swap, *back = turn
     for node in walk(tuple(trees)):
+        operands = [places[arg] for arg in node.args]
         if node.op == "number":
-            row: list[Any] = ["number", str(node.payload)]
+            place = program.number(node.payload)
         elif node.op == "constant":
-            row = ["constant", node.payload]
+            place = program.number({"pi": math.pi, "e": math.e}[node.payload])
         elif node.op == "symbol":
-            row = ["symbol", list(names).index(node.payload)]
+            axis = list(names).index(node.payload) ^ swap
+            place = program.add("symbol", axis)
+            if back[axis]:
+                place = program.add("add", program.number(1.0), program.add("neg", place))
         elif node.op == "pow" and node.args[1].op == "number":
-            row = ["power", places[node.args[0]], str(node.args[1].payload)]
-        elif node.payload is None:
-            row = [node.op, *(places[arg] for arg in node.args)]
+            place = program.power(operands[0], node.args[1].payload)
+        elif node.op == "div":
+            place = program.quotient(*operands)
+        elif node.op in _LOWERED:
+            place = _LOWERED[node.op](program, operands[0])
+        elif node.op in OPERATIONS:
+            place = program.add(node.op, *operands)
         else:
             raise ReplayError(f"the operation {node.op!r}, which is not known there")
-        places[node] = len(rows)
-        rows.append(row)
-    return rows, [places[tree] for tree in trees]
+        places[node] = place
+    return program.rows, [places[tree] for tree in trees]
+
+
+#: what a replay has no operation for, by those that it has
+_LOWERED: Final[dict[str, Callable[[_Rows, int], int]]] = {
+    "sqrt": lambda r, x: r.power(x, Fraction(1, 2)),
+    "tan": lambda r, x: r.quotient(r.add("sin", x), r.add("cos", x)),
+    "sinh": lambda r, x: r.hyperbola(x, -1.0),
+    "cosh": lambda r, x: r.hyperbola(x, 1.0),
+    "tanh": lambda r, x: r.quotient(r.hyperbola(x, -1.0), r.hyperbola(x, 1.0)),
+    "asin": lambda r, x: r.arc(x),
+    "acos": lambda r, x: r.add("add", r.number(math.pi / 2), r.add("neg", r.arc(x))),
+    "asinh": lambda r, x: r.add("log", r.add("add", x, r.beside(x, 1.0, Fraction(1, 2)))),
+}
 
 
 def _by_taylor_models(
-    trees: tuple[Expr, ...], names: Sequence[str], surface: Spline | Quadric
+    trees: tuple[Expr, ...], names: Sequence[str], surface: Spline | Quadric, turn: Sequence[bool]
 ) -> float:
     """Return a bound for splines and planes; infinite where there is none."""
     if isinstance(surface, Spline):
-        degrees = surface.degrees[0], surface.degrees[1]
-        knots, poles = (surface.knots[0], surface.knots[1]), surface.poles
+        degrees, knots, poles = _turned(surface, turn)
     elif surface.kind == "PLANE":
         height = ZERO
         for tree, o, n in zip(trees, surface.origin, surface.axes[2], strict=True):
@@ -184,6 +256,19 @@ def _by_taylor_models(
         return bound_surface(trees, names, carriers.SplineSurface(degrees, knots, poles)).largest
     except BreaksNotAlignedError:
         return np.inf
+
+
+def _turned(
+    surface: Spline, turn: Sequence[bool]
+) -> tuple[tuple[int, int], tuple[Array, Array], Array]:
+    """Return degrees, knots and poles of a spline, turned so that it runs as its side does."""
+    (p, q), (u, v), poles = surface.degrees, surface.knots, surface.poles
+    swap, back_u, back_v = turn
+    if back_u:
+        poles, u = poles[::-1], 1.0 - u[::-1]
+    if back_v:
+        poles, v = poles[:, ::-1], 1.0 - v[::-1]
+    return ((q, p), (v, u), poles.transpose(1, 0, 2)) if swap else ((p, q), (u, v), poles)
 
 
 def _carrier(surface: Quadric) -> carriers.Plane | carriers.AnalyticSurface:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
-from pc2cad.verify.balls import ReplayError
 from pc2cad.verify.borders import Borders
 from pc2cad.verify.faces import JudgedFace
-from pc2cad.verify.instances import StepText
 from pc2cad.verify.nearness import nearness
-from pc2cad.verify.replay import Quadric, Spline, surface_of
-from pc2cad.verify.sides import Match, Sides, Turn
+from pc2cad.verify.replay import Quadric, ReplayError, Spline, StepText
+from pc2cad.verify.sides import Match, Sides
 from pc2cad.verify.splines import SplineSurface
 from pc2cad.verify.surfaces import Round
 
@@ -30,26 +29,22 @@ class Proofs:
         seen = match.surface.distance
         if not seen <= self._tolerance:
             return match
-        turn = match.turn or (False, False, False)
-        try:
-            surface = self._surface(match.face, turn)
-        except (ReplayError, ValueError, KeyError, IndexError):
-            return match
+        surface, claims = self._surface(match.face), False
+        if self._text is not None:
+            with suppress(ReplayError, ValueError, LookupError):
+                surface, claims = self._text().surface(f"#{int(match.face.face.ref)}"), True
         if surface is None or (isinstance(surface, Spline) and match.turn is None):
             return match
         patches = [self._sides.trees(patch) for patch in match.patches]
-        claims = self._text is not None
         found = nearness(patches, surface, match.turn, seen, self._tolerance, claims=claims)
         edges = match.edges if match.trimmed else self._borders.nearness(match)
         return replace(match, nearness=found, edges=edges)
 
-    def _surface(self, judged: JudgedFace, turn: Turn) -> Spline | Quadric | None:
-        """Return a face's surface for proofs; for a certificate it is read as a replay reads it."""
+    def _surface(self, judged: JudgedFace) -> Spline | Quadric | None:
+        """Return a face's surface for proofs; None where there are none."""
         own = judged.surface
-        if self._text is not None:
-            return surface_of(self._text(), judged.face.ref, turn)
         if isinstance(own, SplineSurface) and not own.rational:
-            return Spline(own.degrees, own.knots, own.poles, turn)
+            return Spline(own.degrees, own.knots, own.poles)
         if isinstance(own, Round):
             return Quadric(own.kind, (own.origin, own.axes), own.lengths)
         if judged.face.carrier == "PLANE" and judged.frame is not None:
