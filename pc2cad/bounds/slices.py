@@ -18,7 +18,7 @@ from pc2cad.arrays import Array
 from pc2cad.bounds.cells import Cells, enlargement
 from pc2cad.bounds.deviation import direction_along
 from pc2cad.bounds.remainder import ORDER
-from pc2cad.bounds.taylor_evaluation import Known, enclose
+from pc2cad.bounds.taylor_evaluation import Known, Models, enclose
 from pc2cad.bounds.taylor_models import UNIT, Model, Place
 from pc2cad.bounds.values import length
 from pc2cad.expression.linear_terms import cancel_terms
@@ -135,6 +135,6 @@ class _WithDisc(Known):
         centre = np.full((1, 1, 1, 1), (low + high) / 2)
         self._symbol, self._model = symbol(name), Model(centre, half, np.full((1, 1), 4 * UNIT))
 
-    def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> dict[Expr, Model]:
+    def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> Models:
         """See Known.at."""
-        return {self._symbol: self._model}
+        return Models({name: {} for name in names}, {self._symbol: self._model})

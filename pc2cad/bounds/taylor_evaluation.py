@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 
@@ -31,24 +33,62 @@ from pc2cad.bounds.taylor_models import (
 from pc2cad.bounds.taylor_waves import model_of
 from pc2cad.expression.tree import Expr, walk
 
+#: models of two parameters by the places that they hold for, as many of them as are kept; and the
+#: boxes up to which they are: models on more would fill the memory
+MOST_GRIDS, MOST_BOXES = 6, 512
+
+_Key = tuple[object, ...]
+#: models of one kind of trees, by tree
+_Store = dict[Expr, Model]
+
 
 class Known:
-    """Models by the places that they hold for: the faces and edges of a part share many."""
+    """Models by the places that they hold for: the faces and edges of a part share many.
+
+    Two walls of a channel are made of the same roots and lengths of two parameters; all that runs
+    along one side shares what depends on the parameter along it alone.
+    """
 
     def __init__(self) -> None:
-        self._stores: dict[tuple[object, ...], dict[Expr, Model]] = {}
+        self._stores: dict[_Key, _Store] = {}
+        self._grids: dict[_Key, _Store] = {}
         #: cells by a parameter's name and the cells first tried: what is hard for one function of
         #: a parameter is hard for its others
         self.finer: dict[tuple[str, int, bytes], Cells] = {}
 
-    def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> dict[Expr, Model]:
+    def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> Models:
         """Return the models known for the product of some places, to be added to."""
-        if len(names) > 1:
-            # these are many, and hardly ever asked for again
-            return {}
-        arrays = (x.tobytes() for place in places for x in (place.centre, place.half, place.radius))
-        errors = (place.error for place in places)
-        return self._stores.setdefault((order, *names, *arrays, *errors), {})
+        keys = [
+            (order, axis, name, place.error,
+             *(x.tobytes() for x in (place.centre, place.half, place.radius)))
+            for axis, (name, place) in enumerate(zip(names, places, strict=True))
+        ]  # fmt: skip
+        alone = {
+            name: self._stores.setdefault(key, {}) for name, key in zip(names, keys, strict=True)
+        }
+        grid: _Store = {}
+        if len(keys) > 1 and prod(len(place.centre) for place in places) <= MOST_BOXES:
+            # the walls of one piece are proved one after the other
+            grid = self._grids.pop(tuple(keys), grid)
+            self._grids[tuple(keys)] = grid
+            if len(self._grids) > MOST_GRIDS:
+                del self._grids[next(iter(self._grids))]
+        return Models(alone, grid)
+
+
+@dataclass(frozen=True, eq=False)
+class Models:
+    """Models on the product of some places: of trees of one parameter each, and of the others."""
+
+    alone: dict[str, _Store]
+    grid: _Store
+
+    def of(self, node: Expr) -> _Store:
+        """Return the models among which a tree's belongs."""
+        if len(node.symbols) > 1:
+            return self.grid
+        # a constant is one of any parameter
+        return self.alone.get(next(iter(node.symbols or self.alone)), self.grid)
 
 
 def enclose(
@@ -65,18 +105,28 @@ def enclose(
     """
     order = max(order, 1)
     where = dict(zip(names, places, strict=True))
-    store = (known_models or Known()).at(names, places, order)
+    models = (known_models or Known()).at(names, places, order)
+    found: _Store = {}
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        model = models.of(node).get(node)
+        if model is None:
+            return node.args
+        found[node] = model
+        return ()
+
     with np.errstate(all="ignore"):
-        for node in walk(tuple(roots), lambda n: () if n in store else n.args):
-            if node in store:
+        for node in walk(tuple(roots), below):
+            if node in found:
                 continue
             if node.op == "symbol":
                 axis = names.index(node.payload)
-                store[node] = parameter(places[axis], axis)
+                model = parameter(places[axis], axis)
             else:
-                args = tuple(store[arg] for arg in node.args)
-                store[node] = known(_step(node, args, where, order))
-    return tuple(store[root] for root in roots)
+                args = tuple(found[arg] for arg in node.args)
+                model = known(_step(node, args, where, order))
+            found[node] = models.of(node)[node] = model
+    return tuple(found[root] for root in roots)
 
 
 def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order: int) -> Model:

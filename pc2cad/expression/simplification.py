@@ -183,7 +183,8 @@ def _divided(root: Expr) -> Expr:
     quotients = any(node.op == "div" and node.args[1].symbols for node in walk((root,)))
     if not quotients or not _is_short(root):
         return root
-    plain, form = normal_form(root, LARGEST), _form(root)
+    plain = normal_form(root, LARGEST)
+    form = _settled(plain)
     return root if form is None or form == plain else tree_of(form)
 
 
@@ -201,7 +202,11 @@ def _is_short(root: Expr) -> bool:
 
 def _form(root: Expr) -> NormalForm | None:
     """Return the normal form with squares of roots and exact quotients carried out."""
-    form = normal_form(root, LARGEST)
+    return _settled(normal_form(root, LARGEST))
+
+
+def _settled(form: NormalForm | None) -> NormalForm | None:
+    """Return a form with all that it holds of them carried out; itself where it holds none."""
     while form is not None:
         changed = _without_squares(form)
         if changed is None:

@@ -34,6 +34,7 @@ from pc2cad.integrals.rules import (
     panels_for,
     total,
 )
+from pc2cad.integrals.side_areas import areas_of_side, sides_in_pieces
 from pc2cad.topology.cells import Cell, directions_of
 
 #: the highest degree that an exact rule is made for
@@ -103,18 +104,8 @@ def integrate(analysis: Analysis) -> MassProperties:
             "the equation or a derivative has no finite value inside the box: look for a division "
             "by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
         )
-    areas, errors = [], [error]
-    for face in analysis.complex.faces:
-        flat = exact and _flat_area(analysis, face.patch, exact)
-        if flat:
-            areas.append(flat)
-            errors.append(EXACT)
-            continue
-        density = densities.area_of(face.patch)
-        panels = _on_face(density, analysis, face.patch, whole)
-        area, face_error = integral(density, panels)
-        areas.append(float(area[0]))
-        errors.append(face_error)
+    areas, errors = _areas(analysis, densities, whole, exact)
+    errors.insert(0, error)
     if not max(errors) < UNSETTLED:
         raise NotIntegrableError(
             f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
@@ -129,6 +120,25 @@ def integrate(analysis: Analysis) -> MassProperties:
     )  # fmt: skip
     closed = exact_integrals(analysis)
     return numeric if closed is None else _in_closed_form(closed, numeric, errors[1:])
+
+
+def _areas(
+    analysis: Analysis, densities: _Densities, whole: list[Panels], exact: list[Panels] | None
+) -> tuple[list[float], list[float]]:
+    """Return the area of each face of the complex, and its relative error."""
+    found: dict[Cell, tuple[float, float]] = {}
+    patches = [face.patch for face in analysis.complex.faces]
+    if exact is not None:
+        flat = {patch: _flat_area(analysis, patch, exact) for patch in patches}
+        found |= {patch: (area, EXACT) for patch, area in flat.items() if area}
+    for side in sides_in_pieces([patch for patch in patches if patch not in found]):
+        found |= areas_of_side(densities.area_of(side[0]), analysis, side, whole)
+    for patch in patches:
+        if patch not in found:
+            density = densities.area_of(patch)
+            area, error = integral(density, _on_face(density, analysis, patch, whole))
+            found[patch] = float(area[0]), error
+    return [found[patch][0] for patch in patches], [found[patch][1] for patch in patches]
 
 
 def areas_again(analysis: Analysis, known: MassProperties) -> MassProperties:
