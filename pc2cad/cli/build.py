@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--voxels", type=int, metavar="N",
-        help="voxels along the longest edge, for fields and slices (default: 64)",
+        help="voxels along the longest edge, for slices and fields that are pictures (default: 64)",
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="show no progress and no results")
     parser.add_argument(

@@ -6,7 +6,8 @@ No kernel is imported here; kernel handles are typed `Any`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +15,7 @@ from pc2cad.errors import InputError
 from pc2cad.export.epoch import stated_time
 
 if TYPE_CHECKING:
+    from pc2cad.domain.formulas import Formula
     from pc2cad.sampling.voxels import Voxels
 
 #: Length units of a model, each with its length in millimetres.
@@ -86,8 +88,9 @@ class Exportable:
     #: several, and the faces between them
     layers: tuple[NamedSolid, ...] = ()
     interfaces: tuple[NamedFace, ...] = ()
-    #: fields on voxels, for formats that hold them
+    #: fields on voxels, and fields that are formulas of the place, for formats that hold them
     voxels: Voxels | None = None
+    formulas: Mapping[str, Formula] = field(default_factory=dict)
 
     @property
     def bodies(self) -> tuple[Any, ...]:

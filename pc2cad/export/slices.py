@@ -43,7 +43,7 @@ def stack(voxels: Voxels, units: str) -> bytes:
         for k, sheet in enumerate(voxels.inside):
             _add(archive, f"inside/{k:04}.png", png(sheet[::-1].astype(np.uint8) * 255))
         for name, rows in voxels.values.items():
-            for k, sheet in enumerate(sheets(rows)):
+            for k, sheet in enumerate(sheets(rows, *limits(rows))):
                 _add(archive, f"{name}/{k:04}.png", png(sheet))
     return stream.getvalue()
 
@@ -57,9 +57,11 @@ def limits(values: Array) -> tuple[float, float]:
     return float(values.min()), float(values.max())
 
 
-def sheets(values: Array) -> AnyArray:
-    """Return values as pictures of 16 bits, the lowest first and each with its last row first."""
-    low, high = limits(values)
+def sheets(values: Array, low: float, high: float) -> AnyArray:
+    """Return values as pictures of 16 bits, the lowest first and each with its last row first.
+
+    0 and 65535 stand for `low` and `high`.
+    """
     share = (values - low) / (high - low) if high > low else np.zeros_like(values)
     return np.asarray(np.round(65535 * share).astype(np.uint16)[:, ::-1])
 

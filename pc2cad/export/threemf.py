@@ -3,13 +3,15 @@
 Specification: https://3mf.io/spec/
 
 Written by the 3MF Consortium's own library, lib3mf, and read back by it in strict mode. Each side
-of the box is a triangle set of its name. Fields are properties of the volumetric extension: stacks
-of pictures, 16 bits each; what holds them is not read back in strict mode (see `_INVALID_ELEMENT`).
+of the box is a triangle set of its name. Fields are properties of the volumetric extension:
+functions, node by node, or stacks of pictures, 16 bits each, which the library does not read back
+in strict mode (see `_INVALID_ELEMENT`).
 """
 
 from __future__ import annotations
 
 import ctypes
+import decimal
 import math
 import uuid
 from collections.abc import Sequence
@@ -23,6 +25,7 @@ from pc2cad.errors import KernelError, require
 from pc2cad.export.model import Exportable, ExportOptions, NamedFace
 from pc2cad.export.slices import limits, png, sheets
 from pc2cad.export.surface import faces_in_order, single_precision, surface
+from pc2cad.export.threemf_functions import DIGITS, VALUE, add_function
 from pc2cad.export.version import __version__
 from pc2cad.trust.names import clean
 
@@ -32,8 +35,10 @@ if TYPE_CHECKING:
 _UNITS = {"mm": "MilliMeter", "cm": "CentiMeter", "m": "Meter", "in": "Inch"}
 #: digits of the largest coordinate: one more than single precision holds
 _DIGITS = 9
-#: what the library's reader (2.5.0) warns of at each stack of pictures and each function that it
-#: writes itself, having read it: strict mode refuses all of them
+#: what the library's reader (2.4.1, 2.5.0) warns of at each ``image3d`` and
+#: ``functionfromimage3d``, having read it: in its NMR_ModelReaderNode100_Resources.cpp an ``else``
+#: is missing before the ``if`` that asks for ``volumedata``, and the warning behind that is for
+#: these two as well
 _INVALID_ELEMENT = 32934
 #: distance in units of single precision's rounding that the library's reader may be off
 _READER_ROUNDING = 4.0
@@ -56,7 +61,7 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     wrapper = lib3mf.get_wrapper()
     try:
         data = _written(lib3mf, wrapper, exportable, mesh)
-        _check(wrapper, data, mesh, exportable.voxels)
+        _check(wrapper, data, mesh, exportable)
     except lib3mf.ELib3MFException as error:
         raise KernelError(f"lib3mf refused the part: {error}") from None
     return data
@@ -85,8 +90,8 @@ def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles
         members.SetTriangleList(np.flatnonzero(mesh.faces == i).tolist())
     if any(face.colour for face in faces):
         _colour(library, wrapper, model, thing, faces, mesh)
-    if exportable.voxels is not None:
-        _fields(library, model, thing, exportable.voxels)
+    if exportable.voxels is not None or exportable.formulas:
+        _fields(library, model, thing, exportable)
     item = model.AddBuildItem(thing, wrapper.GetIdentityTransform())
     # the library's identifiers are random; these depend on the part
     content = f"{texts['Title']} {mesh.vertices.tobytes().hex()}"
@@ -100,12 +105,23 @@ def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles
     return bytes(writer.WriteToBuffer())
 
 
-def _fields(library: Any, model: Any, thing: Any, voxels: Voxels) -> None:
-    """Give the solid its fields: a stack of pictures each, and where they lie in space."""
+def _fields(library: Any, model: Any, thing: Any, exportable: Exportable) -> None:
+    """Give the solid its fields: functions of the place, and stacks of pictures."""
     data = model.AddVolumeData()
+    for name, formula in exportable.formulas.items():
+        held = data.AddPropertyFromFunction(name, add_function(library, model, name, formula))
+        held.SetChannelName(VALUE)
+    if exportable.voxels is not None:
+        _stacks(library, model, data, exportable.voxels)
+    thing.SetVolumeData(data)
+
+
+def _stacks(library: Any, model: Any, data: Any, voxels: Voxels) -> None:
+    """Add fields as stacks of pictures, and where they lie in space."""
     sizes, lows = voxels.extent, voxels.low
     for name, values in voxels.values.items():
-        pictures = sheets(values)
+        offset, scale = _span(*limits(values))
+        pictures = sheets(values, offset, offset + scale)
         count, rows, columns = pictures.shape
         # the library writes its first argument, which it calls columns, as the number of rows
         stack = model.AddImageStack(rows, columns, count)
@@ -113,16 +129,27 @@ def _fields(library: Any, model: Any, thing: Any, voxels: Voxels) -> None:
         for k, picture in enumerate(pictures):
             stack.CreateSheetFromBuffer(k, f"/3D/volumetric/{name}/{k:04}.png", list(png(picture)))
         function = model.AddFunctionFromImage3D(stack)
-        low, high = limits(values)
         function.SetDisplayName(name)
         function.SetFilter(library.TextureFilter.Linear)
         function.SetTileStyles(*[library.TextureTileStyle.Clamp] * 3)
-        function.SetOffset(low)
-        function.SetScale(high - low)
+        function.SetOffset(offset)
+        function.SetScale(scale)
         held = data.AddPropertyFromFunction(name, function)
         held.SetChannelName("red")
         held.SetTransform(_onto_unit_box(library, lows, sizes))
-    thing.SetVolumeData(data)
+
+
+def _span(low: float, high: float) -> tuple[float, float]:
+    """Return an offset and a scale that hold all values, of as many digits as the library writes.
+
+    A span that is far shorter than its distance from 0 is held with fewer steps.
+    """
+    context = decimal.Context(prec=DIGITS, rounding=decimal.ROUND_FLOOR)
+    offset = context.create_decimal_from_float(low)
+    scale = decimal.Context(prec=DIGITS, rounding=decimal.ROUND_CEILING).subtract(
+        decimal.Decimal(high), offset
+    )
+    return float(offset), float(scale)
 
 
 def _onto_unit_box(library: Any, lows: Sequence[float], sizes: Sequence[float]) -> Any:
@@ -162,16 +189,17 @@ def _records(kind: Any, rows: AnyArray) -> Any:
     return (kind * len(rows)).from_buffer_copy(np.ascontiguousarray(rows).tobytes())
 
 
-def _check(wrapper: Any, data: bytes, mesh: Triangles, voxels: Voxels | None) -> None:
+def _check(wrapper: Any, data: bytes, mesh: Triangles, exportable: Exportable) -> None:
     """Read the file strictly, as a slicer would, and compare it with mesh and fields."""
-    names = [] if voxels is None else list(voxels.values)
+    pictures = [] if exportable.voxels is None else list(exportable.voxels.values)
+    names = [*exportable.formulas, *pictures]
     model = wrapper.CreateModel()
     reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(not names)
+    reader.SetStrictModeActive(not pictures)
     reader.ReadFromBuffer(data)
     things = model.GetMeshObjects()
     warnings = [reader.GetWarning(k)[0] for k in range(reader.GetWarningCount())]
-    if warnings != [_INVALID_ELEMENT] * 2 * len(names) or not things.MoveNext():
+    if warnings != [_INVALID_ELEMENT] * 2 * len(pictures) or not things.MoveNext():
         raise KernelError("the 3MF file reads back with warnings, or without its mesh")
     thing = things.GetCurrentMeshObject()
     counts = (thing.GetVertexCount(), thing.GetTriangleCount())
@@ -183,7 +211,7 @@ def _check(wrapper: Any, data: bytes, mesh: Triangles, voxels: Voxels | None) ->
     volume = thing.GetVolumeData() if names else None
     if volume is not None:
         held = [volume.GetProperty(k).GetName() for k in range(volume.GetPropertyCount())]
-        if held != names:
+        if sorted(held) != sorted(names):  # the library has them in any order
             raise KernelError(f"the 3MF file reads back with the fields {', '.join(held)}")
     found = np.frombuffer(_vertices(thing), dtype=np.float32).reshape(-1, 3)
     off = float(np.abs(found - mesh.vertices).max())

@@ -172,9 +172,14 @@ class Part(OfOneEquation):
     def exportable(
         self, colours: bool = False, fields: Sequence[str] = (), voxels: int | None = None
     ) -> Exportable:
-        """Return what the writers take; of one equation, with scalar fields on voxels."""
+        """Return what the writers take; of one equation, with scalar fields.
+
+        They are formulas of the place where they can be, unless so many voxels are asked for.
+        """
         report = self.report
-        held = self.voxels(fields, voxels) if fields else None
+        formulas = self.checked.formulas(fields) if fields and voxels is None else {}
+        others = [name for name in fields if name not in formulas]
+        held = self.voxels(others, voxels) if others else None
         layers, between = (self.layers, _between(self.body)) if len(self.bodies) == 1 else ({}, ())
         best = report.integrals
         return Exportable(
@@ -189,6 +194,7 @@ class Part(OfOneEquation):
             tolerance=report.tolerance,
             evidence=report.statements(),
             voxels=held,
+            formulas=formulas,
         )
 
     def __repr__(self) -> str:
@@ -295,8 +301,9 @@ class Part(OfOneEquation):
         """Write a file, its format by the name's ending; it appears whole or not at all.
 
         `colours` paints each side of the box, or each body, its own colour. A .3mf file holds
-        scalar `fields` of one equation too, on so many `voxels` along its longest edge (64). Raises
-        InputError for an unknown ending, FileNotWrittenError or KernelError.
+        scalar `fields` of one equation too: as functions where they are formulas of x, y, z,
+        else, or where `voxels` is given, on so many along its longest edge (64). Raises InputError
+        for an unknown ending, FileNotWrittenError or KernelError.
         """
         check_holds_fields(path, fields)
         write(self.exportable(colours, fields, voxels), path, options)
