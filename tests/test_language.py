@@ -278,6 +278,11 @@ def test_what_takes_numbers_only_says_what_to_use() -> None:
         TypeError, match=r"functions of Python's math take numbers only: use .* pc.sin"
     ):
         math.sin(u)
+    with pytest.raises(TypeError, match="u is no number"):
+        round(u)
+    with pytest.raises(TypeError, match="minimum and maximum instead of min and max"):
+        min(u, v)
+    assert math.ceil(u) == -pc.floor(-u)
     with pytest.raises(TypeError, match=r"a power is written \*\*, as in u\*\*2"):
         assert u ^ 2
     with pytest.raises(TypeError, match=r"write where\(condition, a, b\) instead of 'if'"):

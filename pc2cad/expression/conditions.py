@@ -51,7 +51,8 @@ class Condition:
     def __bool__(self) -> bool:
         raise NoTruthError(
             "a condition on u, v or w has no truth of its own: write where(condition, a, b) "
-            "instead of 'if', and & | ~ with brackets round comparisons for 'and', 'or', 'not'"
+            "instead of 'if', minimum and maximum instead of min and max, and & | ~ with brackets "
+            "round comparisons for 'and', 'or', 'not'"
         )
 
 

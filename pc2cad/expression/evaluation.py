@@ -32,7 +32,7 @@ _Located = tuple[Value, Value, int, int]
 _Range = tuple[int, int]
 
 #: plans of one program that are remembered
-MOST_PLANS = 256
+MOST_PLANS = 2048
 
 _BINARY: dict[str, Callable[[Value, Value], Value]] = {
     "add": np.add,
@@ -89,13 +89,19 @@ class Program:
             for i, _, before in self._steps
             if i in self._widths
         }
-        needed = self._needed(set(self._located), {}) if self._located else set()
+        self._position, self._fixed = self._places()
+        needed = self._needed(self._located, {})
         self._first: list[_Timed] = [
             (i, partial(run, 0) if i in self._widths else run, before, [])
             for i, run, before in self._steps
             if i in needed
         ]
         self._plans: dict[tuple[_Range, ...], list[_Timed]] = {}
+
+    def _places(self) -> tuple[dict[int, int], set[int]]:
+        """Return at which step each value is worked out, and the values that are constants."""
+        position = {step[0]: k for k, step in enumerate(self._steps)}
+        return position, {k for k, constant in enumerate(self._constants) if constant is not None}
 
     def __call__(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
         """Evaluate all trees; the results have the broadcast shape of what each one depends on.
@@ -115,13 +121,21 @@ class Program:
             _run(plan, store)
         return tuple(store[k] for k in self._outputs)
 
-    def _needed(self, slots: set[int], ranges: Mapping[int, _Range]) -> set[int]:
-        """Return what has to be worked out for some values, with places in ranges of pieces."""
-        needed = set(slots)
-        for i, _, before in reversed(self._steps):
-            if i in needed:
-                chosen = ranges and i in self._widths
-                needed.update(self._chosen(i, before, ranges) if chosen else before)
+    def _needed(self, slots: Iterable[int], ranges: Mapping[int, _Range]) -> set[int]:
+        """Return what has to be worked out for some values, with places in ranges of pieces.
+
+        Of functions of many pieces it is few: only what is needed is looked at.
+        """
+        needed: set[int] = set()
+        stack = list(slots)
+        while stack:
+            i = stack.pop()
+            if i in needed or i not in self._position:
+                continue
+            needed.add(i)
+            before = self._steps[self._position[i]][2]
+            chosen = ranges and i in self._widths
+            stack += self._chosen(i, before, ranges) if chosen else before
         return needed
 
     def _chosen(
@@ -134,19 +148,17 @@ class Program:
     def _plan(self, ranges: tuple[_Range, ...]) -> list[_Timed]:
         """Return the steps that are left where places are in ranges of pieces."""
         among = dict(zip(self._located, ranges, strict=True))
-        needed = self._needed(set(self._outputs), among)
         done = {step[0] for step in self._first}
+        needed = [self._position[i] for i in self._needed(self._outputs, among) - done]
         #: what is not let go of, or has been
         kept = {*self._outputs, *done}
-        kept |= {k for k, constant in enumerate(self._constants) if constant is not None}
         plan: list[_Timed] = []
-        for i, run, before in reversed(self._steps):
-            if i not in needed or i in done:
-                continue
+        for k in sorted(needed, reverse=True):
+            i, run, before = self._steps[k]
             if i in self._widths:
                 run = partial(run, among[before[0]][0])
                 before = self._chosen(i, before, among)
-            last = [k for k in dict.fromkeys(before) if k not in kept]
+            last = [x for x in dict.fromkeys(before) if x not in kept and x not in self._fixed]
             plan.append((i, run, before, last))
             kept.update(last)
         plan.reverse()

@@ -50,6 +50,9 @@ class Foreign:
     def __floor__(self) -> Expr:
         return _called("floor", self)
 
+    def __ceil__(self) -> Expr:
+        return -_called("floor", -_expr(self))
+
     def __xor__(self, other: object) -> Expr:
         raise NotANumberError(f"a power is written **, as in u**2: ^ has no meaning in Python "
                               f"({self!r} ^ {other!r})")  # fmt: skip
@@ -68,6 +71,12 @@ class Foreign:
                 "pc.sin, or of NumPy"
             )
         return evaluate(self, {})
+
+    def __int__(self) -> int:
+        return int(float(self))
+
+    def __round__(self, digits: int | None = None) -> float:
+        return round(float(self), digits)
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         name = ufunc.__name__

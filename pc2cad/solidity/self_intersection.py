@@ -204,12 +204,12 @@ class _Descent:
         face, place = leaf.face[rows], leaf.place[rows]
         shape = leaf.shape[face]
         samples = np.empty((len(rows), 3, 3, 3))
-        for f, face_mesh in enumerate(self.face_meshes):
-            here = np.flatnonzero(face == f)
+        for here in _together(face):
             i, j = 2 * place[here].T
+            own = self.face_meshes[face[here[0]]].samples
             for k in range(3):
                 for m in range(3):
-                    samples[here, k, m] = face_mesh.samples[i + k, j + m]
+                    samples[here, k, m] = own[i + k, j + m]
         return _Parts(face, place / shape, 1.0 / shape, samples)
 
     def _finer(self, parts: _Parts, pairs: Integers) -> tuple[_Parts, Integers]:
@@ -244,28 +244,25 @@ class _Descent:
         children = np.full((len(g), 4), -1)
         pieces: list[_Parts] = []
         count = 0
-        for f in distinct(parts.face):
-            for along, across in ((True, True), (True, False), (False, True)):
-                rows = np.flatnonzero(
-                    (parts.face == f) & (cut[:, 0] == along) & (cut[:, 1] == across)
-                )
-                if len(rows) == 0:
-                    continue
-                n, m = 1 + along, 1 + across
-                grid = self._evaluate(int(f), parts.low[rows], parts.step[rows], n, m)
-                for i in range(n):
-                    for j in range(m):
-                        step = parts.step[rows] / (n, m)
-                        pieces.append(
-                            _Parts(
-                                parts.face[rows],
-                                parts.low[rows] + step * (i, j),
-                                step,
-                                grid[:, 2 * i : 2 * i + 3, 2 * j : 2 * j + 3],
-                            )
+        # of each face those that are cut in both directions, along one, along the other
+        for rows in _together(4 * parts.face + (2 * ~cut[:, 0] + ~cut[:, 1])):
+            if not cut[rows[0]].any():
+                continue
+            n, m = (1 + cut[rows[0]]).tolist()
+            grid = self._evaluate(int(parts.face[rows[0]]), parts.low[rows], parts.step[rows], n, m)
+            for i in range(n):
+                for j in range(m):
+                    step = parts.step[rows] / (n, m)
+                    pieces.append(
+                        _Parts(
+                            parts.face[rows],
+                            parts.low[rows] + step * (i, j),
+                            step,
+                            grid[:, 2 * i : 2 * i + 3, 2 * j : 2 * j + 3],
                         )
-                        children[rows, i * m + j] = count + np.arange(len(rows))
-                        count += len(rows)
+                    )
+                    children[rows, i * m + j] = count + np.arange(len(rows))
+                    count += len(rows)
         return _joined(pieces), children
 
     def _evaluate(self, face: int, low: Array, step: Array, n: int, m: int) -> Array:
@@ -354,6 +351,12 @@ class _Descent:
         )
         result[rows] = independent(first, second, crossing=True)
         return result
+
+
+def _together(keys: Integers) -> list[Integers]:
+    """Return the rows of each key, both in ascending order."""
+    order = np.argsort(keys, kind="stable")
+    return [rows for rows in np.split(order, np.flatnonzero(np.diff(keys[order])) + 1) if len(rows)]
 
 
 def _joined(pieces: list[_Parts]) -> _Parts:
