@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pc2cad.arrays import AnyArray
+from pc2cad.arrays import AnyArray, Integers
 
 
 def distinct(values: AnyArray | Sequence[float]) -> AnyArray:
@@ -25,3 +25,15 @@ def ranked(values: AnyArray, share: float) -> float:
     """Return the number that a share of an array does not exceed: 0.5 is the upper median."""
     ordered = np.sort(values, axis=None)
     return float(ordered[min(int(share * len(ordered)), len(ordered) - 1)])
+
+
+def distinct_rows(*columns: AnyArray) -> tuple[Integers, Integers]:
+    """Return places of different rows of a table, and for each row which of these it is."""
+    first = code = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        values, index = np.unique(column, return_inverse=True)
+        # numbered anew each time: no product of counts is too large
+        _, first, code = np.unique(
+            code * len(values) + index, return_index=True, return_inverse=True
+        )
+    return first, code

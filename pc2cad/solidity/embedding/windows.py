@@ -15,8 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.distinct import distinct_rows
 from pc2cad.solidity.embedding.cells import Cells, cells_of
-from pc2cad.solidity.embedding.surfaces import lengths, unit
+from pc2cad.solidity.embedding.surfaces import Surfaces, lengths, unit
+
+#: from a cell to the four corners of the rectangle round it and the other one, in steps
+_SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,19 +110,40 @@ def parted_walls(cells: Cells, pairs: Integers, noise: float) -> Booleans:
     if len(rows) == 0:
         return result
     a, b, step = a[rows], b[rows], step[rows]
-    parts: list[list[Cones]] = [[], [], []]
-    for shift in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        low = cells.limits[0][a] + np.array(shift) * step * size[a]
-        nets = []
-        for sheet in (cells.sheet[a], cells.sheet[b]):
-            place = np.floor(low).astype(np.int64)
-            patch = surfaces.start[sheet] + place[:, 0] * surfaces.shapes[sheet, 1] + place[:, 1]
-            nets.append(cells_of(surfaces, patch, low - place, low - place + size[a]).points)
-        for net in nets:
-            for axis in (1, 2):
-                vectors = np.diff(net, axis=axis).reshape(len(rows), -1, 3)
-                parts[axis - 1].append(cones_of(vectors, noise))
-        parts[2].append(cones_of((nets[1] - nets[0]).reshape(len(rows), -1, 3), noise))
-    s, t, w = (joint(part) for part in parts)
+    low = (cells.limits[0][a] + _SHIFTS[:, None] * step * size[a]).reshape(-1, 2)
+    place = np.floor(low).astype(np.int64)
+    patches = [
+        surfaces.start[sheet] + place[:, 0] * surfaces.shapes[sheet, 1] + place[:, 1]
+        for sheet in (np.tile(cells.sheet[a], 4), np.tile(cells.sheet[b], 4))
+    ]
+    windows = np.column_stack((low - place, np.tile(size[a], (4, 1))))
+    s, t, w = _cones(surfaces, patches, windows, noise)
     result[rows] = is_wall(s, t, w)
     return result
+
+
+def _cones(
+    surfaces: Surfaces, patches: Sequence[Integers], windows: Array, noise: float
+) -> list[Cones]:
+    """Return cones along s, along t and across of the rectangles round pairs of cells.
+
+    `patches` are those of both sheets at the four corners of each rectangle, (4n,), `windows` the
+    lowest parameters and the lengths in these (4n, 4). Pairs share most of them: each is looked at
+    once.
+    """
+    chosen, ways = distinct_rows(*patches, *windows.T)
+    patch, window = (
+        np.concatenate([row[chosen] for row in patches]),
+        np.tile(windows[chosen], (2, 1)),
+    )
+    kept, nets = distinct_rows(patch, *window.T)
+    low, length = window[kept, :2], window[kept, 2:]
+    points = cells_of(surfaces, patch[kept], low, low + length).points
+    one, other = nets.reshape(2, -1)
+    corners = ways.reshape(4, -1)
+    result = []
+    for axis in (1, 2):
+        cones = cones_of(np.diff(points, axis=axis).reshape(len(points), -1, 3), noise)
+        result.append(joint([cones[net[k]] for k in corners for net in (one, other)]))
+    across = cones_of((points[other] - points[one]).reshape(len(one), -1, 3), noise)
+    return [*result, joint([across[k] for k in corners])]
