@@ -111,7 +111,11 @@ def test_densities_that_cannot_be_told_are_refused() -> None:
     with pytest.raises(InputError, match="big and small overlap, and their densities differ"):
         part.mass_properties({"big": 1.0, "small": 2.0})
     with pytest.raises(InputError, match="has the bodies big, small"):
+        part.mass_properties({"large": 1.0})
+    with pytest.raises(InputError, match="small has no density: give it a number"):
         part.mass_properties({"big": 1.0})
+    with pytest.raises(InputError, match="no body of cubes has a field 'heavy'"):
+        part.mass_properties("heavy")
     with pytest.raises(InputError, match="positive number"):
         part.mass_properties(-1.0)
     assert part.mass_properties({"big": 2.0, "small": 2.0}).mass == pytest.approx(17, rel=1e-12)
@@ -229,6 +233,52 @@ def test_the_command_line_weighs_and_derives_bodies(
     found = json.loads(capsys.readouterr().out)
     assert found["volume"]["d"] == pytest.approx(1, rel=1e-12)
     assert found["area"]["d"] == pytest.approx(4, rel=1e-12)
+
+
+#: a block, two bars that reach into it, and a hole through a bar; the bars' density is a field
+GRADED = """
+title = "Bars of graded density"
+result = "cut(union(cut(block, bars), bars), hole)"
+[[bodies]]
+name = "block"
+[bodies.solid]
+x = "2*u"
+y = "8*v - 1"
+z = "w"
+[bodies.fields]
+density = "2 + z"
+[[bodies]]
+name = "bar"
+[bodies.solid]
+x = "1 + 4*u^2 + u"
+y = "1 + v"
+z = "w"
+[bodies.fields]
+density = "1 + x*z + w"
+[[bodies]]
+name = "hole"
+[bodies.solid]
+x = "4 + 3/10*w*cos(2*pi*u)"
+y = "3/2 + 3/10*w*sin(2*pi*u)"
+z = "4*v - 1"
+""".replace("bars", "linear(bar, 2, vector(0, 3, 0))")
+
+
+@pytest.mark.slow
+def test_bodies_of_graded_density_have_their_closed_forms() -> None:
+    """∫(1 + xz + z) over boxes 5 long from x = 1; a hole at x = 4 through the first."""
+    part = pc.compile_equation(parse_template(GRADED, "bars").bind())
+    found = part.mass_properties()
+    bar, hole = 5 + 17.5 / 2 + 5 / 2, pi * 0.3**2 * (1 + 4 / 2 + 1 / 2)
+    block = (2 * 8 - 2 * 1) * 2.5
+    assert found.mass == pytest.approx(2 * bar - hole + block, rel=1e-10)
+    assert found.relative_error < 1e-8
+    # a copy carries its density
+    assert sum(x.mass for name, x in found.layers.items() if "bar[1]" in name) == pytest.approx(
+        part.bodies["bar"].mass_properties().mass, rel=1e-10
+    )
+    given = part.mass_properties({"block": 3.0})
+    assert given.mass - found.mass == pytest.approx((2 * 8 - 2) / 2, rel=1e-9)
 
 
 @pytest.mark.slow

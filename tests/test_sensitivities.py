@@ -148,6 +148,30 @@ z = "q*w"
         checked.sensitivity("z")
 
 
+def test_pieces_that_begin_elsewhere_are_followed() -> None:
+    """A bar round a corner: V = 2 (18 - (2 - π/2) r), and a bend's wall is longer outside."""
+    text = """
+title = "A bar round a corner"
+[parameters]
+r = 3
+[guide]
+kind = "polyline"
+points = [[0, 0, 0], [9, 0, 0], [9, 9, 0]]
+radius = "r"
+[frame]
+kind = "rotation-minimising"
+[solid]
+M = "N + (R-N)*(2*v - 1) + (Q-N)*(w - 1/2)"
+"""
+    found = parse_template(text, "corner")
+    assert isinstance(found, Template)
+    derived = check_map(found.bind()).sensitivity("r")
+    assert derived.how == DIFFERENCES
+    assert derived.volume == pytest.approx(np.pi - 4, rel=1e-10)
+    assert derived.volume_by_flux == pytest.approx(np.pi - 4, rel=1e-10)
+    assert derived.area == pytest.approx(3 * (np.pi - 4), rel=1e-10)
+
+
 def test_sides_that_part_are_named() -> None:
     """A section of three waves closes; of three and a bit it does not."""
     text = """

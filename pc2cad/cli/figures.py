@@ -21,7 +21,8 @@ def with_figures(
 ) -> Report:
     """Return the report with the mass, where a density is known, and with the figures of fields."""
     fields = part.equation.fields if report.own is not None else ()
-    if density is not None or any(field.name == DENSITY for field in fields):
+    known = [body.equation.fields for body in part.bodies.values()]
+    if density is not None or any(field.name == DENSITY for own in known for field in own):
         progress("weigh")
         report = replace(report, mass=part.mass_properties(density))
     if fields:

@@ -58,11 +58,11 @@ class Moving:
         bases = {body: _Base(part, name) for body, part in parts.items()}
         first = next(iter(bases.values()))
         self.value = first.value
-        places = dict(_places(result, lambda tree: tree.copies))
-        drifts, doubt = _drifts(result, placed_at, name, first.value, places)
+        lying = dict(places(result))
+        drifts, doubt = _drifts(result, placed_at, name, first.value, lying)
         self._bodies = {
             copy: _Copy(bases[copy.partition("[")[0]], place, drifts[copy])
-            for copy, place in places.items()
+            for copy, place in lying.items()
         }
         #: of the fastest point
         self.rate = max(one.rate for one in self._bodies.values())
@@ -207,8 +207,11 @@ class _Copy:
         return at
 
 
-def _places(
-    tree: Tree, copies: _Copies, place: Placement | None = None, mark: str = ""
+def places(
+    tree: Tree,
+    copies: _Copies = lambda pattern: pattern.copies,
+    place: Placement | None = None,
+    mark: str = "",
 ) -> Iterator[tuple[str, Placement]]:
     """Yield where each body and copy lies, by the names that copies have."""
     place = place or Placement(np.eye(3), np.zeros(3))
@@ -216,10 +219,10 @@ def _places(
         yield f"{tree}{mark}", place
     elif isinstance(tree, Pattern):
         for k, copy in enumerate(copies(tree)):
-            yield from _places(tree.operand, copies, place.after(copy), f"[{k}]{mark}")
+            yield from places(tree.operand, copies, place.after(copy), f"[{k}]{mark}")
     else:
         for operand in tree.operands:
-            yield from _places(operand, copies, place, mark)
+            yield from places(operand, copies, place, mark)
 
 
 def _drifts(
@@ -227,10 +230,10 @@ def _drifts(
     placed_at: Callable[[str, Fraction], Tree],
     name: str,
     value: float,
-    places: Mapping[str, Placement],
+    lying: Mapping[str, Placement],
 ) -> tuple[dict[str, _Drift], float]:
     """Return how the places of all copies change, and the doubt of it: by differences of them."""
-    now = {copy: np.column_stack((p.turn, p.offset)) for copy, p in places.items()}
+    now = {copy: np.column_stack((p.turn, p.offset)) for copy, p in lying.items()}
     still = {copy: _Drift(np.zeros((3, 3)), np.zeros(3)) for copy in now}
     if not any(isinstance(part, Pattern) for part in _parts(result)):
         return still, 0.0
@@ -246,7 +249,7 @@ def _drifts(
                     f"there is no derivative with respect to {name} = {value:.6g}: {error}"
                 ) from error
             known = {(p.kind, p.texts): p.copies for p in _parts(tree) if isinstance(p, Pattern)}
-            there = dict(_places(result, lambda p, known=known: known[p.kind, p.texts]))  # type: ignore[misc]
+            there = dict(places(result, lambda p, known=known: known[p.kind, p.texts]))  # type: ignore[misc]
             rows.append(np.array([np.column_stack((there[c].turn, there[c].offset)) for c in now]))
         fine, coarse = difference(rows, float(shorter))
         largest = float(np.abs(fine).max())

@@ -22,7 +22,8 @@ from pc2cad.brep.booleans import NamedShape
 from pc2cad.brep.forms import PAIRS
 from pc2cad.brep.inspect import bounding_box
 from pc2cad.brep.integrals import face_integrals, faces_of, second_moments, solid_integrals
-from pc2cad.csg.moving import COLUMNS, Moving, NoAngleError
+from pc2cad.csg.graded import Graded
+from pc2cad.csg.moving import COLUMNS, Moving, NoAngleError, places
 from pc2cad.csg.regions import Piece, Told, pieces_of, regions
 from pc2cad.domain.velocity import NotDifferentiableError
 from pc2cad.equation.fields import DENSITY
@@ -68,13 +69,9 @@ class Joined:
 
     def mass(self, density: float | str | Mapping[str, float] | None) -> Mass:
         """See Several.mass; raise InputError, RegionsDisagreeError."""
-        if isinstance(density, str) or (density is None and self._graded()):
-            raise InputError(
-                f"a density that is a field belongs to one body ({', '.join(self._graded())}): "
-                "give one number for all, or one for each body"
-            )
-        if isinstance(density, Mapping):
-            return self._by_pieces(_checked(density, self.parts, self.report.name))
+        given = self._given(density)
+        if given is not None:
+            return self._by_pieces(given)
         whole = self.report.solid
         (solid,) = self.shape.solids
         values = second_moments(solid, np.array(whole.centroid))
@@ -82,11 +79,20 @@ class Joined:
         error = self._error(float(np.trace(values)))
         return made(rho * whole.volume, whole.centroid, rho * values, error, SOURCE, rho)
 
-    def _graded(self) -> list[str]:
-        return [
-            name for name, body in self.parts.items()
-            if any(field.name == DENSITY for field in body.equation.fields)
-        ]  # fmt: skip
+    def _given(
+        self, density: float | str | Mapping[str, float] | None
+    ) -> dict[str, float | str] | None:
+        """Return the density of each body that has one, or its field; None: one for all."""
+        field = density if isinstance(density, str) else DENSITY
+        own: dict[str, float | str] = {
+            name: field for name, body in self.parts.items()
+            if any(known.name == field for known in body.equation.fields)
+        }  # fmt: skip
+        if isinstance(density, Mapping):
+            return own | _checked(density, self.parts, self.report.name)
+        if isinstance(density, str) and not own:
+            raise InputError(f"no body of {self.report.name} has a field '{density:.80}'")
+        return own if own and (density is None or isinstance(density, str)) else None
 
     def _error(self, moment: float) -> float:
         """Return what is open of the volume as a share of it, or of a moment at its far end."""
@@ -95,15 +101,23 @@ class Joined:
         error = whole.relative_error or 0.0
         return max(error, error * whole.volume * float(far @ far) / moment)
 
-    def _by_pieces(self, given: Mapping[str, float]) -> Mass:
+    def _by_pieces(self, given: Mapping[str, float | str]) -> Mass:
         found: dict[str, list[Mass]] = {}
+        graded: dict[str, Graded] = {}
         for piece in pieces_of(self.result, self.parts, self.told):
-            whole, rho = solid_integrals(piece.solid), _told_by(given, piece)
+            body, rho = _told_by(given, piece)
+            whole = solid_integrals(piece.solid)
             values = second_moments(piece.solid, np.array(whole.centroid))
             error = self._error(float(np.trace(values)))
-            found.setdefault(piece.name, []).append(
-                made(rho * whole.volume, whole.centroid, rho * values, error, SOURCE, rho)
-            )
+            if isinstance(rho, str):
+                if body not in graded:
+                    place = dict(places(self.result))[body]
+                    part = self.parts[body.partition("[")[0]]
+                    graded[body] = Graded(part, body, rho, place)
+                own = graded[body].mass(piece, error)
+            else:
+                own = made(rho * whole.volume, whole.centroid, rho * values, error, SOURCE, rho)
+            found.setdefault(piece.name, []).append(own)
         layers = {name: _one(rows) for name, rows in found.items()}
         volume = sum(row.mass / row.density for row in layers.values())
         off = abs(volume / self.report.solid.volume - 1)
@@ -119,9 +133,15 @@ class Joined:
         faces = [(f, keys) for f, (_, keys) in zip(turned, self.shape.faces, strict=True)]
         total = self._flux(faces, moving, centre)
         if isinstance(density, Mapping):
-            given, weighed = _checked(density, self.parts, self.report.name), np.zeros(COLUMNS)
+            given, weighed = self._given(density) or {}, np.zeros(COLUMNS)
             for piece in pieces_of(self.result, self.parts, self.told):
-                weighed += _told_by(given, piece) * self._flux(piece.faces, moving, centre)
+                rho = _told_by(given, piece)[1]
+                if isinstance(rho, str):
+                    raise InputError(
+                        "of several bodies, mass is derived for densities that are numbers: give "
+                        "each body one"
+                    )
+                weighed += rho * self._flux(piece.faces, moving, centre)
         else:
             weighed = weighed_by(density) * total
         second = np.empty((3, 3))
@@ -158,15 +178,24 @@ class Joined:
         return total
 
 
-def _told_by(given: Mapping[str, float], piece: Piece) -> float:
-    """Return the density of a piece; raise InputError where bodies overlap that differ."""
-    own = {body: given[body.partition("[")[0]] for body in sorted(piece.bodies)}
-    if len({*own.values()}) > 1:
+def _told_by(given: Mapping[str, float | str], piece: Piece) -> tuple[str, float | str]:
+    """Return the body whose density a piece has, and that; InputError where several differ."""
+    own = {
+        body: given[name] for body in sorted(piece.bodies)
+        if (name := body.partition("[")[0]) in given
+    }  # fmt: skip
+    if not own:
+        raise InputError(
+            f"{' and '.join(sorted(piece.bodies))} has no density: give it a number "
+            "(--density BODY=NUMBER), or a field of that name"
+        )
+    values = {*own.values()}
+    if len(values) > 1 or (len(own) > 1 and any(isinstance(value, str) for value in values)):
         raise InputError(
             f"{' and '.join(own)} overlap, and their densities differ: cut one of them "
             "from the other in the result, or give them the same"
         )
-    return next(iter(own.values()))
+    return next(iter(own.items()))
 
 
 def _one(rows: Sequence[Mass]) -> Mass:
@@ -178,8 +207,10 @@ def _one(rows: Sequence[Mass]) -> Mass:
     return replace(together, layers={})
 
 
-def _checked(given: Mapping[str, float], parts: Mapping[str, Body], name: str) -> dict[str, float]:
-    if {*given} != {*parts}:
+def _checked(
+    given: Mapping[str, float], parts: Mapping[str, Body], name: str
+) -> dict[str, float | str]:
+    if not given or not {*given} <= {*parts}:
         raise InputError(
             f"densities are given for {', '.join(map(str, given)) or 'nothing'}, and {name} has "
             f"the bodies {', '.join(parts)}; give each body its own, or one number for all"

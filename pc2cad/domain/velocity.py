@@ -2,7 +2,8 @@
 
 ∂M/∂p at a fixed share of the way through the box, whose limits may depend on p, too. The derivative
 is that of the trees; where the way to the trees asks for a value of p (a guide given by numbers, a
-frame found by integration), it is the central difference of order 8 of M itself.
+frame found by integration), it is the central difference of order 8 of M itself, at a fixed share
+of the way through each piece where pieces begin elsewhere as p changes.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ class DifferenceVelocity:
     """The central difference of M at p ± h, … p ± 4h."""
 
     #: at the places of `STEPS`
-    maps: tuple[Mapping3, ...]
+    maps: tuple[Mapping3 | _Shifted, ...]
     step: float
     how: str = DIFFERENCES
 
@@ -116,7 +117,6 @@ def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | Dif
         bound = substitute(along, {variation.name: variation.bound})
         return SymbolicVelocity(_local(analysis, bound))
     step = _step(analysis, variation)
-    _check_breaks(analysis, variation, step)
     found = _differences(analysis, variation, step)
     for shorter in (step / 4, step / 16):
         if found.doubt() <= SETTLED:
@@ -126,25 +126,67 @@ def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | Dif
     return found
 
 
-def _check_breaks(analysis: Analysis, variation: Variation, step: Fraction) -> None:
-    """Raise NotDifferentiableError where pieces of M begin elsewhere at another value."""
-    here, there = (
-        find_breaks(_local(analysis, _over_the_box(_at(variation, k * step))).coordinates)
-        for k in (0, 1)
-    )
-    for name, row, other in zip(PARAMETERS, here, there, strict=True):
-        a, b = ([x.position for x in places] for places in (row, other))
-        if len(a) != len(b) or any(abs(x - y) > SAME for x, y in zip(a, b, strict=True)):
-            raise NotDifferentiableError(
-                f"there is no derivative with respect to {variation.name} = {variation.value:.6g}: "
-                f"the pieces of M along {name} begin elsewhere as it changes"
-            )
-
-
 def _differences(analysis: Analysis, variation: Variation, step: Fraction) -> DifferenceVelocity:
     places = [_at(variation, k * step) for k in STEPS]
     maps = [_local(analysis, _over_the_box(equation)) for equation in places]
-    return DifferenceVelocity(tuple(maps), float(step))
+    here = _breaks(_local(analysis, _over_the_box(_at(variation, Fraction(0)))))
+    if _same(here, _breaks(maps[0])):
+        return DifferenceVelocity(tuple(maps), float(step))
+    # where pieces begin moves: a point stays at the same share of the way through its piece
+    found = []
+    for mapping in maps:
+        there = _breaks(mapping)
+        if [len(row) for row in there] != [len(row) for row in here]:
+            raise NotDifferentiableError(
+                f"there is no derivative with respect to {variation.name} = {variation.value:.6g}: "
+                "M has other pieces beside it"
+            )
+        found.append(_Shifted(mapping, here, there))
+    return DifferenceVelocity(tuple(found), float(step))
+
+
+def _breaks(mapping: Mapping3) -> tuple[Array, ...]:
+    """Return where pieces of M begin and end, per direction, 0 and 1 included."""
+    rows = find_breaks(mapping.coordinates)
+    return tuple(
+        np.array([0.0, *(x.position for x in row if 0 < x.position < 1), 1.0]) for row in rows
+    )
+
+
+def _same(rows: Sequence[Array], others: Sequence[Array]) -> bool:
+    return all(
+        len(a) == len(b) and bool(np.abs(a - b).max() <= SAME)
+        for a, b in zip(rows, others, strict=True)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Shifted:
+    """M at another value, at places whose breaks are those of the value itself."""
+
+    mapping: Mapping3
+    here: tuple[Array, ...]
+    there: tuple[Array, ...]
+
+    def points(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
+        """See Mapping3.points."""
+        return self.mapping.points(*(place for place, _ in self._moved(u, v, w)))
+
+    def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
+        """See Mapping3.frame."""
+        moved = self._moved(u, v, w)
+        points, *tangents = self.mapping.frame(*(place for place, _ in moved))
+        pairs = zip(tangents, moved, strict=True)
+        return [points, *(along * slope[..., None] for along, (_, slope) in pairs)]
+
+    def _moved(self, *local: ArrayLike) -> list[tuple[Array, Array]]:
+        found = []
+        for x, here, there in zip(local, self.here, self.there, strict=True):
+            at = np.asarray(x, dtype=float)
+            piece = np.clip(np.searchsorted(here, at, side="right") - 1, 0, len(here) - 2)
+            slopes = np.diff(there) / np.diff(here)
+            found.append((np.interp(at, here, there), slopes[piece]))
+        return found
 
 
 def _at(variation: Variation, step: Fraction) -> PointEquation:

@@ -82,6 +82,21 @@ def mass_by_field(analysis: Analysis, geometry: MassProperties, field: LocalFiel
 
     Raises InputError where the density is negative at a place, or no scalar.
     """
+    largest = check_density(analysis, field)
+    exact = _exact_mass(analysis, geometry, field)
+    if exact is not None:
+        return exact
+    centre = np.array(geometry.centroid)
+    rows, error = _moments(analysis, field, centre, largest)
+    volumes = [v for v, _ in geometry.layers] or [geometry.volume]
+    parts = [_weighed(row, centre, v, error) for row, v in zip(rows, volumes, strict=True)]
+    if len(parts) == 1:
+        return parts[0]
+    return joined(dict(zip(analysis.equation.layers, parts, strict=True)), geometry.volume)
+
+
+def check_density(analysis: Analysis, field: LocalField) -> float:
+    """Return the largest value of a density that is seen; raise InputError for what is none."""
     if field.field.kind != "scalar":
         raise InputError(f"a density is a scalar, and {field.field.name} is a {field.field.kind}")
     places = looked_at(analysis, field)
@@ -91,16 +106,7 @@ def mass_by_field(analysis: Analysis, geometry: MassProperties, field: LocalFiel
             f"the density {field.field.name} is {seen.min():.4g} at "
             f"{analysis.map.shown(places[seen.argmin()])}, and none is negative, or 0 all over"
         )
-    exact = _exact_mass(analysis, geometry, field)
-    if exact is not None:
-        return exact
-    centre = np.array(geometry.centroid)
-    rows, error = _moments(analysis, field, centre, float(seen.max()))
-    volumes = [v for v, _ in geometry.layers] or [geometry.volume]
-    parts = [_weighed(row, centre, v, error) for row, v in zip(rows, volumes, strict=True)]
-    if len(parts) == 1:
-        return parts[0]
-    return joined(dict(zip(analysis.equation.layers, parts, strict=True)), geometry.volume)
+    return float(seen.max())
 
 
 def _weighed(row: Array, about: Array, volume: float, error: float) -> Mass:

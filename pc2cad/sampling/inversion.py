@@ -90,6 +90,14 @@ class Inverse:
             )
         return best, gaps
 
+    def inside(self, targets: Array) -> tuple[Array, Array]:
+        """Return places (n, 3) of targets (n, 3) that are in the solid, and what is left (n,).
+
+        The boundary is not searched.
+        """
+        best, residual = self._met(targets, np.inf)
+        return best, np.sqrt(residual)
+
     def holds(self, targets: Array, near: Array) -> Booleans:
         """Say which targets (n, 3) have a place of the solid nearer than `near` (n,)."""
         return np.asarray(self._met(targets, 4.0 * near)[1] <= near**2)
