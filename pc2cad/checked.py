@@ -27,7 +27,6 @@ from pc2cad.domain.cuts import halved as cut_in_halves
 from pc2cad.domain.cuts import parted as cut_apart
 from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
-from pc2cad.equation.fields import DENSITY
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.geometry.scale import Scale
@@ -85,17 +84,9 @@ class CheckedMap:
         The mass is in the density's own unit times units^3. Raises InputError for a density that is
         not positive, and for names of no layer or field.
         """
-        from pc2cad.integrals.inertia import densities, mass_of
+        from pc2cad.integrals.weighing import weighed
 
-        if density is None:
-            named = any(field.name == DENSITY for field in self.equation.fields)
-            density = DENSITY if named else 1.0
-        if isinstance(density, str):
-            from pc2cad.domain.fields import local_field
-            from pc2cad.integrals.fields import mass_by_field
-
-            return mass_by_field(self.analysis, self.mass, local_field(self.analysis, density))
-        return mass_of(self.analysis, self.mass, densities(density, self.equation))
+        return weighed(self.analysis, self.mass, density)
 
     def formulas(self, fields: Sequence[str]) -> dict[str, Formula]:
         """Return those of some scalar fields that are formulas of x, y and z; raise InputError."""
@@ -119,20 +110,18 @@ class CheckedMap:
         largest = [largest_value(tree, limits) for tree in field.trees]
         return FieldFigures(name, field.field.kind, whole, tuple(least), tuple(largest))
 
-    def sensitivity(self, name: str, density: float | Mapping[str, float] = 1.0) -> Sensitivity:
+    def sensitivity(
+        self, name: str, density: float | str | Mapping[str, float] | None = None
+    ) -> Sensitivity:
         """Return d/dp of volume, area, centroid, mass and inertia for one parameter.
 
-        Raises InputError for a name of no parameter, and NotDifferentiableError where the solid
-        does not change smoothly with it.
+        The density is that of `mass_properties`. Raises InputError for a name of no parameter, and
+        NotDifferentiableError where the solid does not change smoothly with it.
         """
-        from pc2cad.integrals.inertia import densities, mass_of
-        from pc2cad.integrals.sensitivity import sensitivity
+        from pc2cad.integrals.weighing import derived
 
-        given = densities(density, self.equation)
         variation = self.equation.variation(name)
-        mass = mass_of(self.analysis, self.mass, given)
-        sign = self.orientation.sign
-        return sensitivity(self.analysis, sign, self.mass, mass, given, variation)
+        return derived(self.analysis, self.orientation.sign, self.mass, density, variation)
 
 
 @dataclass(frozen=True)

@@ -148,6 +148,47 @@ z = "q*w"
         checked.sensitivity("z")
 
 
+GRADED = """
+title = "A graded bar"
+[parameters]
+L = 6
+k = 0.3
+[domain]
+u = [0, "L/6"]
+[solid]
+x = "6*u*(1 + k*w)"
+y = "3*v"
+z = "4*w + k*u*v"
+[fields]
+density = "1 + x/L + k*u + w*y"
+"""
+
+
+@pytest.mark.parametrize("p", ["L", "k"])
+def test_a_density_that_is_a_field_changes_too(p: str) -> None:
+    """Its formula, the limits of u and the places go with the parameters: polynomials of them."""
+    graded = parse_template(GRADED, "graded")
+    assert isinstance(graded, Template)
+    bound = graded.bind()
+    found, h = check_map(bound).sensitivity(p), 1 / 16
+
+    def at(k: int) -> np.ndarray:
+        weighed = check_map(graded.bind({p: bound.parameters[p] + k * h})).mass_properties()
+        return np.array((weighed.mass, *np.ravel(weighed.inertia)))
+
+    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+    wanted = sum(c * (at(k) - at(-k)) for k, c in weights.items()) / h
+    own = (found.mass, *np.ravel(found.inertia))
+    np.testing.assert_allclose(own, wanted, atol=1e-8 * np.abs(wanted).max())
+
+
+def test_a_density_that_jumps_where_places_move_is_refused() -> None:
+    jump = parse_template(GRADED.replace("w*y", "if(x > 3, 1, 0)"), "jump")
+    assert isinstance(jump, Template)
+    with pytest.raises(NotDifferentiableError, match="the field density jumps at places that move"):
+        check_map(jump.bind()).sensitivity("k")
+
+
 def test_pieces_that_begin_elsewhere_are_followed() -> None:
     """A bar round a corner: V = 2 (18 - (2 - π/2) r), and a bend's wall is longer outside."""
     text = """

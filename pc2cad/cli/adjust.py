@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
             template, read_ranges(arguments.vary), [read_goal(text) for text in arguments.until],
             minimise=arguments.minimise, maximise=arguments.maximise,
             values=read_settings(arguments.settings),
-            density=1.0 if density is None else density, progress=progress,
+            density=density, progress=progress,
         )  # fmt: skip
         if arguments.outputs:
             from pc2cad.compiler import compile_solid

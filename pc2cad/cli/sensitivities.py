@@ -134,7 +134,7 @@ def _derive(
     for name in names:
         progress(f"derive by {name}")
         try:
-            found.append(known.sensitivity(name, 1.0 if density is None else density))
+            found.append(known.sensitivity(name, density))
         except NotDifferentiableError as error:
             if asked:
                 raise

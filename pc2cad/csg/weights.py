@@ -123,7 +123,9 @@ class Joined:
         off = abs(volume / self.report.solid.volume - 1)
         return joined(layers, volume, off)
 
-    def sensitivity(self, name: str, density: float | Mapping[str, float]) -> BodiesSensitivity:
+    def sensitivity(
+        self, name: str, density: float | str | Mapping[str, float] | None
+    ) -> BodiesSensitivity:
         """See Several.sensitivity; raise InputError, NotDifferentiableError."""
         moving = Moving(self.result, self.parts, self.placed_at, name)
         mass, whole = self.mass(density), self.report.solid
@@ -132,8 +134,9 @@ class Joined:
         turned = faces_of(self.shape.solids[0])
         faces = [(f, keys) for f, (_, keys) in zip(turned, self.shape.faces, strict=True)]
         total = self._flux(faces, moving, centre)
-        if isinstance(density, Mapping):
-            given, weighed = self._given(density) or {}, np.zeros(COLUMNS)
+        given = self._given(density)
+        if given is not None:
+            weighed = np.zeros(COLUMNS)
             for piece in pieces_of(self.result, self.parts, self.told):
                 rho = _told_by(given, piece)[1]
                 if isinstance(rho, str):
@@ -143,7 +146,7 @@ class Joined:
                     )
                 weighed += rho * self._flux(piece.faces, moving, centre)
         else:
-            weighed = weighed_by(density) * total
+            weighed = mass.density * total
         second = np.empty((3, 3))
         for (i, j), value in zip(PAIRS, weighed[4:10], strict=True):
             second[i, j] = second[j, i] = value

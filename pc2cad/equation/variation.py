@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pc2cad.expression.scalar import evaluate
@@ -24,6 +24,10 @@ class Variation:
     coordinates: tuple[Expr, Expr, Expr] | None
     #: the equation at another value, inside of the parameter's range or not
     at: Callable[[Expr], PointEquation]
+    #: limits of u, v and w with the parameter free
+    domain: tuple[tuple[Expr, Expr], ...] = ()
+    #: components of fields that may depend on it, by name, in u, v, w, x, y, z and the parameter
+    fields: Mapping[str, tuple[Expr, ...]] = field(default_factory=dict)
 
     @property
     def value(self) -> float:

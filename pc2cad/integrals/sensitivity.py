@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.field_rates import FieldRate
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.velocity import (
     DifferenceVelocity,
@@ -86,15 +87,18 @@ def sensitivity(
     sign: int,
     geometry: MassProperties,
     mass: Mass,
-    densities: Sequence[float],
+    density: Sequence[float] | FieldRate,
     variation: Variation,
 ) -> Sensitivity:
     """Return the derivatives with respect to one parameter; `sign` is that of det J.
 
+    The density is one for each layer, or a field that changes too.
+
     Raises NotDifferentiableError where the solid does not change smoothly with it.
     """
     moving = velocity(analysis, variation)
-    forms = _Forms(analysis, moving, np.array(mass.centroid))
+    weigher = density if isinstance(density, FieldRate) else None
+    forms = _Forms(analysis, moving, np.array(mass.centroid), weigher)
     rules = _rules(forms)
     rows, error = _volumes(forms, rules)
     flux, passed = _flux(forms, rules)
@@ -111,17 +115,20 @@ def sensitivity(
             "sides; a kink or a jump of M moves with the parameter"
         )
     size = analysis.scale.size
-    weights = np.array(densities)
+    if isinstance(density, FieldRate):
+        weighed = density.largest * rows[:, 10:].sum(axis=0)
+    else:
+        weighed = np.array(density) @ rows[:, [0, *range(4, 10)]]
     first = rows[:, 1:4].sum(axis=0) * size
     centre = np.subtract(geometry.centroid, mass.centroid)
     x, y, z = ((first - centre * volume) / geometry.volume).tolist()
     second = np.empty((3, 3))
-    for (i, j), value in zip(_PAIRS, (weights @ rows[:, 4:]) * size**2, strict=True):
+    for (i, j), value in zip(_PAIRS, weighed[1:] * size**2, strict=True):
         second[i, j] = second[j, i] = value
     a, b, c = (np.trace(second) * np.eye(3) - second).tolist()
     return Sensitivity(
         variation.name, variation.value, volume, area, (x, y, z),
-        float(weights @ rows[:, 0]), (tuple(a), tuple(b), tuple(c)),
+        float(weighed[0]), (tuple(a), tuple(b), tuple(c)),
         float(flux) if np.isfinite(flux) else None, error, moving.how, _parting(forms),
         analysis, moving,
     )  # fmt: skip
@@ -134,6 +141,8 @@ class _Forms:
     analysis: Analysis
     moving: SymbolicVelocity | DifferenceVelocity
     centre: Array
+    #: where the density is a field
+    weigher: FieldRate | None = None
 
     @cached_property
     def rate(self) -> float:
@@ -149,6 +158,7 @@ class _Forms:
         """Return ∂(det J)/∂p, and the same of the first and second moments; and det J."""
         points, *tangents = self.analysis.map.frame(u, v, w)
         speed, *speeds = self.moving.frame(u, v, w)
+        known = None if self.weigher is None else self.weigher(u, v, w, points, speed)
         size = self.analysis.scale.size
         with np.errstate(all="ignore"):
             r, speed = (points - self.centre) / size, speed / size
@@ -162,6 +172,15 @@ class _Forms:
                 + r[..., i] * r[..., j] * change
                 for i, j in _PAIRS
             ]
+            if known is not None:
+                density, along = known
+                mass = along * det + density * change
+                values.append(mass)
+                values += [
+                    (speed[..., i] * r[..., j] + r[..., i] * speed[..., j]) * density * det
+                    + r[..., i] * r[..., j] * mass
+                    for i, j in _PAIRS
+                ]
             values.append(self.rate * det)
         every = np.broadcast_arrays(*values)
         return Samples(np.stack(every, axis=-1), np.sum([np.abs(term) for term in terms], axis=0))
@@ -209,9 +228,9 @@ def _rules(forms: _Forms) -> list[Panels]:
 
 
 def _volumes(forms: _Forms, rules: list[Panels]) -> tuple[Array, float]:
-    """Return the ten integrals over each layer, (layers, 10), and their relative error."""
+    """Return the integrals over each layer, (layers, 10 or 17), and their relative error."""
     found = [integral(forms.inside, part) for part in by_layer(forms.analysis, rules)]
-    return np.array([row[:10] for row, _ in found]), max(error for _, error in found)
+    return np.array([row[:-1] for row, _ in found]), max(error for _, error in found)
 
 
 def _flux(forms: _Forms, rules: list[Panels]) -> tuple[float, float]:

@@ -105,7 +105,7 @@ class Part(OfOneEquation):
         return super().mass_properties(density)
 
     def sensitivity(  # type: ignore[override]
-        self, name: str, density: float | Mapping[str, float] = 1.0
+        self, name: str, density: float | str | Mapping[str, float] | None = None
     ) -> Sensitivity | BodiesSensitivity:
         """Return d/dp of volume, area, centroid, mass and inertia, and ∂M/∂p wherever it is asked.
 

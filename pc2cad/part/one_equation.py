@@ -173,7 +173,9 @@ class OfOneEquation(ABC):
         """
         return self.body.checked.mass_properties(density)
 
-    def sensitivity(self, name: str, density: float | Mapping[str, float] = 1.0) -> Sensitivity:
+    def sensitivity(
+        self, name: str, density: float | str | Mapping[str, float] | None = None
+    ) -> Sensitivity:
         """Return d/dp of volume, area, centroid, mass and inertia, and ∂M/∂p wherever it is asked.
 
             part.sensitivity("r").volume            # mm^3 per unit of r

@@ -49,5 +49,7 @@ class Several(Protocol):
     def mass(self, density: float | str | Mapping[str, float] | None) -> Mass:
         """Return mass, centre of mass and inertia for one density, or one for each body."""
 
-    def sensitivity(self, name: str, density: float | Mapping[str, float]) -> BodiesSensitivity:
+    def sensitivity(
+        self, name: str, density: float | str | Mapping[str, float] | None
+    ) -> BodiesSensitivity:
         """Return how figures change with one parameter; raise NotDifferentiableError."""

@@ -22,6 +22,7 @@ from pc2cad.checked import Progress, Stages, check_map
 from pc2cad.domain.velocity import NotDifferentiableError
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import InputError, KernelError, NotASolidError
+from pc2cad.integrals.weighing import Density
 from pc2cad.studies.figures import FIGURES, figures_of, figures_of_map
 from pc2cad.templates.bodies import Bodies, BodiesTemplate
 from pc2cad.templates.file import read_template
@@ -117,7 +118,7 @@ def adjust(
     minimise: str | None = None,
     maximise: str | None = None,
     values: Mapping[str, Any] | None = None,
-    density: float | Mapping[str, float] = 1.0,
+    density: float | str | Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Adjusted:
     """Return values of some parameters within ranges that meet goals, from the present ones on.
@@ -162,7 +163,7 @@ class _Problem:
         vary: Mapping[str, tuple[float, float]],
         goals: tuple[Goal, ...],
         values: Mapping[str, Any],
-        density: float | Mapping[str, float],
+        density: Density,
         progress: Progress | None,
         wanted: str | None,
     ) -> None:

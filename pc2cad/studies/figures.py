@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final
 from pc2cad.compiler import compile_solid
 from pc2cad.domain.analysis import derive, sample_sides
 from pc2cad.domain.velocity import NotDifferentiableError
-from pc2cad.integrals.inertia import Mass, densities, mass_of
+from pc2cad.integrals.inertia import Mass
 from pc2cad.integrals.mass_properties import integrate
-from pc2cad.integrals.sensitivity import sensitivity
+from pc2cad.integrals.weighing import Density, derived, weighed
 from pc2cad.part.several import BodiesSensitivity
 from pc2cad.solidity.orientation import find_orientation
 from pc2cad.templates.bodies import Bodies
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 FIGURES: Final = (
     "volume", "area", "mass", "x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz",
 )  # fmt: skip
-Density = float | Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -50,16 +49,12 @@ def figures_of(
     """
     if isinstance(equation, Bodies):
         return _of_bodies(equation, density, names, asked)
-    given = densities(density, equation)
     sides = sample_sides(equation)
     sign = find_orientation(sides.map).sign
     analysis = derive(sides)
     geometry = integrate(analysis)
-    mass = mass_of(analysis, geometry, given)
-    moved = [
-        sensitivity(analysis, sign, geometry, mass, given, equation.variation(name))
-        for name in names
-    ]
+    mass = weighed(analysis, geometry, density)
+    moved = [derived(analysis, sign, geometry, density, equation.variation(name)) for name in names]
     values = _figures(geometry.volume, geometry.area, geometry.centroid, mass)
     # the methods of integration say what is open of them; steps go by their values
     return Figures(values, tuple(_slopes(s, s.area) for s in moved), 0.0)

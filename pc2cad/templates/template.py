@@ -181,7 +181,11 @@ class Template(Header):
             values = {**bound, name: value}
             return self._again(values, moved)._equation(values, partial(self._bind_moved, values))
 
-        return Variation(name, bound[name], coordinates, at)
+        fields = {
+            d.name: d.value.coordinates if isinstance(d.value, Combination) else (d.value,)
+            for d in read.fields
+        }
+        return Variation(name, bound[name], coordinates, at, read.domain, fields)
 
     def _bind_moved(self, values: Mapping[str, Any], points: Mapping[str, Moved]) -> PointEquation:
         self._check_names(points, [p.name for p in self.points], "point")
