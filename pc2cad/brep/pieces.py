@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 from OCP.Bnd import Bnd_Box
@@ -15,6 +17,7 @@ from OCP.IntTools import IntTools_FClass2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT, TopAbs_ShapeEnum, TopAbs_VERTEX
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array, Booleans
 from pc2cad.brep.booleans import NamedShape
@@ -55,9 +58,29 @@ class Piece:
         return {name.body for name in self.names}
 
     def may_meet(self, other: Piece, reach: float) -> bool:
-        """Say whether two pieces may come within a length of one another, by their boxes."""
+        """Say whether two pieces may come within a length of one another.
+
+        They do not where their boxes are farther apart, or the places that are looked at by more
+        than lies between these.
+        """
         apart = np.maximum(self.box[0] - other.box[1], other.box[0] - self.box[1])
-        return bool(len(self.places)) and bool(len(other.places)) and bool(apart.max() <= reach)
+        if not len(self.places) or not len(other.places) or apart.max() > reach:
+            return False
+        (points, step), (_, step_there) = self._net, other._net
+        nearest = other._tree.query(points, distance_upper_bound=reach + step + step_there)[0]
+        return bool(np.isfinite(nearest).any())
+
+    @cached_property
+    def _net(self) -> tuple[Array, float]:
+        """Points over all of the parameters, and what lies between them: a whole cell, at most."""
+        span = self.high - self.low
+        points, slopes = self.jet(self.low + _middles(len(span)) * span)
+        steps = (np.linalg.norm(d, axis=1).max() * x for d, x in zip(slopes, span, strict=True))
+        return points, float(sum(steps)) / ACROSS
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self._net[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +150,7 @@ def _face(
         found = (classifier.Perform(gp_Pnt2d(a, b)) for a, b in at.tolist())
         return np.array([state != TopAbs_OUT for state in found], dtype=bool)
 
-    share = (np.arange(ACROSS) + 0.5) / ACROSS
-    grid = np.stack(np.meshgrid(share, share, indexing="ij"), axis=-1).reshape(-1, 2)
-    places = low + grid * (high - low)
+    places = low + _middles(2) * (high - low)
     return Piece(names, jet, low, high, places[holds(places)], holds, _box(face), edges, ends)
 
 
@@ -162,6 +183,12 @@ def _vertex(shape: TopoDS_Shape, names: tuple[SideKey, ...], number: int) -> Pie
     return Piece(
         names, jet, nowhere[0], nowhere[0], nowhere, _all, box, vertices=frozenset({number})
     )
+
+
+def _middles(count: int) -> Array:
+    """Return the middles of the cells of a grid of the unit box of so many directions, (n, k)."""
+    share = ((np.arange(ACROSS) + 0.5) / ACROSS).tolist()
+    return np.array([*product(share, repeat=count)])
 
 
 def _all(at: Array) -> Booleans:

@@ -97,7 +97,7 @@ def check_contacts(
     `deviations` bound how far the bodies' faces are from their equations'; `part` is the result in
     words, its size and its unit. Raises MissedCrossingError where they cross unseen.
     """
-    _, size, _ = part
+    size = part[1]
 
     def reach(*pieces: Iterable[SideKey]) -> float:
         return 2 * KERNEL_TOLERANCE + sum(max(deviations[n] for n in names) for names in pieces)
@@ -107,9 +107,8 @@ def check_contacts(
     found = [_seen(pieces, branching, reach, size) for branching in seen] or [
         *faint_loops(pieces, edges, reach, size), *contacts(pieces, reach, size)
     ]  # fmt: skip
-    if not found:
-        return
-    raise _refusal(found, part)
+    if found:
+        raise _refusal(found, part)
 
 
 def check_merged(
@@ -181,11 +180,12 @@ def contacts(pieces: Pieces, reach: Reach, size: float) -> Iterator[Contact]:
             continue
         x, y, gaps = _descended(first, second, ZERO * size)
         close = np.flatnonzero(gaps <= far)
-        close = close[first.holds(x[close]) & second.holds(y[close])] if len(close) else close
         if not len(close):
             continue
         points = first.jet(x[close])[0]
-        for k in _distinct(points, ~_shared(pieces, first, second, points, size), 1e-3 * size):
+        kept = ~_shared(pieces, first, second, points, size)
+        kept[kept] = first.holds(x[close[kept]]) & second.holds(y[close[kept]])
+        for k in _distinct(points, kept, 1e-3 * size):
             px, py, pz = points[k].tolist()
             extent = _extent(first, second, x[close[k]], y[close[k]], size)
             yield Contact(
