@@ -137,8 +137,11 @@ def test_all_waves_of_w7x_are_proved_within_the_tolerance() -> None:
 
 
 def test_a_thickness_may_go_with_both_angles() -> None:
-    layers = layers_of("wall=0.1, blanket=0.3+0.1*cos(u)*cos(3*v)")
-    text = import_vmec(DATA / "vmec.rotating_ellipse", layers)
+    layers = layers_of("wall=0.1, blanket=thick(u, 3*v)")
+    text = import_vmec(DATA / "vmec.rotating_ellipse", layers) + (
+        '[tables.thick]\nat = [[0, "pi", "2*pi"], [0, "pi", "2*pi"]]\nperiodic = [true, true]\n'
+        "values = [[0.4, 0.3, 0.4], [0.2, 0.3, 0.2], [0.4, 0.3, 0.4]]\n"
+    )
     checked = check_map(parse_template(text, "wall").bind())
     even = import_vmec(DATA / "vmec.rotating_ellipse", layers_of("wall=0.1,blanket=0.3"))
     other = check_map(parse_template(even, "wall").bind())

@@ -265,6 +265,11 @@ def test_constants_beyond_the_places_are_refused_at_once() -> None:
         pc.table(*CHORD)(5)
 
 
+def test_a_table_may_be_taken_at_one_place_that_is_no_fraction() -> None:
+    height = pc.table([0, 3, 4], [1, 2, 4], "linear")(pc.pi)
+    assert slab(height).report.solid.volume == pytest.approx(30 * (2 * np.pi - 4), rel=1e-12)
+
+
 def test_a_branch_that_is_not_taken_may_lie_beyond() -> None:
     part = slab(pc.where(u < 0.25, pc.table(*CHORD, "linear")(16 * u), 1))
     assert part.report.solid.volume == pytest.approx(3 * (2.5 * 1.5 + 7.5), rel=1e-12)

@@ -44,6 +44,8 @@ def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[
         if node.op != "pieces":
             continue
         argument = node.args[0]
+        if not argument.symbols:
+            continue  # a table at one place, such as pi/3: nothing breaks along a parameter
         if len(argument.symbols) != 1 or not is_affine(argument):
             raise BreaksNotAlignedError(
                 f"a piecewise curve is taken at {argument!r}; its breaks are lines of the solid "

@@ -48,9 +48,9 @@ def imported(source: str, options: Mapping[str, Any]) -> str:
 
 
 def layers_of(text: str) -> dict[str, float | str]:
-    """Return names and thicknesses of ``wall=0.1,blanket=0.5``; raise InputError."""
+    """Return names and thicknesses of ``wall=0.1,blanket=thick(u, v)``; raise InputError."""
     found: dict[str, float | str] = {}
-    for part in text.split(","):
+    for part in _parted(text):
         name, equals, thickness = (piece.strip() for piece in part.partition("="))
         if not equals or not name or not thickness:
             raise InputError(
@@ -66,3 +66,15 @@ def layers_of(text: str) -> dict[str, float | str]:
         if len(found) > MOST_LAYERS:
             raise InputError(f"there are more than {MOST_LAYERS} layers")
     return found
+
+
+def _parted(text: str) -> list[str]:
+    """Return what stands between the commas that are in no brackets."""
+    parts, depth = [""], 0
+    for character in text:
+        depth += (character in "([") - (character in ")]")
+        if character == "," and depth <= 0:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return parts
