@@ -218,7 +218,7 @@ def _changes(parts: dict[_Cell, _Part]) -> dict[tuple[int, int], Expr]:
     found = {}
     for d, k in sorted({(d, k) for cell in parts for d, k in enumerate(cell)}):
         row = [part.mapping for cell, part in parts.items() if cell[d] == k]
-        start, end = (max(_root(mapping, d, limit) for mapping in row) for limit in (0, 1))
+        start, end = (max(roots) for roots in zip(*(_roots(m, d) for m in row), strict=True))
         if max(start, end) > 1:
             found[d, k] = _slower(symbol(PARAMETERS[d]), start, end)
     return found
@@ -278,39 +278,44 @@ def _term(start: int, end: int, k: int) -> Fraction:
     return Fraction(comb(end - 1, k), start + k)
 
 
-def _root(mapping: Mapping3, direction: int, limit: int) -> int:
-    """Return n where M moves as the n-th root (to a whole power) near a limit; 1 where it does not.
+def _roots(mapping: Mapping3, direction: int) -> list[int]:
+    """Return n where M moves as the n-th root (to a whole power) near both limits; else 1.
 
     The speed goes with h^(a-1) at the distance h from the limit; a is a fraction over n. Edges and
     corners are looked at as well: the speed may be infinite on those only. One that vanishes (the
     blunt tip of r = z^(3/4)) counts where it does all over the side.
     """
-    found = _power(mapping, direction, limit, _NEAR, _NEARER)
-    if 0.03 < found < 0.92:
-        exponent = Fraction(found).limit_denominator(8)
-        if abs(float(exponent) - found) < 0.01:
-            return exponent.denominator
-        return ceil(1 / found) + 1
-    if found > 1.08:
-        # nearer to the limit, all would be rounding
-        found = _power(mapping, direction, limit, *_BLUNT)
-        exponent = Fraction(found).limit_denominator(4)
-        return exponent.denominator if abs(float(exponent) - found) < 3e-3 else 1
-    return 1
+    roots = []
+    for limit, found in enumerate(_powers(mapping, direction, _NEAR, _NEARER)):
+        root = 1
+        if 0.03 < found < 0.92:
+            exponent = Fraction(found).limit_denominator(8)
+            near = abs(float(exponent) - found) < 0.01
+            root = exponent.denominator if near else ceil(1 / found) + 1
+        elif found > 1.08:
+            # nearer to the limit, all would be rounding
+            blunt = _powers(mapping, direction, *_BLUNT)[limit]
+            exponent = Fraction(blunt).limit_denominator(4)
+            root = exponent.denominator if abs(float(exponent) - blunt) < 3e-3 else 1
+        roots.append(root)
+    return roots
 
 
-def _power(mapping: Mapping3, direction: int, limit: int, far: float, close: float) -> float:
-    """Return the least power with which M moves between two distances from a limit, seen so far."""
+def _powers(mapping: Mapping3, direction: int, far: float, close: float) -> list[float]:
+    """Return the least power with which M moves between two distances from each limit, so far."""
     grid = [np.array([0.0, 0.13, 0.38, 0.61, 0.86, 1.0])] * 3
-    grid[direction] = np.abs(limit - np.array([far, close]))
+    grid[direction] = np.array([far, close, 1 - far, 1 - close])
+    powers = []
     with np.errstate(all="ignore"):
         tangent = np.moveaxis(mapping.tangents((direction,), *open_grid(*grid))[0], direction, 0)
-        near, nearer = np.sqrt((tangent**2).sum(axis=-1))
-        slopes = np.log(near / nearer) / np.log(far / close)
-        # where all but rounding stands still, its noise has slopes as well
-        finite = np.where(np.isfinite(nearer), nearer, 0.0)
-        moving = np.isfinite(slopes) & (finite > _NOISE * finite.max())
-    return 1 + (float(slopes[moving].min()) if moving.any() else 0.0)
+        speeds = np.sqrt((tangent**2).sum(axis=-1))
+        for near, nearer in (speeds[:2], speeds[2:]):
+            slopes = np.log(near / nearer) / np.log(far / close)
+            # where all but rounding stands still, its noise has slopes as well
+            finite = np.where(np.isfinite(nearer), nearer, 0.0)
+            moving = np.isfinite(slopes) & (finite > _NOISE * finite.max())
+            powers.append(1 + (float(slopes[moving].min()) if moving.any() else 0.0))
+    return powers
 
 
 def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:

@@ -112,11 +112,11 @@ def _uniform() -> Array:
 
 def _closes(side: _Side, scale: Scale) -> bool:
     """Say whether a side is no curve, and ends along its direction where it began."""
-    start, end = side(np.array([0.0, 1.0]))
+    start, *between, end = points = side(np.array([0.0, 0.3, 0.7, 1.0]))
     if not np.abs(end - start).max() <= scale.same_point:
         return False
-    middle = side(np.array([0.0, 0.3, 0.7]))
-    moves = np.abs(middle[1:] - middle[:1]).max(), np.abs(middle[:, 1] - middle[:, 0]).max()
+    inner = points[:3]
+    moves = np.abs(between - start).max(), np.abs(inner[:, 1] - inner[:, 0]).max()
     return bool(min(moves) > 1000 * scale.same_point)
 
 
