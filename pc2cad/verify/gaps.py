@@ -125,16 +125,17 @@ def _spans(curve: SplineCurve, cuts: Array) -> Array:
     span = np.searchsorted(knots, middle - turn, side="right") - 1
     span = np.clip(span, p, len(curve.poles) - 1)
     poles = curve.poles if curve.rational else _weighted(curve.poles, np.ones(len(curve.poles)))
-    rows = []
-    for j in range(p + 1):
-        d = poles[span[:, None] + np.arange(-p, 1)]
-        for r in range(1, p + 1):
-            left = knots[span[:, None] + np.arange(r - p, 1)]
-            right = knots[span[:, None] + np.arange(1, p + 2 - r)]
-            share = (((b if r <= j else a)[:, None] - left) / (right - left))[..., None]
-            d = (1.0 - share) * d[:, :-1] + share * d[:, 1:]
-        rows.append(d[:, 0])
-    return np.stack(rows, axis=1)
+    near = knots[span[:, None] + np.arange(1 - p, p + 1)]
+    ends = np.stack((a, b))[:, :, None]
+    # pole j is the blossom of b, j times, and of a: what has been taken of b so far is shared
+    found = poles[span[:, None] + np.arange(-p, 1)][None]
+    for r in range(1, p + 1):
+        left, right = near[:, r - 1 : p], near[:, p : 2 * p + 1 - r]
+        at_a, at_b = ((ends - left) / (right - left))[..., None]
+        first = (1.0 - at_a) * found[:, :, :-1] + at_a * found[:, :, 1:]
+        last = (1.0 - at_b) * found[-1:, :, :-1] + at_b * found[-1:, :, 1:]
+        found = np.concatenate((first, last))
+    return np.asarray(found[:, :, 0].transpose(1, 0, 2))
 
 
 # -- what is nought on a surface -------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from math import isqrt
 from typing import TypeAlias
 
 import numpy as np
@@ -22,6 +23,7 @@ from pc2cad.verify.surfaces import Surface
 #: of the length of a parameter: levels that differ by less are one
 _LOOSE = 1e-7
 _CHUNK = 200_000
+_CACHED = 25_000
 _MOST_POINTS, _MOST_EXACT = 3_000_000, 100_000
 #: relative difference of two rules; of polynomials it is that of the area alone
 _SETTLED, _ENOUGH = 1e-13, 1e-11
@@ -348,12 +350,17 @@ def _integrate(
 ) -> Moments:
     (u, u_weights), (v, v_weights) = (gauss_rule(b, n) for b, n in zip(breaks, counts, strict=True))
     total = np.zeros(17)
-    rows = max(1, _CHUNK // len(v))
-    for begin in range(0, len(u), rows):
-        part = slice(begin, begin + rows)
-        place, along_u, along_v = surface.grid(u[part], v)
-        weight = u_weights[part, None] * v_weights[None, :]
-        total += _sums((place, along_u, along_v), weight, origin, corner)
+    # as wide as long, so that few poles count for each
+    wide = min(len(v), isqrt(_CHUNK))
+    rows, few = (count // wide for count in (_CHUNK, _CACHED))
+    starts = product(range(0, len(u), rows), range(0, len(v), wide))
+    for part, own in ((slice(a, a + rows), slice(b, b + wide)) for a, b in starts):
+        place, along_u, along_v = surface.grid(u[part], v[own])
+        weight = u_weights[part, None] * v_weights[None, own]
+        for k in range(0, len(weight), few):
+            some = slice(k, k + few)
+            jet = place[some], along_u[some], along_v[some]
+            total += _sums(jet, weight[some], origin, corner)
     return _moments(total, np.inf)
 
 

@@ -85,7 +85,7 @@ def check_pcurves(records: Records, judged: JudgedFace, radian: float, limit: fl
         (line,) = sequence(records.get(ref, "DEFINITIONAL_REPRESENTATION").values(2)[1])
         drawn = read_curve(flat, line)
         off = np.inf
-        for way in chain.from_iterable(_distances(each, edge, drawn) for each in carriers):
+        for way in chain.from_iterable(_distances(each, edge, drawn, limit) for each in carriers):
             off = min(off, way)
             if off <= limit:
                 break
@@ -106,7 +106,7 @@ def _pcurves(records: Records, edge: Edge, surface: Any) -> Iterator[Any]:
                 yield record.values()[2]
 
 
-def _distances(carrier: _Carrier, edge: Edge, curve: Curve) -> Iterator[float]:
+def _distances(carrier: _Carrier, edge: Edge, curve: Curve, limit: float) -> Iterator[float]:
     """Yield how far the curve is from the edge, by each way to tell which part of it is meant.
 
     Its parameters are those of the curve in space, as most programs have it, or a turn away; or the
@@ -117,14 +117,21 @@ def _distances(carrier: _Carrier, edge: Edge, curve: Curve) -> Iterator[float]:
             continue
         t = begin + (end - begin) * _SHARES
         places = carrier.place(curve.at(t)[0][:, :2])
-        on = edge.curve.at(edge.curve.locate(places))[0]
-        off = float(np.linalg.norm(on - places, axis=1).max())
+        off = np.inf
+        if (begin, end) == edge.interval:  # as most files have it: no place has to be looked for
+            off = _apart(edge.curve.at(t)[0], places)
+        if not off <= limit:
+            off = _apart(edge.curve.at(edge.curve.locate(places))[0], places)
         gaps = np.linalg.norm(places[[0, -1]] - edge.samples[[[0, -1], [-1, 0]]], axis=2).max(
             axis=1
         )
         whole = max(off, float(gaps.min()))
         if np.isfinite(whole):
             yield whole
+
+
+def _apart(one: Array, other: Array) -> float:
+    return float(np.linalg.norm(one - other, axis=1).max())
 
 
 def _intervals(carrier: _Carrier, edge: Edge, curve: Curve) -> Iterator[tuple[float, float]]:

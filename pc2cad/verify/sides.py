@@ -32,6 +32,8 @@ Turn: TypeAlias = tuple[bool, bool, bool]
 _SAMPLES, _PER_SPAN, _MOST = 25, 3, 241
 #: samples of a border from which a search starts
 _BORDER = 129
+#: share of a step beside it, at which a step of these samples is none
+_TWINS = 0.01
 #: uneven places: at even ones a rational circle agrees with any other
 _ROUGH = np.array([0.0, 0.0937, 0.2641, 0.4178, 0.5923, 0.7319, 0.9212, 1.0])
 #: relative difference of areas that quadrature leaves open
@@ -361,7 +363,12 @@ def _starts(edges: Sequence[Edge]) -> Array:
         breaks = edge.curve.breaks(low, high)
         shares = (np.linspace(breaks[:-1], breaks[1:], _PER_SPAN + 2).ravel() - low) / (high - low)
         found += [shares, 1.0 - shares]
-    return distinct(np.clip(np.concatenate(found), 0.0, 1.0))
+    places = distinct(np.clip(np.concatenate(found), 0.0, 1.0))
+    # some that nearly meet make the chords beside them short, and what is near them far
+    gaps = np.diff(places)
+    beside = np.concatenate((gaps[1:2], gaps, gaps[-2:-1]))
+    twins = np.flatnonzero(gaps < _TWINS * np.maximum(beside[:-2], beside[2:]))
+    return np.delete(places, np.minimum(twins + 1, len(places) - 2))
 
 
 def _some(places: Array) -> Array:

@@ -32,17 +32,19 @@ def local_basis(knots: Array, degree: int, count: int, t: Array) -> tuple[Intege
     """
     last = int(np.flatnonzero(knots[:count] < knots[count])[-1])
     span = np.clip(np.searchsorted(knots, t, side="right") - 1, degree, last)
-    local, slope, column = np.ones((len(t), 1)), np.zeros((len(t), 1)), t[:, None]
+    numbers = span[:, None] + np.arange(1 - degree, degree + 1)
+    near, column = knots[numbers], t[:, None]
+    local, ratio = np.ones((len(t), 1)), np.zeros((len(t), 0))
     for d in range(1, degree + 1):
-        first = span[:, None] - d + 1 + np.arange(d)
-        left, right = knots[first], knots[first + d]
+        left, right = near[:, degree - d : degree], near[:, degree : degree + d]
         ratio = local / (right - left)
-        local, slope = np.zeros((2, len(t), d + 1))
-        local[:, :-1] += (right - column) * ratio
+        local = np.zeros((len(t), d + 1))
+        local[:, :-1] = (right - column) * ratio
         local[:, 1:] += (column - left) * ratio
-        slope[:, :-1] -= d * ratio
-        slope[:, 1:] += d * ratio
-    return span[:, None] - degree + np.arange(degree + 1), local, slope
+    slope = np.zeros((len(t), degree + 1))
+    slope[:, :-1] -= degree * ratio
+    slope[:, 1:] += degree * ratio
+    return span[:, None] + np.arange(-degree, 1), local, slope
 
 
 def basis(knots: Array, degree: int, count: int, t: Array) -> tuple[Array, Array]:
@@ -189,9 +191,13 @@ class SplineSurface(Searched):
             return np.where(outside, low + np.mod(t - low, period), t)
         return t
 
-    def _bases(self, axis: int, t: Array) -> tuple[Array, Array]:
-        count = self.poles.shape[axis]
-        return basis(self.knots[axis], self.degrees[axis], count, self._turned(axis, t))
+    def _bases(self, axis: int, t: Array) -> tuple[slice, Array, Array]:
+        """Return which poles of a direction count for parameters, and their values and slopes."""
+        columns, local, slope = self._local(axis, t)
+        first, rows = int(columns.min()), np.arange(len(t))[:, None]
+        values, slopes = np.zeros((2, len(t), int(columns.max()) + 1 - first))
+        values[rows, columns - first], slopes[rows, columns - first] = local, slope
+        return slice(first, first + values.shape[1]), values, slopes
 
     def _local(self, axis: int, t: Array) -> tuple[Integers, Array, Array]:
         count = self.poles.shape[axis]
@@ -205,13 +211,13 @@ class SplineSurface(Searched):
 
     def grid(self, u: Array, v: Array) -> Jet:
         """Return point, u and v derivative on the tensor grid, (len(u), len(v), 3) each."""
-        (bu, du), (bv, dv) = self._bases(0, u), self._bases(1, v)
+        (rows, bu, du), (own, bv, dv) = self._bases(0, u), self._bases(1, v)
         # one coordinate after the other in memory: products are then fast
-        flat = np.ascontiguousarray(np.moveaxis(self.poles, -1, 0))
-        rows, slopes = (banded(b, flat) for b in (bu, du))
+        flat = np.ascontiguousarray(np.moveaxis(self.poles[rows, own], -1, 0))
+        columns, slopes = (np.ascontiguousarray(across(flat, b)) for b in (bv, dv))
         value, along_u, along_v = (
-            np.moveaxis(across(part, b), 0, -1)
-            for part, b in ((rows, bv), (slopes, bv), (rows, dv))
+            np.moveaxis(banded(b, part), 0, -1)
+            for b, part in ((bu, columns), (du, columns), (bu, slopes))
         )
         return self._jet(value, along_u, along_v)
 
