@@ -7,6 +7,7 @@ from math import pi
 from pathlib import Path
 
 import pytest
+from shipped import CUBES
 from whole_files import assert_whole
 
 import pc2cad as pc
@@ -80,31 +81,12 @@ def test_what_cannot_be_is_said_in_words() -> None:
 
 @pytest.mark.slow
 def test_several_bodies_are_adjusted() -> None:
-    """A block of 4 less two bores: 4 - 2πr² = 3.8."""
-    text = """
-title = "A bored block"
-result = "cut(block, linear(bore, 2, vector(s, 0, 0)))"
-[parameters]
-r = 0.2
-s = 1
-[[bodies]]
-name = "block"
-[bodies.solid]
-x = "4*u"
-y = "v - 1/2"
-z = "w"
-[[bodies]]
-name = "bore"
-[bodies.solid]
-x = "1 + w*r*cos(2*pi*u)"
-y = "w*r*sin(2*pi*u)"
-z = "3*v - 1"
-"""
+    """A cube of 8 with a bar beside it: A = 24 + 4 (d - 1)."""
     from pc2cad.templates.file import parse_template
 
-    template = parse_template(text, "bored")
-    found = adjust(template, {"r": (0.1, 0.4)}, [Goal("volume", "=", 3.8)])
-    assert found.parameters["r"] == pytest.approx((0.1 / pi) ** 0.5, rel=1e-10)
+    template = parse_template(CUBES.format(result="union(big, small)"), "cubes")
+    found = adjust(template, {"d": (1.1, 1.9)}, [read_goal("area=26")])
+    assert found.parameters == pytest.approx({"d": 1.5}, rel=1e-10)
     assert found.evaluations < 15
 
 

@@ -11,6 +11,7 @@ import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.equation.sums import sums
+from pc2cad.errors import InputError
 from pc2cad.templates.file import parse_template
 
 TWO = """
@@ -101,11 +102,14 @@ def test_the_kernel_cuts_where_no_sum_is_a_difference():
 def test_a_difference_within_a_boolean_is_a_body_of_its_own():
     template = TWO + '[[bodies]]\nname = "c"\n[bodies.solid]\nM = "[2 + 4*u, v/2, 1 + w]"\n'
     text = template.format(a=ROD, b=BORE, result="union(difference(a, b), c)")
-    report = pc.compile_equation(parse_template(text, "three").bind()).report
+    part = pc.compile_equation(parse_template(text, "three").bind())
+    report = part.report
     assert set(report.bodies) == {"difference(a, b)", "c"}
     assert [step.operation for step in report.steps] == ["difference", "union"]
     assert "proved" in report.steps[0].sentence
     assert any(face.name.startswith("difference(a, b):w=") for face in report.faces)
+    with pytest.raises(InputError, match=r"with r is not known: .* write cut\(a, b\)"):
+        part.sensitivity("r")
 
 
 def test_signs_tell_a_difference_from_a_union():

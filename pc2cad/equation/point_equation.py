@@ -175,6 +175,11 @@ class PointEquation:
 
     def variation(self, name: str) -> Variation:
         """Return how the equation changes with one parameter; InputError where it has no such."""
+        if self.freer is None and name in self.parameters:
+            raise InputError(
+                f"how {self.name} changes with {name} is not known: it was made of other equations "
+                "at one value; of bodies, write cut(a, b) in the place of difference(a, b)"
+            )
         if self.freer is None or name not in self.parameters:
             known = ", ".join(self.parameters) or "none"
             raise InputError(f"{self.name} has no parameter '{name:.80}' (it has: {known})")

@@ -36,6 +36,14 @@ CONDUCTING = ("k1", "k2", "k3")
 EXAMPLES = {"nu": "0.3", "rho": "7.85e-9", "k": "50", "alpha": "12e-6"}
 
 
+#: what a user calls some of a job's loads
+_WORDS = {
+    "fixed": "sides that are held",
+    "moved": "sides that are moved",
+    "warm": "field of warmth",
+}
+
+
 @dataclass(frozen=True)
 class Material:
     """A material, in units that fit the part's (mm, N, MPa, tonne/mm^3, mW/(mm K)).
@@ -135,7 +143,7 @@ class Deck:
         }  # fmt: skip
         for name, analyses in loads.items():
             if getattr(self, name) and self.analysis not in analyses.split():
-                raise InputError(f"a job of {self.analysis} has no {name}")
+                raise InputError(f"a job of {self.analysis} has no {_WORDS.get(name, name)}")
         self._check_held()
         for name, material in self.materials.items():
             needs = _needs(self.analysis, material)
