@@ -232,6 +232,11 @@ def test_the_command_line_weighs_and_derives_bodies(
     found = json.loads(capsys.readouterr().out)
     assert found["volume"]["d"] == pytest.approx(1, rel=1e-12)
     assert found["area"]["d"] == pytest.approx(4, rel=1e-12)
+    path.write_text(path.read_text() + '[bodies.fields]\ndensity = "2"\n')
+    assert main(["check", str(path), "-s", "d=2", "--json"]) == 0
+    known = json.loads(capsys.readouterr().out)
+    assert known["mass"] is None
+    assert any("big has no density" in text for text in known["warnings"])
 
 
 #: a block, two bars that reach into it, and a hole through a bar; the bars' density is a field

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pc2cad.equation.fields import DENSITY
+from pc2cad.errors import InputError
 
 if TYPE_CHECKING:
     from pc2cad.part import Part
@@ -24,7 +25,13 @@ def with_figures(
     known = [body.equation.fields for body in part.bodies.values()]
     if density is not None or any(field.name == DENSITY for own in known for field in own):
         progress("weigh")
-        report = replace(report, mass=part.mass_properties(density))
+        try:
+            report = replace(report, mass=part.mass_properties(density))
+        except InputError as error:
+            # who has not asked for the mass gets the part without it
+            if density is not None or report.own is not None:
+                raise
+            report = replace(report, warnings=(*report.warnings, f"no mass is stated: {error}"))
     if fields:
         progress("fields")
         found = {field.name: part.field_figures(field.name).to_dict() for field in fields}
