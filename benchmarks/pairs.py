@@ -60,6 +60,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.pairs", description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--pairs", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="leave those before it out")
     parser.add_argument("--seed", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=60, help="begin no pair after that")
     options = parser.parse_args()
@@ -69,7 +70,7 @@ def main() -> None:
     known = {row["pair"]: row for row in rows if row["seed"] == options.seed}
     bodies: dict[str, Body] = {}
     end = time.monotonic() + 60 * options.minutes
-    for k in range(options.pairs):
+    for k in range(options.first, options.pairs):
         if k in known:
             continue
         if time.monotonic() > end:
