@@ -158,13 +158,11 @@ def test_the_body_of_sears_and_haack() -> None:
     assert report.evidence == "bounded"
 
 
-@pytest.mark.parametrize(
-    "exponent", [Fraction(1, 2), pytest.param(Fraction(2, 3), marks=pytest.mark.slow)]
-)
-def test_octants_of_superquadrics(exponent: Fraction) -> None:
-    a, b, e = pc.pi * u / 2, pc.pi * v / 2, number(exponent)
+@pytest.mark.slow
+def test_an_octant_of_a_superquadric() -> None:
+    a, b, e = pc.pi * u / 2, pc.pi * v / 2, number(Fraction(1, 2))
     x, y = w * pc.cos(a) ** e * pc.cos(b) ** e, w * pc.sin(a) ** e * pc.cos(b) ** e
     report = pc.compile_part((x, y, w * pc.sin(b) ** e)).report
-    n = 2 / float(exponent)
-    assert report.solid.volume == pytest.approx(gamma(1 + 1 / n) ** 3 / gamma(1 + 3 / n), rel=5e-8)
+    # of |x|^n + |y|^n + |z|^n = 1 with n = 4
+    assert report.solid.volume == pytest.approx(gamma(5 / 4) ** 3 / gamma(7 / 4), rel=5e-8)
     assert report.evidence == "bounded"
