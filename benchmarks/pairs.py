@@ -195,7 +195,7 @@ def _ours(kind: str, first: Body, second: Body, placement: Placement, path: Path
     parts = {"a": first, "b": second}
     tree = Operation(kind, ("a", Pattern("polar", "b", ("1",), (placement,))))  # type: ignore[arg-type]
     equations = {name: replace(body.equation, name=name) for name, body in parts.items()}
-    bodies = Bodies(equations, tree, "pair", "pair", "", "mm", {}, Expectations())
+    bodies = Bodies(equations, tree, "pair", "pair", "", "mm", {}, Expectations(), lambda *_: tree)
 
     def halve(body: Body) -> Body:
         checked = halved(body.checked)
