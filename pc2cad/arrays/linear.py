@@ -8,6 +8,7 @@ Nothing is set for the process; products of vectors, which need no BLAS, go with
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,14 @@ BLOCK = 64
 _SMALL, _ONE_THREAD_OF_LAPACK = 72, 2**13
 #: columns that are eliminated before the rest of a matrix is brought up to date
 _PANEL = 32
+
+
+def symmetric(pairs: Iterable[tuple[int, int]], values: Iterable[float]) -> Array:
+    """Return the matrix (3, 3) of which a value stands at each pair and at its mirror image."""
+    result = np.empty((3, 3))
+    for (i, j), value in zip(pairs, values, strict=True):
+        result[i, j] = result[j, i] = value
+    return result
 
 
 def product(a: NDArray[Any], b: NDArray[Any]) -> Array:

@@ -111,6 +111,16 @@ def moved(shape: NamedShape, turn: Array, offset: Array, mark: str) -> NamedShap
     return NamedShape(copy.Shape(), faces)
 
 
+def original(name: str) -> str:
+    """Return the body that a copy is of: `moved` calls copies ``tooth[3]``."""
+    return name.partition("[")[0]
+
+
+def unplaced(key: SideKey) -> SideKey:
+    """Return the side of the body that a side of a copy is."""
+    return replace(key, body=original(key.body))
+
+
 def _carried_out(
     kinds: Sequence[Kind], first: NamedShape, others: Sequence[NamedShape], one: float
 ) -> tuple[NamedShape, ...]:

@@ -19,6 +19,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import symmetric
 from pc2cad.brep.forms import FLUX, PAIRS, SECOND, Form
 from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex, as_wire
 from pc2cad.brep.spline_integrals import spline_flux
@@ -83,10 +84,7 @@ def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> Sol
 def second_moments(solid: TopoDS_Shape, about: Array) -> Array:
     """Return ∫ (r - c)_i (r - c)_j dV about a place c, (3, 3)."""
     total = np.sum([face_integrals(face, about, SECOND) for face in faces_of(solid)], axis=0)
-    result = np.empty((3, 3))
-    for (i, j), value in zip(PAIRS, total[5:], strict=True):
-        result[i, j] = result[j, i] = value
-    return result
+    return symmetric(PAIRS, total[5:])
 
 
 def face_integrals(face: TopoDS_Face, origin: Array, form: Form) -> Array:

@@ -23,6 +23,8 @@ from pc2cad.brep.booleans import (
     fuse,
     label,
     moved,
+    original,
+    unplaced,
 )
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
@@ -96,7 +98,7 @@ def join_bodies(
     report = _report(bodies, joining, joined, edges)
     order = list(parts)
     faces = tuple(
-        NamedFace(label(names), face, body_colour(order.index(_original(names[0].body))))
+        NamedFace(label(names), face, body_colour(order.index(original(names[0].body))))
         for face, names in joined.shape.faces
     )
     told = Told(report.name, report.units, report.solid.volume, joining.one)
@@ -325,7 +327,7 @@ def _sides(joining: _Joining) -> dict[SideKey, Side]:
         sides |= {
             replace(key, body=name): replace(side, placed=(place.turn, place.offset))
             for key, side in own
-            if key.body == _original(name)
+            if key.body == original(name)
         }
     return sides
 
@@ -370,15 +372,6 @@ def _check(findings: KernelFindings, size: float, units: str) -> None:
         raise InvalidResultError(f"the result is no valid solid: {what}")
 
 
-def _original(name: str) -> str:
-    """Return the body that a copy is of: copies are called ``tooth[3]``."""
-    return name.partition("[")[0]
-
-
-def _unplaced(key: SideKey) -> SideKey:
-    return replace(key, body=_original(key.body))
-
-
 def _bodies(names: tuple[SideKey, ...]) -> set[str]:
     return {name.body for name in names}
 
@@ -393,6 +386,6 @@ def _faces(
         for face, known in zip(body.model.faces, body.report.faces, strict=True)
     }
     return tuple(
-        replace(known[_unplaced(names[0])], name=label(names), area=area)
+        replace(known[unplaced(names[0])], name=label(names), area=area)
         for (_, names), area in zip(shape.faces, found.face_areas, strict=True)
     )

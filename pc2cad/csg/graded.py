@@ -14,6 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import symmetric
+from pc2cad.brep.booleans import unplaced
 from pc2cad.brep.forms import PAIRS, Form
 from pc2cad.brep.integrals import face_integrals, solid_integrals
 from pc2cad.csg.regions import Piece
@@ -65,9 +67,8 @@ class Graded:
             own = next((key for key in keys if key.body == self.name), None)
             total += face_integrals(face, centre, self._form(own, centre))[5:]
         mass, way = float(total[0]), total[1:4] / total[0]
-        second = np.empty((3, 3))
-        for (i, j), value in zip(PAIRS, total[4:], strict=True):
-            second[i, j] = second[j, i] = value - mass * way[i] * way[j]
+        rows = zip(PAIRS, total[4:], strict=True)
+        second = symmetric(PAIRS, (value - mass * way[i] * way[j] for (i, j), value in rows))
         x, y, z = (centre + way).tolist()
         source = "B-rep (divergence theorem, the density summed up along the equation)"
         return made(
@@ -95,8 +96,8 @@ class Graded:
         """Return where places of a face lie in the box, on a side of the body or inside."""
         if own is not None:
             if own not in self._sides:
-                key = SideKey(own.cell, own.labels, own.body.partition("[")[0])
-                self._sides[own] = SidePlaces(self._analysis, self._body.patches(key))
+                patches = self._body.patches(unplaced(own))
+                self._sides[own] = SidePlaces(self._analysis, patches)
             return self._sides[own](points)
         local, gaps = self._inverse.inside(points)
         if not gaps.max(initial=0.0) <= OUTSIDE * self._analysis.scale.size:

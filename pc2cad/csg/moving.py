@@ -19,10 +19,24 @@ from typing import Final
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, edges_between
+from pc2cad.brep.booleans import (
+    NamedEdge,
+    NamedShape,
+    edge_functions,
+    edges_between,
+    original,
+    unplaced,
+)
 from pc2cad.brep.edge_integrals import edge_integral, turns_forward
 from pc2cad.brep.forms import PAIRS, Form
-from pc2cad.domain.velocity import SETTLED, STEPS, NotDifferentiableError, difference, velocity
+from pc2cad.domain.velocity import (
+    LOOK,
+    SETTLED,
+    STEPS,
+    NotDifferentiableError,
+    difference,
+    velocity,
+)
 from pc2cad.errors import InputError
 from pc2cad.geometry.jets import EdgeFunction
 from pc2cad.part import Body
@@ -61,8 +75,7 @@ class Moving:
         lying = dict(places(result))
         drifts, doubt = _drifts(result, placed_at, name, first.value, lying)
         self._bodies = {
-            copy: _Copy(bases[copy.partition("[")[0]], place, drifts[copy])
-            for copy, place in lying.items()
+            copy: _Copy(bases[original(copy)], place, drifts[copy]) for copy, place in lying.items()
         }
         #: of the fastest point
         self.rate = max(one.rate for one in self._bodies.values())
@@ -149,8 +162,7 @@ class _Base:
         variation = body.equation.variation(name)
         self.value = variation.value
         self._velocity = velocity(body.checked.analysis, variation)
-        look = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
-        grid = np.ix_(look, look, look)
+        grid = np.ix_(LOOK, LOOK, LOOK)
         speed = self._velocity.frame(*grid)[0]
         #: of its fastest point
         self.rate = float(np.nanmax(np.abs(speed), initial=0.0))
@@ -197,7 +209,7 @@ class _Copy:
     def side(self, key: SideKey) -> Callable[[Array], tuple[Array, Array]]:
         """Return the function that gives V and its divergence at points (n, 3) of a side."""
         place, drift = self._place, self._drift
-        own = SideKey(key.cell, key.labels, key.body.partition("[")[0])
+        own = unplaced(key)
 
         def at(points: Array) -> tuple[Array, Array]:
             before = (points - place.offset) @ place.turn

@@ -13,12 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.brep.booleans import NamedShape
+from pc2cad.arrays.linear import symmetric
+from pc2cad.brep.booleans import NamedShape, original
 from pc2cad.brep.forms import PAIRS
 from pc2cad.brep.inspect import bounding_box
 from pc2cad.brep.integrals import face_integrals, faces_of, second_moments, solid_integrals
@@ -28,7 +30,7 @@ from pc2cad.csg.regions import Piece, Told, pieces_of, regions
 from pc2cad.domain.velocity import NotDifferentiableError
 from pc2cad.equation.fields import DENSITY
 from pc2cad.errors import InputError
-from pc2cad.integrals.inertia import Mass, joined, made, weighed_by
+from pc2cad.integrals.inertia import Mass, inertia_of, joined, made, weighed_by
 from pc2cad.mesh.tetrahedra import KernelSolid
 from pc2cad.part import Body
 from pc2cad.part.several import BodiesSensitivity
@@ -94,6 +96,10 @@ class Joined:
             raise InputError(f"no body of {self.report.name} has a field '{density:.80}'")
         return own if own and (density is None or isinstance(density, str)) else None
 
+    @cached_property
+    def _pieces(self) -> list[Piece]:
+        return pieces_of(self.result, self.parts, self.told)
+
     def _error(self, moment: float) -> float:
         """Return what is open of the volume as a share of it, or of a moment at its far end."""
         whole = self.report.solid
@@ -104,7 +110,7 @@ class Joined:
     def _by_pieces(self, given: Mapping[str, float | str]) -> Mass:
         found: dict[str, list[Mass]] = {}
         graded: dict[str, Graded] = {}
-        for piece in pieces_of(self.result, self.parts, self.told):
+        for piece in self._pieces:
             body, rho = _told_by(given, piece)
             whole = solid_integrals(piece.solid)
             values = second_moments(piece.solid, np.array(whole.centroid))
@@ -112,7 +118,7 @@ class Joined:
             if isinstance(rho, str):
                 if body not in graded:
                     place = dict(places(self.result))[body]
-                    part = self.parts[body.partition("[")[0]]
+                    part = self.parts[original(body)]
                     graded[body] = Graded(part, body, rho, place)
                 own = graded[body].mass(piece, error)
             else:
@@ -137,7 +143,7 @@ class Joined:
         given = self._given(density)
         if given is not None:
             weighed = np.zeros(COLUMNS)
-            for piece in pieces_of(self.result, self.parts, self.told):
+            for piece in self._pieces:
                 rho = _told_by(given, piece)[1]
                 if isinstance(rho, str):
                     raise InputError(
@@ -147,12 +153,9 @@ class Joined:
                 weighed += rho * self._flux(piece.faces, moving, centre)
         else:
             weighed = mass.density * total
-        second = np.empty((3, 3))
-        for (i, j), value in zip(PAIRS, weighed[4:10], strict=True):
-            second[i, j] = second[j, i] = value
         way = np.subtract(whole.centroid, centre)
         x, y, z = ((total[1:4] - way * total[0]) / whole.volume).tolist()
-        a, b, c = (np.trace(second) * np.eye(3) - second).tolist()
+        a, b, c = inertia_of(symmetric(PAIRS, weighed[4:10])).tolist()
         volume, open_ = float(total[0]), ""
         try:
             area: float | None = float(total[10]) + moving.edges(self.shape)
@@ -166,7 +169,7 @@ class Joined:
 
     def _flux(
         self,
-        faces: Sequence[tuple[TopoDS_Face, tuple[SideKey, ...]]],
+        faces: Sequence[NamedFace],
         moving: Moving,
         centre: Array,
     ) -> Array:
@@ -185,7 +188,7 @@ def _told_by(given: Mapping[str, float | str], piece: Piece) -> tuple[str, float
     """Return the body whose density a piece has, and that; InputError where several differ."""
     own = {
         body: given[name] for body in sorted(piece.bodies)
-        if (name := body.partition("[")[0]) in given
+        if (name := original(body)) in given
     }  # fmt: skip
     if not own:
         raise InputError(

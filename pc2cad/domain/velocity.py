@@ -43,7 +43,7 @@ SETTLED: Final = 1e-11
 #: distance of two places of a break that are one
 SAME: Final = 1e-9
 #: where the fastest point is looked for
-_LOOK: Final = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
+LOOK: Final = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
 
 
 class NotDifferentiableError(InputError):
@@ -94,7 +94,7 @@ class DifferenceVelocity:
 
     def doubt(self) -> float:
         """See Velocity.doubt: what the difference of order 6 leaves."""
-        at = np.ix_(_LOOK, _LOOK, _LOOK)
+        at = np.ix_(LOOK, LOOK, LOOK)
         points = [mapping.points(*at) for mapping in self.maps]
         fine, coarse = difference(points, self.step)
         return float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300))
@@ -202,7 +202,7 @@ def _at(variation: Variation, step: Fraction) -> PointEquation:
 
 def _step(analysis: Analysis, variation: Variation) -> Fraction:
     """Return the step by which the fastest point moves a small share of the part's size."""
-    at = np.ix_(_LOOK, _LOOK, _LOOK)
+    at = np.ix_(LOOK, LOOK, LOOK)
     here = analysis.map.points(*at)
     step = Fraction(abs(variation.value) / 128 or 2.0**-7).limit_denominator(10**9)
     # four steps away, a length has still its sign

@@ -7,17 +7,17 @@ Gauss rules elsewhere, as volumes are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import symmetric
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.fields import LocalField, looked_at
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.errors import InputError
 from pc2cad.integrals.exact import exact_weighted
-from pc2cad.integrals.inertia import CLOSED_FORM, Mass, joined, made
+from pc2cad.integrals.inertia import CLOSED_FORM, PAIRS, Mass, joined, made
 from pc2cad.integrals.mass_properties import QUADRATURE, UNSETTLED, MassProperties
 from pc2cad.integrals.quadrature import Samples
 from pc2cad.integrals.rules import (
@@ -29,8 +29,6 @@ from pc2cad.integrals.rules import (
     narrowed,
     panels_for,
 )
-
-_PAIRS = tuple(combinations_with_replacement(range(3), 2))
 
 
 class FieldNotIntegrableError(InputError):
@@ -112,9 +110,8 @@ def check_density(analysis: Analysis, field: LocalField) -> float:
 def _weighed(row: Array, about: Array, volume: float, error: float) -> Mass:
     """Return mass properties from the moments 1, r, r r about a place."""
     mass, way = float(row[0]), row[1:4] / row[0]
-    second = np.empty((3, 3))
-    for value, (i, j) in zip(row[4:], _PAIRS, strict=True):
-        second[i, j] = second[j, i] = value - mass * way[i] * way[j]
+    rows = zip(PAIRS, row[4:], strict=True)
+    second = symmetric(PAIRS, (value - mass * way[i] * way[j] for (i, j), value in rows))
     x, y, z = (about + way).tolist()
     return made(mass, (x, y, z), second, error, QUADRATURE, mass / volume)
 
@@ -123,15 +120,14 @@ def _exact_mass(analysis: Analysis, geometry: MassProperties, field: LocalField)
     """Return the mass properties of fractions, each rounded once, or None."""
     (density,) = field.trees
     r = analysis.map.coordinates
-    trees = (density, *(density * c for c in r), *(density * r[i] * r[j] for i, j in _PAIRS))
+    trees = (density, *(density * c for c in r), *(density * r[i] * r[j] for i, j in PAIRS))
     found = exact_weighted(analysis, trees)
     if found is None or not found[0] > 0:
         return None
     mass, *rest = found
     centre = [moment / mass for moment in rest[:3]]
-    second = np.empty((3, 3))
-    for moment, (i, j) in zip(rest[3:], _PAIRS, strict=True):
-        second[i, j] = second[j, i] = float(moment - mass * centre[i] * centre[j])
+    rows = zip(PAIRS, rest[3:], strict=True)
+    second = symmetric(PAIRS, (float(x - mass * centre[i] * centre[j]) for (i, j), x in rows))
     x, y, z = map(float, centre)
     mean = float(mass) / geometry.volume
     return made(float(mass), (x, y, z), second, 0.0, CLOSED_FORM, mean)
@@ -151,7 +147,7 @@ def _moments(
         with np.errstate(all="ignore"):
             mass = density * determinant
             columns = [mass, *(mass * way[..., i] for i in range(3))]
-            columns += [mass * way[..., i] * way[..., j] for i, j in _PAIRS]
+            columns += [mass * way[..., i] * way[..., j] for i, j in PAIRS]
         return Samples(np.stack(columns, axis=-1), terms, points, np.stack(tangents))
 
     found, error = _integrated(analysis, field, moments)

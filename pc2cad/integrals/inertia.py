@@ -14,6 +14,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import symmetric
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.equation.point_equation import PointEquation
@@ -27,6 +28,9 @@ from pc2cad.integrals.rules import by_layer, features_of, integral, limits_of, n
 CLOSED_FORM = "equation (closed form over the rationals)"
 #: products of inertia below this share of the trace may be rounding: they turn no axis
 ROUNDING = 1e-14
+
+#: of the coordinates, in the order of second moments
+PAIRS = tuple(combinations_with_replacement(range(3), 2))
 
 Vector = tuple[float, float, float]
 
@@ -71,14 +75,13 @@ def second_moments(analysis: Analysis, about: Vector) -> SecondMoments:
         values = np.array([[[float(x) for x in row] for row in exact]])
         return SecondMoments(values, 0.0, CLOSED_FORM)
     centre, watch = np.array(about), JacobianWatch(analysis.map)
-    pairs = list(combinations_with_replacement(range(3), 2))
 
     def second(u: Array, v: Array, w: Array) -> Samples:
         points, *tangents = analysis.map.frame(u, v, w)
         determinant, size, _ = watch.note(tangents, (u, v, w))
         from_centre = points - centre
         with np.errstate(all="ignore"):
-            values = [from_centre[..., i] * from_centre[..., j] * determinant for i, j in pairs]
+            values = [from_centre[..., i] * from_centre[..., j] * determinant for i, j in PAIRS]
             size = size * (from_centre * from_centre).sum(axis=-1)
         return Samples(np.stack(values, axis=-1), size, points, np.stack(tangents))
 
@@ -86,10 +89,7 @@ def second_moments(analysis: Analysis, about: Vector) -> SecondMoments:
     limits = narrowed(analysis, limits_of(analysis))
     whole = [panels_for(second, limits, d, features) for d in range(3)]
     found = [integral(second, part) for part in by_layer(analysis, whole)]
-    values = np.empty((len(found), 3, 3))
-    for k, (row, _) in enumerate(found):
-        for (i, j), value in zip(pairs, row, strict=True):
-            values[k, i, j] = values[k, j, i] = value
+    values = np.array([symmetric(PAIRS, row) for row, _ in found])
     # det J may be negative all over
     values *= np.sign(np.trace(values.sum(axis=0)))
     return SecondMoments(values, max(error for _, error in found), QUADRATURE)
@@ -160,6 +160,11 @@ def joined(layers: Mapping[str, Mass], volume: float, off: float = 0.0) -> Mass:
     return made(mass, (x, y, z), moments, error, parts[0].source, mass / volume, layers)
 
 
+def inertia_of(moments: Array) -> Array:
+    """Return the inertia tensor of second moments, both (3, 3) and about one place."""
+    return np.asarray(np.trace(moments) * np.eye(3) - moments)
+
+
 def made(
     mass: float,
     centroid: Vector,
@@ -170,7 +175,7 @@ def made(
     layers: Mapping[str, Mass] | None = None,
 ) -> Mass:
     """Return mass properties from the moments ∫(r - c)_i (r - c)_j dm about the centroid (3, 3)."""
-    inertia = np.trace(moments) * np.eye(3) - moments
+    inertia = inertia_of(moments)
     principal, axes = principal_axes(inertia, relative_error)
     radii = np.sqrt(np.maximum(principal, 0.0) / mass)
     return Mass(

@@ -12,23 +12,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import symmetric
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.field_rates import FieldRate
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.velocity import (
+    LOOK,
     DifferenceVelocity,
     NotDifferentiableError,
     SymbolicVelocity,
     velocity,
 )
 from pc2cad.equation.variation import Variation
-from pc2cad.integrals.inertia import Mass, Vector
+from pc2cad.integrals.inertia import PAIRS, Mass, Vector, inertia_of
 from pc2cad.integrals.mass_properties import MassProperties
 from pc2cad.integrals.quadrature import Panels, Samples, gauss, single
 from pc2cad.integrals.rules import (
@@ -45,7 +46,6 @@ from pc2cad.topology.cells import Cell, directions_of
 
 #: relative gap of the two ways that is none, and how often the estimated error explains one
 AGREES, EXPLAINED = 1e-9, 1e3
-_PAIRS = tuple(combinations_with_replacement(range(3), 2))
 
 
 @dataclass(frozen=True)
@@ -122,10 +122,7 @@ def sensitivity(
     first = rows[:, 1:4].sum(axis=0) * size
     centre = np.subtract(geometry.centroid, mass.centroid)
     x, y, z = ((first - centre * volume) / geometry.volume).tolist()
-    second = np.empty((3, 3))
-    for (i, j), value in zip(_PAIRS, weighed[1:] * size**2, strict=True):
-        second[i, j] = second[j, i] = value
-    a, b, c = (np.trace(second) * np.eye(3) - second).tolist()
+    a, b, c = inertia_of(symmetric(PAIRS, weighed[1:] * size**2)).tolist()
     return Sensitivity(
         variation.name, variation.value, volume, area, (x, y, z),
         float(weighed[0]), (tuple(a), tuple(b), tuple(c)),
@@ -150,8 +147,7 @@ class _Forms:
 
         Where they vanish, their rounding would be resolved otherwise.
         """
-        look = np.array([0.03, 0.21, 0.38, 0.55, 0.79, 0.96])
-        speed = self.moving.frame(*np.ix_(look, look, look))[0]
+        speed = self.moving.frame(*np.ix_(LOOK, LOOK, LOOK))[0]
         return float(np.nanmax(np.abs(speed), initial=0.0)) / self.analysis.scale.size
 
     def inside(self, u: Array, v: Array, w: Array) -> Samples:
@@ -170,7 +166,7 @@ class _Forms:
             values += [
                 (speed[..., i] * r[..., j] + r[..., i] * speed[..., j]) * det
                 + r[..., i] * r[..., j] * change
-                for i, j in _PAIRS
+                for i, j in PAIRS
             ]
             if known is not None:
                 density, along = known
@@ -179,7 +175,7 @@ class _Forms:
                 values += [
                     (speed[..., i] * r[..., j] + r[..., i] * speed[..., j]) * density * det
                     + r[..., i] * r[..., j] * mass
-                    for i, j in _PAIRS
+                    for i, j in PAIRS
                 ]
             values.append(self.rate * det)
         every = np.broadcast_arrays(*values)
