@@ -116,21 +116,23 @@ class Oracle:
 
     # -- pairs -------------------------------------------------------------------------------------
 
-    def apart(self, one: Array, other: Array) -> Array:
+    def steps(self, one: Array, other: Array, direction: int) -> Array:
         steps = np.abs(one - other)
-        for d in range(3):
-            if self.closed[d]:
-                steps[..., d] = np.minimum(steps[..., d], 1 - steps[..., d])
-        return np.linalg.norm(steps, axis=-1)
+        return np.minimum(steps, 1 - steps) if self.closed[direction] else steps
+
+    def apart(self, one: Array, other: Array) -> float:
+        return float(np.linalg.norm([self.steps(one[d], other[d], d) for d in range(3)]))
 
     def near_places(self, places: Array, points: Array, size: float) -> list:
         """Pairs of boundary places, no neighbours, that are nearest, with their distance."""
         chosen = self.rng.choice(len(places), min(COMPARED, len(places)), replace=False)
         best, partner = [], []
+        # columns: the squares of some hundred thousand ways at a time are what this costs
+        x, q = np.ascontiguousarray(points.T), np.ascontiguousarray(places.T)
         for row in chosen:
-            gap = np.linalg.norm(points - points[row], axis=1)
-            ways = self.apart(places, places[row])
-            share = np.where(ways > NEIGHBOURS, gap / (ways + 1e-300), np.inf)
+            gap = sum((each - each[row]) ** 2 for each in x)
+            ways = sum(self.steps(each, each[row], d) ** 2 for d, each in enumerate(q))
+            share = np.where(ways > NEIGHBOURS**2, gap, np.inf) / (ways + 1e-300)
             index = int(share.argmin())
             best.append(share[index])
             partner.append(index)
@@ -164,7 +166,7 @@ class Oracle:
 
         def share(x: Array) -> float:
             # two places that run together are no nearer for it
-            way = float(self.apart(*both(x)))
+            way = self.apart(*both(x))
             return (distance(x) / (size * (way + 1e-300))) ** 2
 
         if not free:
