@@ -14,6 +14,7 @@ from shipped import every_template
 from test_intervals import TREES, X, Y, inside, truth
 
 import pc2cad as pc
+from pc2cad.domain.jacobian_watch import FoldedMapError
 from pc2cad.domain.map import local_map
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.expression.centred import CentredProgram
@@ -23,6 +24,7 @@ from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
 from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
 from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
 from pc2cad.solidity.jacobian_proof.separable import sign_from_products
+from pc2cad.solidity.orientation import find_orientation
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import template_paths
 
@@ -76,6 +78,26 @@ def tilted(depth):
 def test_a_narrow_dip_between_all_samples_is_seen():
     assert proved_sign(mapped(tilted(0.9))) == 1
     assert proved_sign(mapped(tilted(1.1))) == 0
+
+
+def furrow(shape, depth):
+    """A brick whose thickness is 1 - depth where a shape of height 1 is highest."""
+    a, b = U - Fraction(4289, 10000), V - Fraction(3675, 10000)
+    height = {
+        "ridge": pc.exp(-((b / Fraction(887, 10000)) ** 2)),
+        "needle": pc.exp(-(a**2 + b**2) / Fraction(727, 10000) ** 2),
+        "wave": (1 + pc.cos(8 * PI * b)) / 2,
+        "crease": (1 - abs(a)) * pc.exp(-((b / Fraction(309, 10000)) ** 2)),
+    }[shape]
+    return 2 * U, 3 * V, W * (1 - depth * height)
+
+
+@pytest.mark.parametrize("shape", ["ridge", "needle", "wave", "crease"])
+def test_a_shallow_fold_is_found_where_the_proof_ends(shape):
+    """Its place is not among those of any sweep, and steep slopes beside it mislead."""
+    with pytest.raises(FoldedMapError, match="near u = "):
+        find_orientation(mapped(furrow(shape, Fraction(100_003, 100_000))))
+    assert find_orientation(mapped(furrow(shape, Fraction(99, 100)))).sign == 1
 
 
 #: maps, and the sign of their det J by hand: u, v, w turn left-handed round an axis

@@ -55,6 +55,11 @@ class JacobianWatch:
         tangents = self.mapping.tangents((0, 1, 2), u, v, w)
         return self.note(tangents, (u, v, w))[2]
 
+    def volume(self, u: Array, v: Array, w: Array) -> Array:
+        """Look at broadcastable places; return det J there, in terms of the largest tangents."""
+        tangents = self.mapping.tangents((0, 1, 2), u, v, w)
+        return self.note(tangents, (u, v, w))[0] / float(np.prod(self._largest))
+
     def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
         x, y, z = self._largest

@@ -8,6 +8,7 @@ over the box. Zeros on collapsed sides and along tangent edges are normal; both 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -26,6 +27,8 @@ from pc2cad.solidity.jacobian_proof import proved_sign, sign_by_algebra
 SWEEP = 11
 #: starts and steps of the search for the smallest value
 STARTS, STEPS = 12, 30
+#: what is made small: a value at each of broadcastable places
+Measure = Callable[[Array, Array, Array], Array]
 #: a smallest value that hardly falls any more is clear of zero above this
 CLEAR = 0.02
 
@@ -53,19 +56,21 @@ def find_orientation(mapping: Mapping3) -> Orientation:
     Where it is not proved, a sweep over the closed box is followed by a search for the smallest
     value from the worst places. Raises FlatMapError or FoldedMapError.
     """
-    proved = proved_sign(mapping)
+    unproved: list[Array] = []
+    proved = proved_sign(mapping, unproved)
     if proved:
         return Orientation(proved, Verdict.PROVED, _inner_zero(JacobianWatch(mapping), proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
     watch = JacobianWatch(mapping, partial(_proved_within, mapping))
-    grid = open_grid(axis, axis, axis)
-    sine = watch.see(*grid)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij")).reshape(3, -1)
+    places = np.concatenate([grid, *unproved], axis=1)
+    watch.see(*places)
     watch.check()
     sign = 1 if watch.extremes[1] > watch.extremes[-1] else -1
-    places = np.array([np.broadcast_to(g, sine.shape).ravel() for g in grid])
-    order = np.argsort(np.where(np.isfinite(sine), sign * sine, np.inf).ravel())[:STARTS]
-    place = _search(watch, places[:, order], sign)
+    # a crease or a slope makes the sine small where det J is not, and det J is where it shrinks
+    place = _search(watch.see, watch, places, sign)
+    _search(watch.volume, watch, places, sign)
     # a zero on a side is normal; moved inside along it, it has to be gone
     return Orientation(sign, Verdict.UNDECIDED, _zero_near(watch, sign, np.clip(place, 0.05, 0.95)))
 
@@ -97,26 +102,45 @@ def _zero_near(watch: JacobianWatch, sign: int, place: Array) -> str:
     )
 
 
-def _search(watch: JacobianWatch, places: Array, sign: int) -> Array:
-    """Walk from each place (3, n) to smaller sign·sine, on a stencil that halves where it stands.
+def _search(measure: Measure, watch: JacobianWatch, places: Array, sign: int) -> Array:
+    """Walk from the worst of some places (3, n) to smaller sign·measure.
 
-    The walk ends early where the smallest value is clear of zero and hardly falls any more. The
-    last place of the smallest value is returned, (3,).
+    The stencil halves where it stands. The walk ends early where the smallest value is clear of
+    zero, hardly falls any more, and what is around each place differs from it by less than half of
+    it: a smaller step towards a crease or a narrow dip does not reach zero either. The last place
+    of the smallest value is returned, (3,).
     """
+    values = sign * measure(*places)
+    places = _apart(places, np.where(np.isfinite(values), values, np.inf))
     stencil = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij")).reshape(3, -1)
     centre = stencil.shape[1] // 2
     step = np.full(places.shape[1], 0.5 / SWEEP)
     before = np.inf
     for _ in range(STEPS):
         around = np.clip(places[:, :, None] + step[:, None] * stencil[:, None, :], 0.0, 1.0)
-        values = sign * watch.see(*around)
+        values = sign * measure(*around)
         values = np.where(np.isfinite(values), values, np.inf)
         watch.check()
         best = values.argmin(axis=1)
+        least = values.min(axis=1)
         step = np.where(best == centre, step / 2, step)
         places = np.take_along_axis(around, best[None, :, None], axis=2)[:, :, 0]
-        smallest = float(values.min())
-        if smallest > CLEAR and before - smallest < 0.05 * smallest:
+        smallest = float(least.min())
+        even = bool((values.max(axis=1) < 1.5 * least).all())
+        if smallest > CLEAR and before - smallest < 0.05 * smallest and even:
             break
         before = smallest
-    return np.asarray(places[:, values.min(axis=1).argmin()])
+    return np.asarray(places[:, least.argmin()])
+
+
+def _apart(places: Array, values: Array) -> Array:
+    """Return the places of the smallest values, no two of them within half of the others' way."""
+    order = np.argsort(values, kind="stable")
+    chosen: list[int] = []
+    for _ in range(STARTS):
+        if not len(order):
+            break
+        chosen.append(order[0])
+        ways = np.abs(places[:, order] - places[:, order[:1]]).max(axis=0)
+        order = order[ways > 0.5 / SWEEP]
+    return places[:, chosen]

@@ -1,5 +1,6 @@
 """Proof that det J keeps one sign: from factors, Bernstein coefficients, products, enclosures."""
 
+from pc2cad.arrays import Array
 from pc2cad.domain.map import Mapping3
 from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
 from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
@@ -7,9 +8,17 @@ from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
 from pc2cad.solidity.jacobian_proof.separable import sign_from_products
 
 
-def proved_sign(mapping: Mapping3) -> int:
-    """Return the sign of det J where it is proved to be one inside the box, else 0."""
-    return sign_by_algebra(mapping) or sign_from_products(mapping) or sign_from_enclosures(mapping)
+def proved_sign(mapping: Mapping3, open_places: list[Array] | None = None) -> int:
+    """Return the sign of det J where it is proved to be one inside the box, else 0.
+
+    Middles of boxes in which it was not are added to `open_places`, as arrays (3, n).
+    """
+    left = [] if open_places is None else open_places
+    return (
+        sign_by_algebra(mapping)
+        or sign_from_products(mapping, left)
+        or sign_from_enclosures(mapping, left)
+    )
 
 
 def sign_by_algebra(mapping: Mapping3) -> int:

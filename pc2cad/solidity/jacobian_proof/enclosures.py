@@ -71,22 +71,27 @@ HIGHEST_ORDER = 9
 SUSPECT = 1e-10
 
 
-def sign_from_enclosures(mapping: Mapping3) -> int:
+def sign_from_enclosures(mapping: Mapping3, left: list[Array] | None = None) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0.
 
-    A map with creases, or with pieces that are functions, is taken cell by cell.
+    A map with creases, or with pieces that are functions, is taken cell by cell. Middles of boxes
+    that are without a sign when the effort is spent are added to `left`, (3, n).
     """
     signs: set[int] = set()
     cells = list(_cells(mapping))
-    for cell in cells:
-        signs.add(_sign_in_cell(cell, MOST_OPERATIONS / len(cells)))
+    for cell, spans in cells:
+        found: list[Array] = []
+        signs.add(_sign_in_cell(cell, MOST_OPERATIONS / len(cells), found))
+        if left is not None:
+            start, stop = np.array(spans, dtype=float).T
+            left += [start[:, None] + (stop - start)[:, None] * places.T for places in found]
         if len(signs) > 1 or 0 in signs:
             return 0
     return signs.pop()
 
 
-def _cells(mapping: Mapping3) -> Iterator[Mapping3]:
-    """Yield the map between its creases, each part over a unit box of its own."""
+def _cells(mapping: Mapping3) -> Iterator[tuple[Mapping3, tuple[tuple[float, float], ...]]]:
+    """Yield the map between its creases, each part over a unit box of its own, and its spans."""
     moving = any(
         coefficient.symbols
         for node in walk(mapping.coordinates)
@@ -98,7 +103,7 @@ def _cells(mapping: Mapping3) -> Iterator[Mapping3]:
         for row in find_breaks(mapping.coordinates, analytic=moving)
     ]
     if all(len(axis) == 2 for axis in axes):
-        yield mapping
+        yield mapping, ((0, 1),) * 3
         return
     for spans in product(*(pairwise(axis) for axis in axes)):
         change = {
@@ -106,26 +111,31 @@ def _cells(mapping: Mapping3) -> Iterator[Mapping3]:
             for name, (low, high) in zip(PARAMETERS, spans, strict=True)
         }
         x, y, z = resolve_pieces(substitute(mapping.coordinates, change))
-        yield Mapping3((x, y, z), mapping.parameters)
+        yield Mapping3((x, y, z), mapping.parameters), spans
 
 
-def _sign_in_cell(mapping: Mapping3, effort: float) -> int:
+def _sign_in_cell(mapping: Mapping3, effort: float, left: list[Array]) -> int:
     # where the tangents are parallel on a side, det J as a whole may still have a factor
     for matrix in (mapping.derivatives, ((determinant(mapping.derivatives),),)):
         columns = _columns(matrix)
         counts = columns and columns.counts()
         if columns and counts:
-            return _sign_in_boxes(columns, _first_boxes(mapping, counts), effort)
+            return _sign_in_boxes(columns, _first_boxes(mapping, counts), effort, left)
     return 0
 
 
-def _sign_in_boxes(columns: _Columns, boxes: tuple[Array, Array], effort: float) -> int:
+def _sign_in_boxes(
+    columns: _Columns, boxes: tuple[Array, Array], effort: float, left: list[Array]
+) -> int:
     low, high = boxes
     signs: set[int] = set()
     while len(low) and len(signs) < 2:
         if columns.spent > effort or len(low) > MOST_BOXES:
+            left.append((low + high) / 2)
             return 0
         regular, blame, sign = columns.test(low, high)
+        if len(signs | set(sign[regular])) > 1:
+            left.append((low + high) / 2)
         signs |= set(sign[regular])
         low, high = _split(low[~regular], high[~regular], blame[~regular])
     return signs.pop() if len(signs) == 1 else 0

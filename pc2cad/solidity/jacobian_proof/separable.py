@@ -38,12 +38,17 @@ BOXES = (32, 128, 256)
 FEWER = 8
 ORDER = 3
 _POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
+#: boxes without a sign that are told
+MOST_LEFT = 1000
 #: what is looked at next to the ends of each cell first, as a share of it
 NEXT = 1e-9
 
 
-def sign_from_products(mapping: Mapping3) -> int:
-    """Return the sign of det J where it is proved to be one inside the box, else 0."""
+def sign_from_products(mapping: Mapping3, left: list[Array] | None = None) -> int:
+    """Return the sign of det J where it is proved to be one inside the box, else 0.
+
+    Middles of boxes that may hold another sign are added to `left`, (3, n).
+    """
     for d, name in enumerate(PARAMETERS):
         products = vector_products(mapping.coordinates, name)
         if products is None or not 2 <= len(products) <= MOST_PRODUCTS:
@@ -52,9 +57,12 @@ def sign_from_products(mapping: Mapping3) -> int:
         cells = [tuple(b.position for b in row if 0 < b.position < 1) for row in breaks]
         axes = [(d + i) % 3 for i in range(3)]
         names = tuple(PARAMETERS[i] for i in axes)
-        sign = _Sum(products, names).sign([cells[i] for i in axes])
+        terms = _Sum(products, names)
+        sign = terms.sign([cells[i] for i in axes])
         if sign:
             return sign
+        if left is not None and terms.left is not None:
+            left.append(terms.left[np.argsort(axes)])
     return 0
 
 
@@ -90,6 +98,8 @@ class _Sum:
             if second is not ZERO
         ]
         self._common = _without_powers(self._common, names[1:])
+        #: middles of the boxes where the last refinement found no sign, (3, n)
+        self.left: Array | None = None
 
     def sign(self, breaks: list[tuple[float, ...]]) -> int:
         """Return the sign of the sum where it is proved to be one, else 0."""
@@ -113,7 +123,19 @@ class _Sum:
                 + product(da.T, np.abs(b) + db)
                 + (len(a) + 4) * UNIT * size
             )
-            return _one_sign(product(a.T, b), off)
+            middle = product(a.T, b)
+            sign = _one_sign(middle, off)
+        if not sign:
+            self._leave(middle, off, places)
+        return sign
+
+    def _leave(self, middle: Array, off: Array, places: list[Place]) -> None:
+        """Keep the worst boxes: a matrix of values that may have the other sign."""
+        known = np.where(np.isfinite(middle) & np.isfinite(off), middle, 0.0)
+        sign = 1.0 if known.sum() > 0 else -1.0
+        worst = np.argsort((sign * known).ravel(), kind="stable")[:MOST_LEFT]
+        index = np.unravel_index(worst, [len(place.centre) for place in places])
+        self.left = np.stack([p.centre[i] for p, i in zip(places, index, strict=True)])
 
 
 def _refined(
