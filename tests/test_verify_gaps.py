@@ -12,7 +12,7 @@ from pc2cad.verify.curves import Conic, Curve, Line, Reversed
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.gaps import gap_bound
 from pc2cad.verify.patches import Trace
-from pc2cad.verify.splines import SplineCurve, basis, make_curve, make_surface
+from pc2cad.verify.splines import SplineCurve, make_curve, make_surface
 from pc2cad.verify.surfaces import _ROUND, TURN, Pushed, Round, Spun, Surface
 
 SPAN = (0.3, 1.9)
@@ -34,9 +34,9 @@ def round_of(kind: str, *lengths: float) -> Round:
 def wavy(rng: np.random.Generator, about: Callable[[Array], Array], by: float, rational: bool):
     """Return a spline near a curve: of degree 5, through its values but for so much."""
     knots = np.concatenate(([0.0] * 6, [0.21, 0.5, 0.5, 0.83], [1.0] * 6))
-    curve = SplineCurve(knots, 5, np.zeros((10, 3)), False, None, 11)
+    curve = SplineCurve(knots, 5, np.eye(10), False, None, 11)
     t = np.linspace(0.0, 1.0, 10)
-    poles = np.linalg.solve(basis(knots, 5, 10, t)[0], about(t) + rng.uniform(-by, by, (10, 3)))
+    poles = np.linalg.solve(curve.at(t)[0], about(t) + rng.uniform(-by, by, (10, 3)))
     if rational:
         weights = rng.uniform(0.9, 1.1, (10, 1))
         poles = np.concatenate((poles * weights, weights), axis=1)

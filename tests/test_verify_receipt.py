@@ -16,6 +16,7 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
 from OCP.gp import gp_Ax2, gp_Dir, gp_Parab, gp_Pnt
 from plain_step import box
 
+import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.verify.receipt import describe, parse_step, receipt
 
@@ -219,3 +220,20 @@ def test_the_verb_tells_and_returns_what_was_found(
     assert json.loads(capsys.readouterr().out)["sound"] is False
     assert main(["verify", str(garbled)]) == 2
     assert "garbled.step" in capsys.readouterr().err
+
+
+def test_a_file_of_a_loose_tolerance_states_the_solid_that_it_holds(tmp_path: Path) -> None:
+    O, X, Y, Z = pc.points(O=(0, 0, 0), X=(1, 0, 0), Y=(0, 1, 0), Z=(0, 0, 1))
+    u, v, w = pc.parameters()
+    height = 2 + pc.sin(5 * u) * pc.cos(2 * v)
+    part = pc.compile_part(O + (X - O) * u + (Y - O) * v + (Z - O) * w * height, tolerance=0.02)
+    part.write(tmp_path / "loose.step")
+    found = receipt(tmp_path / "loose.step")
+    assert found["sound"], found["defects"]
+    own, equation = found["solids"][0]["volume"], part.report.equation.volume
+    assert abs(own - equation) > 1e-5 * equation
+    assert found["stated"]["volume"] == pytest.approx(own, rel=1e-11)
+    text = read_instances(tmp_path / "loose.step")
+    false = re.sub(r"VOLUME_MEASURE\([^)]*\)", f"VOLUME_MEASURE({own * 1.000003!r})", text)
+    assert false != text
+    assert "states the volume" in describe(parse_step(false.encode()))["defects"][0]

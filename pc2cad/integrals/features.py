@@ -16,6 +16,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import ranked
+from pc2cad.arrays.linear import vectors
 from pc2cad.arrays.scatter import scattered
 
 #: places that are looked at, how many features are followed, how far apart (shares of the box)
@@ -63,7 +64,7 @@ class _Surface:
     def rest(self, share: Array) -> Array:
         """Return what the polynomial leaves of the integrand, 0 where that is not finite."""
         found = self.values(_places(self.spans, share))
-        rest = np.abs(found - _columns(share[:, self.moving]) @ self.coefficients)
+        rest = np.abs(found - vectors(_columns(share[:, self.moving]), self.coefficients))
         return np.where(np.isfinite(rest), rest, 0.0)
 
     def climb(self, share: Array) -> Array:
@@ -89,11 +90,11 @@ def _fit(
         return None
     columns, inverse = _fitting(moving)
     if good.all():
-        coefficients: Array = inverse @ found
+        coefficients: Array = vectors(inverse, found)
     else:
         coefficients = np.asarray(np.linalg.lstsq(columns[good], found[good], rcond=None)[0])
     surface = _Surface(values, spans, moving, coefficients)
-    rest = np.where(good, np.abs(found - columns @ coefficients), 0.0)
+    rest = np.where(good, np.abs(found - vectors(columns, coefficients)), 0.0)
     least = max(ROUNDING * float(np.abs(found[good]).max()), PEAKED * ranked(rest, 0.5))
     return surface, np.where(rest > least, rest, 0.0)
 

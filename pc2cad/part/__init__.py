@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -42,6 +42,9 @@ if TYPE_CHECKING:
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part.several import BodiesSensitivity, Several
     from pc2cad.topology.cells import Cell, SideKey
+
+#: share by which a receipt may find figures off, with as much to spare for what it integrates
+SEEN: Final = 5e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +184,6 @@ class Part(OfOneEquation):
         others = [name for name in fields if name not in formulas]
         held = self.voxels(others, voxels) if others else None
         layers, between = (self.layers, _between(self.body)) if len(self.bodies) == 1 else ({}, ())
-        best = report.integrals
         return Exportable(
             solid=self.shape,
             name=self.title,
@@ -190,7 +192,7 @@ class Part(OfOneEquation):
             faces=_painted(self.surface, colours),
             interfaces=_painted(between, colours),
             layers=tuple(NamedSolid(*item) for item in layers.items()),
-            properties=GeometricProperties(best.volume, best.area, best.centroid),
+            properties=_properties(report),
             tolerance=report.tolerance,
             evidence=report.statements(),
             voxels=held,
@@ -339,6 +341,22 @@ def _between(body: Body) -> tuple[NamedFace, ...]:
     """Return the faces between the layers of a body."""
     outer, count = body.model.outer, len(body.model.faces)
     return tuple(_named(body, index) for index in range(count) if index not in outer)
+
+
+def _properties(report: Report) -> GeometricProperties:
+    """Return what a file states: the equation's figures, or those of the solid that it holds.
+
+    A receiver integrates what it reads: under a loose tolerance the equation's would look false.
+    """
+    best, solid = report.integrals, report.solid
+    off = float(np.linalg.norm(np.subtract(best.centroid, solid.centroid)))
+    if (
+        abs(best.volume - solid.volume) > SEEN * solid.volume
+        or abs(best.area - solid.area) > SEEN * solid.area
+        or off > SEEN * report.size
+    ):
+        best = solid
+    return GeometricProperties(best.volume, best.area, best.centroid)
 
 
 def _named(body: Body, index: int) -> NamedFace:

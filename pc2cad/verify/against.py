@@ -125,7 +125,7 @@ class _Judge(Collected):
 
     def judged(self) -> Verification:
         """Return what became of the file."""
-        self.of_itself(self._tolerance)
+        self.of_itself()
         matches: list[Match] = []
         if self.file.solids and self.same_unit():
             matches = self._faces()

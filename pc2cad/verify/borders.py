@@ -8,6 +8,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.bounds.deviation import bound_curve
+from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number
 from pc2cad.geometry import carriers
@@ -29,8 +30,8 @@ _FLAT = 7
 class Borders:
     """Proofs for the edges of an equation, each made once for both of its faces."""
 
-    def __init__(self, sides: Sides, tolerance: float) -> None:
-        self._sides, self._tolerance = sides, tolerance
+    def __init__(self, sides: Sides, tolerance: float, models: Known) -> None:
+        self._sides, self._tolerance, self._models = sides, tolerance, models
         self._known: dict[tuple[Cell, int], Nearness] = {}
 
     def nearness(self, match: Match) -> Nearness:
@@ -76,10 +77,12 @@ class Borders:
             return Nearness("exact", 0.0)
         try:
             if isinstance(curve, Line):
-                largest = _off_line(trees, names[0], curve)
+                largest = _off_line(trees, names[0], curve, self._models)
             elif isinstance(curve, SplineCurve) and not curve.rational:
                 spline = _turned(curve, edge, places, self._tolerance)
-                largest = np.inf if spline is None else bound_curve(trees, names[0], spline).largest
+                if spline is None:
+                    return SEEN
+                largest = bound_curve(trees, names[0], spline, self._models).largest
             else:
                 return SEEN
         except BreaksNotAlignedError:
@@ -100,7 +103,7 @@ def _carrier(curve: Curve) -> carriers.Line | carriers.Arc | None:
     return carriers.Arc(frame, (radii[0], radii[1]), 0.0, 2.0 * np.pi)
 
 
-def _off_line(trees: tuple[Expr, ...], name: str, line: Line) -> float:
+def _off_line(trees: tuple[Expr, ...], name: str, line: Line, models: Known) -> float:
     """Return a bound of the distance from a line: of both coordinates across it from nought."""
     z = line.vector / np.linalg.norm(line.vector)
     x = np.eye(3)[np.argmin(np.abs(z))]
@@ -113,7 +116,7 @@ def _off_line(trees: tuple[Expr, ...], name: str, line: Line) -> float:
             height = height + number(float(n)) * (tree - number(float(o)))
         across.append(height)
     flat = carriers.SplineCurve(_FLAT, bezier_knots(_FLAT), np.zeros((_FLAT + 1, 3)))
-    return bound_curve((*across, ZERO), name, flat).largest
+    return bound_curve((*across, ZERO), name, flat, models).largest
 
 
 def _turned(

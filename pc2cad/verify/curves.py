@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import product
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.exchange import Parts
 from pc2cad.verify.inversion import Sampling
@@ -76,7 +77,7 @@ class Line:
 
     def locate(self, points: Array) -> Array:
         """Return the parameters of the nearest points."""
-        return np.asarray((points - self.origin) @ self.vector / (self.vector @ self.vector))
+        return product(points - self.origin, self.vector) / (self.vector @ self.vector)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,8 @@ class Conic:
 
     def locate(self, points: Array) -> Array:
         """Return the parameters of the nearest points."""
-        x, y = ((points - self.centre) @ part / (part @ part) for part in (self.first, self.second))
+        away = points - self.centre
+        x, y = (product(away, part) / (part @ part) for part in (self.first, self.second))
         return np.asarray(np.arctan2(y, x))
 
 
@@ -143,8 +145,8 @@ class OpenConic:
 
     def locate(self, points: Array) -> Array:
         """Return the parameters of the nearest points."""
-        along = (points - self.centre) @ self.second / (self.second @ self.second)
-        return self.inverse(np.asarray(along))
+        along = product(points - self.centre, self.second) / (self.second @ self.second)
+        return self.inverse(along)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,9 @@ limits below is refused before it costs memory.
 
 from __future__ import annotations
 
-import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -39,6 +38,9 @@ _POINT = re.compile(
     rf"\s*#(\d+)\s*=\s*(CARTESIAN_POINT|DIRECTION)\s*\(\s*''\s*,\s*"
     rf"\(\s*({_REAL})\s*,\s*({_REAL})\s*(?:,\s*({_REAL})\s*)?\)\s*\)\s*;"
 )
+#: and most lists: poles by their numbers, and knots or weights
+_REFERENCES = re.compile(r"\s*\(\s*#\d{1,15}(?:\s*,\s*#\d{1,15})*\s*\)")
+_REALS = re.compile(rf"\s*\(\s*{_REAL}(?:\s*,\s*{_REAL})*\s*\)")
 _DIRECTIVE = re.compile(
     r"\\X2\\((?:[0-9A-Fa-f]{4})*)\\X0\\|\\X4\\((?:[0-9A-Fa-f]{8})*)\\X0\\|"
     r"\\X\\([0-9A-Fa-f]{2})|\\S\\(.)|\\P[A-I]\\|(\\\\)"
@@ -113,6 +115,8 @@ class _Reader:
     def __init__(self, text: str) -> None:
         self._text = text
         self._at = 0
+        #: the instances that others refer to
+        self._wanted: set[int] = set()
 
     def fail(self, what: str) -> StepUnreadableError:
         line = self._text.count("\n", 0, self._at) + 1
@@ -130,15 +134,15 @@ class _Reader:
         if "FILE_SCHEMA" not in header:
             raise self.fail("the header has no FILE_SCHEMA")
         instances: dict[int, Parts] = {}
-        wanted: set[int] = set()
+        self._wanted.clear()
         self._literal("DATA")
-        self._data(instances, wanted)
+        self._data(instances)
         while not self._ends("END-ISO-10303-21"):
             self._literal("DATA")
-            self._data(instances, wanted)
+            self._data(instances)
         if self._text[self._at :].strip():
             raise self.fail("text after the end of the file")
-        missing = wanted - instances.keys()
+        missing = self._wanted - instances.keys()
         if missing:
             raise StepUnreadableError(
                 f"the file refers to #{min(missing)}, which it does not contain"
@@ -146,15 +150,14 @@ class _Reader:
             )
         return Exchange(header, instances)
 
-    def _data(self, instances: dict[int, Parts], wanted: set[int]) -> None:
+    def _data(self, instances: dict[int, Parts]) -> None:
         while True:
             found = _POINT.match(self._text, self._at)
             if found:
                 key, word, *places = found.groups()
-                values = tuple(_real(place) for place in places if place is not None)
-                if any(value is None for value in values):
-                    raise self.fail("a number that is too large")
-                self._add(instances, self._id(key), {word: ("", values)})
+                if places[2] is None:
+                    del places[2]
+                self._add(instances, self._id(key), {word: ("", self._reals(places))})
                 self._at = found.end()
                 continue
             if self._ends("ENDSEC"):
@@ -163,9 +166,7 @@ class _Reader:
             if token.lastgroup != "ref":
                 raise self.fail(f"'#' and a number are needed, not '{token.group().strip()[:20]}'")
             self._mark("=")
-            parts = self._parts()
-            self._add(instances, self._id(token["ref"]), parts)
-            wanted.update(_references(parts))
+            self._add(instances, self._id(token["ref"]), self._parts())
 
     def _add(self, instances: dict[int, Parts], key: int, parts: Parts) -> None:
         if key in instances:
@@ -195,17 +196,25 @@ class _Reader:
         """Read a list in brackets."""
         if depth > DEEPEST:
             raise self.fail(f"lists nested more than {DEEPEST} deep")
+        # a list that has been opened begins where its bracket is
+        begin = self._at - opened
+        for pattern, read in ((_REFERENCES, self._references), (_REALS, self._reals)):
+            found = pattern.match(self._text, begin)
+            if found:
+                values = read(found.group().strip()[1:-1].split(","))
+                self._at = found.end()
+                return values
         if not opened:
             self._mark("(")
-        values: list[Any] = []
+        items: list[Any] = []
         token = self._next()
         if token["mark"] == ")":
             return ()
         while True:
-            values.append(self._value(token, depth))
+            items.append(self._value(token, depth))
             token = self._next()
             if token["mark"] == ")":
-                return tuple(values)
+                return tuple(items)
             if token["mark"] != ",":
                 raise self.fail("',' or ')' is needed")
             token = self._next()
@@ -213,7 +222,7 @@ class _Reader:
     def _value(self, token: re.Match[str], depth: int) -> Any:
         match token.lastgroup:
             case "ref":
-                return Ref(self._id(token["ref"]))
+                return self._reference(token["ref"])
             case "number":
                 return self._number(token["number"])
             case "text":
@@ -235,13 +244,27 @@ class _Reader:
 
     def _number(self, text: str) -> int | float:
         if "." in text:
-            value = _real(text)
-            if value is None:
-                raise self.fail("a number that is too large")
-            return value
+            return self._reals([text])[0]
         if len(text) > 18:
             raise self.fail("a whole number of more than 18 digits")
         return int(text)
+
+    def _reals(self, texts: Sequence[str]) -> tuple[float, ...]:
+        if max(map(len, texts)) > LONGEST_NUMBER:
+            texts = [text.strip() for text in texts]
+        if max(map(len, texts)) <= LONGEST_NUMBER:
+            values = tuple(map(float, texts))
+            if max(map(abs, values)) <= LARGEST_NUMBER:
+                return values
+        raise self.fail("a number that is too large")
+
+    def _references(self, texts: Sequence[str]) -> tuple[Ref, ...]:
+        return tuple(self._reference(text.strip()[1:]) for text in texts)
+
+    def _reference(self, text: str) -> Ref:
+        found = Ref(self._id(text))
+        self._wanted.add(found)
+        return found
 
     def _id(self, text: str) -> int:
         if len(text) > 15 or not 0 < int(text) < LARGEST_ID:
@@ -281,24 +304,6 @@ class _Reader:
             raise self.fail(f"'{word};' is needed")
         self._at = found.end()
         self._mark(";")
-
-
-def _real(text: str) -> float | None:
-    """Return a number, None where it is longer or larger than what is read."""
-    value = float(text) if len(text) <= LONGEST_NUMBER else math.inf
-    return value if abs(value) <= LARGEST_NUMBER else None
-
-
-def _references(parts: Parts) -> Iterator[int]:
-    stack: list[Any] = list(parts.values())
-    while stack:
-        value = stack.pop()
-        if isinstance(value, Ref):
-            yield int(value)
-        elif isinstance(value, tuple):
-            stack.extend(value)
-        elif isinstance(value, Typed):
-            stack.extend(value.values)
 
 
 def _decoded(text: str) -> str:

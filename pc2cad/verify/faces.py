@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import product
 from pc2cad.verify.defects import StepDefectError, StepOrientationError, StepUnknownError
 from pc2cad.verify.edges import Edge, EdgeReader, Loop
 from pc2cad.verify.exchange import Ref
@@ -154,7 +155,7 @@ def _circulation(face: Face, corner: Array) -> tuple[Array, Array]:
     flows = [loop.flow for loop in face.loops]
     places = np.concatenate([flow[0] for flow in flows]) - corner
     swept = np.cross(places, np.concatenate([flow[1] for flow in flows]))
-    return 0.5 * swept.sum(axis=0), swept.T @ places / 3.0
+    return 0.5 * swept.sum(axis=0), product(swept.T, places) / 3.0
 
 
 def _residual(face: Face, moments: Moments, corner: Array, extent: float) -> float:
@@ -292,7 +293,7 @@ def _judge_plane(face: Face, frame: Frame, origin: Array, limit: float) -> Judge
             raise StepDefectError(f"the plane face {face.label} has a loop without edges")
         for edge, _ in loop.edges:
             off = max(
-                np.abs((part - place) @ axes[2]).max() for part in (edge.samples, edge.places)
+                np.abs(product(part - place, axes[2])).max() for part in (edge.samples, edge.places)
             )
             gap = max(gap, float(off))
             if not off <= limit:
@@ -324,10 +325,10 @@ def _require_loops(face: Face, areas: list[float]) -> None:
 def _plane_sums(loop: Loop, corner: Array, axes: Array) -> Array:
     """Return integrals of 1, a, b, a², ab, b² over what a loop encloses in plane coordinates."""
     places, steps = loop.flow
-    a, b, _ = ((places - corner) @ axes.T).T
-    db = steps @ axes[1]
+    a, b, _ = product(places - corner, axes.T).T
+    db = product(steps, axes[1])
     powers = [a, a**2 / 2.0, a * b, a**3 / 3.0, a**2 * b / 2.0, a * b**2]
-    return np.asarray(np.array(powers) @ db)
+    return product(np.array(powers), db)
 
 
 def _plane_moments(sums: Array, corner: Array, origin: Array, place: Array, axes: Array) -> Moments:

@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.linear import product
 
 #: points and derivatives of a curve at parameters
 Along: TypeAlias = Callable[[Array], tuple[Array, Array]]
@@ -87,8 +88,8 @@ def nearest(known: Array, points: Array) -> Integers:
     middle = known.mean(axis=0)
     shifted, size = known - middle, ((known - middle) ** 2).sum(axis=1)
     found = np.empty(len(points), dtype=np.intp)
-    rows = max(1, 2_000_000 // max(1, len(known)))
+    rows = max(1, 200_000 // max(1, len(known)))
     for begin in range(0, len(points), rows):
         part = points[begin : begin + rows] - middle
-        found[begin : begin + rows] = (size - 2.0 * part @ shifted.T).argmin(axis=1)
+        found[begin : begin + rows] = (size - 2.0 * product(part, shifted.T)).argmin(axis=1)
     return found

@@ -122,7 +122,7 @@ class _Joined(Collected):
 
     def judged(self) -> Verification:
         """Return what became of the file."""
-        self.of_itself(self._tolerance)
+        self.of_itself()
         matches: list[Match] = []
         mass = MassProperties(0.0, 0.0, (0.0, 0.0, 0.0), (), 0.0, "no face")
         if self.file.solids and self.same_unit():

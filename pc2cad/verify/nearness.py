@@ -18,6 +18,7 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.bounds.deviation import bound_surface
+from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number, walk
 from pc2cad.geometry import carriers
@@ -61,12 +62,14 @@ def nearness(
     tolerance: float,
     *,
     claims: bool = False,
+    known: Known | None = None,
 ) -> Nearness:
     """Return how near all patches of a side, as trees and names, are to the surface of their face.
 
     The surface is as `replay` reads it; `turn` says how it runs over the patch, None where places
     are not compared at equal parameters. `seen` is the largest distance that was. With `claims`
-    there comes what a replay needs, where it has a way.
+    there comes what a replay needs, where it has a way. Models that are `known` are used, and added
+    to.
     """
     evidence: list[Evidence] = []
     kept, largest = [], seen
@@ -79,7 +82,7 @@ def nearness(
             kept.append(found[0])
             largest = max(largest, found[1])
         elif not exact:
-            distance = _by_taylor_models(trees, names, surface, turn or STRAIGHT)
+            distance = _by_taylor_models(trees, names, surface, turn or STRAIGHT, known)
             if not distance <= tolerance:
                 return Nearness("sampled", seen)
             largest = max(largest, distance)
@@ -238,8 +241,9 @@ _LOWERED: Final[dict[str, Callable[[_Rows, int], int]]] = {
 
 
 def _by_taylor_models(
-    trees: tuple[Expr, ...], names: Sequence[str], surface: Spline | Quadric, turn: Sequence[bool]
-) -> float:
+    trees: tuple[Expr, ...], names: Sequence[str], surface: Spline | Quadric,
+    turn: Sequence[bool], known: Known | None,
+) -> float:  # fmt: skip
     """Return a bound for splines and planes; infinite where there is none."""
     if isinstance(surface, Spline):
         degrees, knots, poles = _turned(surface, turn)
@@ -253,7 +257,8 @@ def _by_taylor_models(
     else:
         return np.inf
     try:
-        return bound_surface(trees, names, carriers.SplineSurface(degrees, knots, poles)).largest
+        spline = carriers.SplineSurface(degrees, knots, poles)
+        return bound_surface(trees, names, spline, known=known).largest
     except BreaksNotAlignedError:
         return np.inf
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import product as pairs
 from math import isqrt
 from typing import TypeAlias
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct, ranked
+from pc2cad.arrays.linear import product
 from pc2cad.verify.curves import gauss_rule
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
 from pc2cad.verify.edges import Edge
@@ -123,7 +124,7 @@ def winding(steps: list[tuple[Trace, bool]]) -> float:
 def rectangles(surface: Surface, traces: list[Trace]) -> Iterator[Rectangle]:
     """Yield the parameter rectangles (from, to per axis) whose sides these edges can be."""
     choices = [list(_spans(surface, traces, axis)) for axis in (0, 1)]
-    for u, v in product(*choices):
+    for u, v in pairs(*choices):
         if _bounds(surface, traces, (u, v)):
             yield u, v
 
@@ -179,7 +180,7 @@ def _spans(surface: Surface, traces: list[Trace], axis: int) -> Iterator[Span]:
     known = [limit for limit in limits if np.isfinite(limit)]
     ends = sorted([*levels, *known])
     if len(ends) <= 12:
-        yield from ((a, b) for a, b in product(ends, ends) if b > a + _LOOSE * max(1.0, abs(a)))
+        yield from ((a, b) for a, b in pairs(ends, ends) if b > a + _LOOSE * max(1.0, abs(a)))
 
 
 def _same(surface: Surface, one: Trace, other: Trace) -> bool:
@@ -353,7 +354,7 @@ def _integrate(
     # as wide as long, so that few poles count for each
     wide = min(len(v), isqrt(_CHUNK))
     rows, few = (count // wide for count in (_CHUNK, _CACHED))
-    starts = product(range(0, len(u), rows), range(0, len(v), wide))
+    starts = pairs(range(0, len(u), rows), range(0, len(v), wide))
     for part, own in ((slice(a, a + rows), slice(b, b + wide)) for a, b in starts):
         place, along_u, along_v = surface.grid(u[part], v[own])
         weight = u_weights[part, None] * v_weights[None, own]
@@ -371,7 +372,7 @@ def _sums(jet: Jet, weight: Array, origin: Array, corner: Array) -> Array:
     area = float((np.sqrt((normal**2).sum(axis=0)) * weight).sum())
     normal = (normal * weight).reshape(3, -1)
     local = (place - corner.reshape(-1, *[1] * weight.ndim)).reshape(3, -1)
-    vector, first, offset = normal.sum(axis=1), normal @ local.T, corner - origin
+    vector, first, offset = normal.sum(axis=1), product(normal, local.T), corner - origin
     # sums in pairs round less than products of matrices
     flow = normal * local
     along, squares = flow.sum(axis=1), (flow * local).sum(axis=1)

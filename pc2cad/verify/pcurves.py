@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import product
 from pc2cad.verify.curves import WRAPPERS, Curve, OpenConic, domain_of, read_curve
 from pc2cad.verify.defects import StepDefectError
 from pc2cad.verify.edges import Edge
@@ -30,10 +31,10 @@ class _Plane:
         self._origin, self._axes = frame
 
     def place(self, uv: Array) -> Array:
-        return np.asarray(self._origin + uv @ self._axes[:2])
+        return self._origin + product(uv, self._axes[:2])
 
     def parameters(self, points: Array) -> Array:
-        return np.asarray((points - self._origin) @ self._axes[:2].T)
+        return product(points - self._origin, self._axes[:2].T)
 
 
 class _Curved:

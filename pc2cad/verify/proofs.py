@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
+from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.verify.borders import Borders
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.nearness import nearness
@@ -22,7 +23,9 @@ class Proofs:
         self, sides: Sides, tolerance: float, text: Callable[[], StepText] | None = None
     ) -> None:
         self._sides, self._tolerance, self._text = sides, tolerance, text
-        self._borders = Borders(sides, tolerance)
+        #: faces and edges share models, as those of a build do
+        self._known = Known()
+        self._borders = Borders(sides, tolerance, self._known)
 
     def of(self, match: Match) -> Match:
         """Return a match with bounds of its distances, where they can be had."""
@@ -36,7 +39,9 @@ class Proofs:
         if surface is None or (isinstance(surface, Spline) and match.turn is None):
             return match
         patches = [self._sides.trees(patch) for patch in match.patches]
-        found = nearness(patches, surface, match.turn, seen, self._tolerance, claims=claims)
+        found = nearness(
+            patches, surface, match.turn, seen, self._tolerance, claims=claims, known=self._known
+        )
         edges = match.edges if match.trimmed else self._borders.nearness(match)
         return replace(match, nearness=found, edges=edges)
 

@@ -44,7 +44,7 @@ class StepFile:
     @property
     def sound(self) -> bool | None:
         """Whether nothing contradicts itself; None where something could not be judged."""
-        if self.findings.defects or self.findings.stated:
+        if self.findings.defects:
             return False
         return None if self.findings.unknown else True
 
@@ -124,9 +124,9 @@ def _check_stated(solids: list[Solid], stated: Stated, findings: Findings) -> No
         ("area", stated.area if len(solids) == 1 else None, area, solids[0].area_error),
     ):
         if figure is not None and not abs(figure - own) <= (FALSE + min(error, 1e-3)) * abs(own):
-            explained = abs(figure - own) / (area if name == "volume" else abs(own) / size)
-            sentence = f"the file states the {name} {figure:.10g}, its faces give {own:.10g}"
-            findings.stated.append((explained, sentence))
+            findings.defects.append(
+                f"the file states the {name} {figure:.10g}, its faces give {own:.10g}"
+            )
     centres = [s.centroid for s in solids]
     if stated.centroid is None or volume <= 0.0 or any(centre is None for centre in centres):
         return
@@ -135,8 +135,9 @@ def _check_stated(solids: list[Solid], stated: Stated, findings: Findings) -> No
     )
     off = float(np.linalg.norm(np.array(stated.centroid) - own_centre / volume))
     if not off <= FALSE * size:
-        sentence = f"the file states a centroid that is {off:.3g} off that of its faces"
-        findings.stated.append((off * volume / (area * size), sentence))
+        findings.defects.append(
+            f"the file states a centroid that is {off:.3g} off that of its faces"
+        )
 
 
 def describe(file: StepFile) -> dict[str, Any]:
@@ -154,7 +155,7 @@ def describe(file: StepFile) -> dict[str, Any]:
             "area": file.stated.area,
             "centroid": None if file.stated.centroid is None else list(file.stated.centroid),
         },
-        "defects": [*findings.defects, *(sentence for _, sentence in findings.stated)],
+        "defects": list(findings.defects),
         "unknown": list(findings.unknown),
         "remarks": [*findings.loose, *findings.remarks],
     }

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from pc2cad.verify.exchange import Enumeration, Exchange, Parts, Ref, Typed
 
 #: references that may be followed through curves and surfaces
 DEEPEST = 12
+_NUMBERS = {int, float}
 
 
 @dataclass(frozen=True)
@@ -191,6 +193,10 @@ def length(value: Any, ref: Any) -> float:
 def numbers(values: Any, where: Any) -> Array:
     """Return nested tuples of numbers as an array."""
     stack = list(sequence(values))
+    if len(set(map(type, stack))) == 1 and isinstance(stack[0], tuple):
+        stack = list(chain.from_iterable(stack))
+    if _NUMBERS.issuperset(map(type, stack)):
+        stack.clear()
     while stack:
         value = stack.pop()
         if isinstance(value, tuple | list):

@@ -93,9 +93,9 @@ def number(value: float, rounding: float = UNIT) -> Jet:
 
 def _sum(a: Array, b: Array) -> Array:
     a, b = (a, b) if len(a) <= len(b) else (b, a)
-    found = np.array(np.broadcast_to(b, (len(b), *np.broadcast_shapes(a.shape[1:], b.shape[1:]))))
-    found[: len(a)] += a
-    return found
+    found = np.asarray(a + b[: len(a)])
+    rest = [np.broadcast_to(x, found.shape[1:]) for x in b[len(a) :]]
+    return np.concatenate((found, rest)) if rest else found
 
 
 def _product(a: Array, b: Array) -> Array:
@@ -303,6 +303,7 @@ class StepText:
 
     _INSTANCE = re.compile(r"#(\d+)\s*=\s*((?:[^;']|'[^']*')*);")
     _RADIAN = re.compile(r"[^']*\bSI_UNIT\s*\(\s*\$\s*,\s*\.RADIAN\.\s*\)[^']*")
+    _POINT = re.compile(r"(?:CARTESIAN_POINT|DIRECTION)\('',\(([^(),]+),([^(),]+),([^(),]+)\)\)")
     _TOKEN = re.compile(r"(?:'[^']*')+|[^\s(),']+|[()]")
 
     def __init__(self, data: bytes) -> None:
@@ -323,7 +324,8 @@ class StepText:
 
     def point(self, ref: str) -> Array:
         """Return a point or a direction."""
-        x, y, z = self.get(ref, "CARTESIAN_POINT", "DIRECTION")[2]
+        found = self._POINT.fullmatch(self._texts[ref])
+        x, y, z = found.groups() if found else self.get(ref, "CARTESIAN_POINT", "DIRECTION")[2]
         return np.array([float(x), float(y), float(z)])
 
     def surface(self, face: str) -> Spline | Quadric:
@@ -335,8 +337,7 @@ class StepText:
             if kind == "CONICAL_SURFACE" and not all(map(self._RADIAN.fullmatch, units)):
                 raise ReplayError("the file's only unit of plane angles is not the radian")
             _, _, origin, axis, along = self.get(rest[0], "AXIS2_PLACEMENT_3D")
-            z, x = self.point(axis), self.point(along)
-            z = z / np.linalg.norm(z)
+            z, x = (v / np.linalg.norm(v) for v in (self.point(axis), self.point(along)))
             x = x - (x @ z) * z
             x = x / np.linalg.norm(x)
             frame = self.point(origin), np.array([x, np.cross(z, x), z])
@@ -360,8 +361,7 @@ class StepText:
                     for use in own if kind == "EDGE_LOOP" else ():
                         *_, edge, sense = self.get(use, "ORIENTED_EDGE")
                         uses[edge, sense == flag] += 1
-            wrong = {edge for edge, _ in uses if (uses[edge, True], uses[edge, False]) != (1, 1)}
-            if wrong:
+            if wrong := {e for e, _ in uses if (uses[e, True], uses[e, False]) != (1, 1)}:
                 raise ReplayError(f"the edge {min(wrong)} is not used once in each sense")
         return faces
 

@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import product as pairs
 from typing import TypeAlias, get_args
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
+from pc2cad.arrays.linear import product
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.restrictions import RestrictedMap
@@ -257,7 +258,7 @@ def distances(face: JudgedFace, points: Array) -> Array:
     """Return the distances of points from the surface of a face."""
     if face.frame is not None:
         place, axes = face.frame
-        return np.asarray(np.abs((points - place) @ axes[2]))
+        return np.abs(product(points - place, axes[2]))
     surface = face.surface
     assert surface is not None
     u, v = surface.search(points) if isinstance(surface, SplineSurface) else surface.locate(points)
@@ -287,7 +288,7 @@ def _is_whole(face: JudgedFace) -> bool:
 
 
 def _symmetries() -> Iterator[Turn]:
-    yield from product((False, True), repeat=3)
+    yield from pairs((False, True), repeat=3)
 
 
 def _apart(

@@ -54,8 +54,6 @@ class Findings:
     """What was found wrong, and what could not be judged; both in words."""
 
     defects: list[str] = field(default_factory=list)
-    #: false statements, each with the distance of faces that would explain it
-    stated: list[tuple[float, str]] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
     #: gaps beyond the stated uncertainty, which receivers heal; and what is worth knowing
     loose: list[str] = field(default_factory=list)

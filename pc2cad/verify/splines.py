@@ -9,13 +9,14 @@ import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
+from pc2cad.arrays.linear import product, vectors
 from pc2cad.verify.inversion import Sampling, closest, nearest
 from pc2cad.verify.searching import CLOSED, Jet, Searched, Span
 
 #: of the solid's coordinates: a point so near to a side of a surface is on it
 NEAR = 1e-9
 #: rows of a basis that are multiplied at a time
-BAND = 64
+BAND = 32
 
 
 def knots_in(knots: Array, domain: Span) -> Array:
@@ -33,40 +34,34 @@ def local_basis(knots: Array, degree: int, count: int, t: Array) -> tuple[Intege
     last = int(np.flatnonzero(knots[:count] < knots[count])[-1])
     span = np.clip(np.searchsorted(knots, t, side="right") - 1, degree, last)
     numbers = span[:, None] + np.arange(1 - degree, degree + 1)
-    near, column = knots[numbers], t[:, None]
+    away = knots[numbers] - t[:, None]
+    before, after = -away[:, :degree], away[:, degree:]
     local, ratio = np.ones((len(t), 1)), np.zeros((len(t), 0))
     for d in range(1, degree + 1):
-        left, right = near[:, degree - d : degree], near[:, degree : degree + d]
-        ratio = local / (right - left)
-        local = np.zeros((len(t), d + 1))
-        local[:, :-1] = (right - column) * ratio
-        local[:, 1:] += (column - left) * ratio
+        left, right = before[:, degree - d :], after[:, :d]
+        ratio = local / (left + right)
+        local = np.empty((len(t), d + 1))
+        np.multiply(right, ratio, out=local[:, :d])
+        local[:, d] = 0.0
+        local[:, 1:] += left * ratio
     slope = np.zeros((len(t), degree + 1))
-    slope[:, :-1] -= degree * ratio
-    slope[:, 1:] += degree * ratio
+    ratio *= degree
+    slope[:, 1:] = ratio
+    slope[:, :-1] -= ratio
     return span[:, None] + np.arange(-degree, 1), local, slope
-
-
-def basis(knots: Array, degree: int, count: int, t: Array) -> tuple[Array, Array]:
-    """Return values and first derivatives of all B-splines, (len(t), count) each."""
-    columns, local, slope = local_basis(knots, degree, count, t)
-    rows = np.arange(len(t))[:, None]
-    values, slopes = np.zeros((2, len(t), count))
-    values[rows, columns], slopes[rows, columns] = local, slope
-    return values, slopes
 
 
 def banded(basis: Array, poles: Array) -> Array:
     """Return basis @ poles, where few columns next to each other are not 0 in each row."""
     count, most = basis.shape
     if most <= BAND:
-        return np.asarray(basis @ poles)
+        return product(basis, poles)
     found = np.empty((*poles.shape[:-2], count, poles.shape[-1]))
     for begin in range(0, count, BAND):
         part = basis[begin : begin + BAND]
         used = np.flatnonzero(part.any(axis=0))
         columns = slice(used[0], used[-1] + 1)
-        found[..., begin : begin + BAND, :] = part[:, columns] @ poles[..., columns, :]
+        found[..., begin : begin + BAND, :] = product(part[:, columns], poles[..., columns, :])
     return found
 
 
@@ -199,9 +194,9 @@ class SplineSurface(Searched):
         values[rows, columns - first], slopes[rows, columns - first] = local, slope
         return slice(first, first + values.shape[1]), values, slopes
 
-    def _local(self, axis: int, t: Array) -> tuple[Integers, Array, Array]:
-        count = self.poles.shape[axis]
-        return local_basis(self.knots[axis], self.degrees[axis], count, self._turned(axis, t))
+    def _local(self, axis: int, t: Array, *, turned: bool = True) -> tuple[Integers, Array, Array]:
+        t = self._turned(axis, t) if turned else t
+        return local_basis(self.knots[axis], self.degrees[axis], self.poles.shape[axis], t)
 
     def _jet(self, value: Array, slope_u: Array, slope_v: Array) -> Jet:
         if not self.rational:
@@ -253,8 +248,8 @@ class SplineSurface(Searched):
 
     def side(self, axis: int, level: float) -> SplineCurve:
         """Return the iso-parametric curve at a level of one parameter."""
-        row = basis(self.knots[axis], self.degrees[axis], self.poles.shape[axis], np.array([level]))
-        poles = np.tensordot(row[0][0], self.poles, axes=(0, axis))
+        columns, local, _ = self._local(axis, np.array([level]), turned=False)
+        poles = vectors(local[0], np.moveaxis(np.take(self.poles, columns[0], axis), axis, 0))
         other = 1 - axis
         return make_curve(self.knots[other], self.degrees[other], poles, self.rational)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
+from pc2cad.arrays.linear import product
 from pc2cad.verify.curves import (
     TURN,
     Curve,
@@ -105,7 +106,7 @@ class Round:
 
     def locate(self, points: Array) -> tuple[Array, Array]:
         """Return the parameters of the nearest points."""
-        x, y, z = ((points - self.origin) @ self.axes.T).T
+        x, y, z = product(points - self.origin, self.axes.T).T
         return np.arctan2(y, x), self.inverse(np.hypot(x, y), z)
 
     def breaks(self, axis: int, a: float, b: float) -> Array:
@@ -148,7 +149,7 @@ class Spun:
         return self.centre + place, swept, self._turned(u[:, None], slope[None])[0]
 
     def _meridian(self, points: Array) -> tuple[Array, Array]:
-        height = (points - self.centre) @ self.axis
+        height = product(points - self.centre, self.axis)
         out = points - self.centre - height[:, None] * self.axis
         return np.stack([np.linalg.norm(out, axis=1), height], axis=1), out
 
@@ -247,7 +248,7 @@ class Pushed:
             return flat(point), flat(slope)
 
         u = closest(profile, self.curve.sampling(points), flat(points))
-        return u, (points - self.curve.at(u)[0]) @ self.vector / size
+        return u, product(points - self.curve.at(u)[0], self.vector) / size
 
     def breaks(self, axis: int, a: float, b: float) -> Array:
         """Return where it is smooth and short between."""

@@ -119,15 +119,11 @@ class Collected:
         """Take note of a difference."""
         self._found.append((size, sentence))
 
-    def of_itself(self, tolerance: float) -> None:
+    def of_itself(self) -> None:
         """Take note of what is wrong with the file by itself."""
         findings = self.file.findings
         for sentence in (*findings.defects, *findings.unknown, *findings.loose):
             self.add(0.0, sentence)
-        for size, sentence in findings.stated:
-            # what a file states is the equation's: its faces may be off by the tolerance
-            if size > tolerance:
-                self.add(size, sentence)
 
     def same_unit(self) -> bool:
         """Say whether all solids have the equation's unit of length, and take note if not."""
