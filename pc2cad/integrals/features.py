@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations_with_replacement
+from itertools import product as pairs
 from typing import Final
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import ranked
-from pc2cad.arrays.linear import vectors
+from pc2cad.arrays.linear import product, solve, vectors
 from pc2cad.arrays.scatter import scattered
 
 #: places that are looked at, how many features are followed, how far apart (shares of the box)
@@ -109,9 +109,9 @@ def _scatter() -> Array:
 
 @lru_cache(maxsize=8)
 def _fitting(moving: tuple[int, ...]) -> tuple[Array, Array]:
-    """Return the cubic monomials in the scattered places, and what makes coefficients of values."""
+    """Return the polynomials in the scattered places, and what makes coefficients of values."""
     columns = _columns(_scatter()[:, moving])
-    return columns, np.asarray(np.linalg.pinv(columns), dtype=np.float64)
+    return columns, solve(product(columns.T, columns), columns.T)
 
 
 def _places(spans: Array, share: Array) -> Array:
@@ -119,9 +119,13 @@ def _places(spans: Array, share: Array) -> Array:
 
 
 def _columns(share: Array) -> Array:
+    """Return the products of Legendre's polynomials up to degree 3: they are nearly orthogonal."""
     x = 2 * share - 1
-    rows = [np.ones(len(x))]
-    for degree in (1, 2, 3):
-        for factors in combinations_with_replacement(range(x.shape[1]), degree):
-            rows.append(np.prod(x[:, factors], axis=1))
+    alone = np.ones_like(x), x, (3 * x**2 - 1) / 2, (5 * x**3 - 3 * x) / 2
+    every = pairs(range(len(alone)), repeat=x.shape[1])
+    rows = [
+        np.prod([alone[d][:, k] for k, d in enumerate(degrees)], axis=0)
+        for degrees in every
+        if sum(degrees) < len(alone)
+    ]
     return np.stack(rows, axis=1)
