@@ -223,10 +223,10 @@ def test_the_verb_tells_and_returns_what_was_found(
 
 
 def test_a_file_of_a_loose_tolerance_states_the_solid_that_it_holds(tmp_path: Path) -> None:
-    O, X, Y, Z = pc.points(O=(0, 0, 0), X=(1, 0, 0), Y=(0, 1, 0), Z=(0, 0, 1))
+    A, X, Y, Z = pc.points(A=(0, 0, 0), X=(1, 0, 0), Y=(0, 1, 0), Z=(0, 0, 1))
     u, v, w = pc.parameters()
     height = 2 + pc.sin(5 * u) * pc.cos(2 * v)
-    part = pc.compile_part(O + (X - O) * u + (Y - O) * v + (Z - O) * w * height, tolerance=0.02)
+    part = pc.compile_part(A + (X - A) * u + (Y - A) * v + (Z - A) * w * height, tolerance=0.02)
     part.write(tmp_path / "loose.step")
     found = receipt(tmp_path / "loose.step")
     assert found["sound"], found["defects"]
