@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -36,7 +36,6 @@ from pc2cad.solidity.orientation import Orientation, find_orientation
 from pc2cad.solidity.solidity import Solidity, check_solidity
 
 if TYPE_CHECKING:
-    from pc2cad.domain.formulas import Formula
     from pc2cad.integrals.fields import FieldIntegral
     from pc2cad.integrals.inertia import Mass
     from pc2cad.integrals.sensitivity import Sensitivity
@@ -87,13 +86,6 @@ class CheckedMap:
         from pc2cad.integrals.weighing import weighed
 
         return weighed(self.analysis, self.mass, density)
-
-    def formulas(self, fields: Sequence[str]) -> dict[str, Formula]:
-        """Return those of some scalar fields that are formulas of x, y and z; raise InputError."""
-        from pc2cad.domain.formulas import formula_of
-
-        found = {name: formula_of(self.equation, self.equation.field(name)) for name in fields}
-        return {name: formula for name, formula in found.items() if formula is not None}
 
     def field_figures(self, name: str) -> FieldFigures:
         """Return integral, mean, least and largest value of a field; raise InputError."""

@@ -37,7 +37,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "representation": (
         "checked", "solidity", "domain", "bounds", "topology", "geometry", "expression",
     ),
-    "sampling": ("checked", "domain", "topology"),
+    "sampling": ("checked", "domain", "topology", "equation", "expression"),
     # held against what the others made: nothing that represents, builds, validates or writes
     "verify": ("sampling", "integrals", "domain", "bounds", "topology", "geometry", "templates",
                "equation", "expression"),

@@ -24,6 +24,7 @@ from pc2cad.brep.booleans import NamedShape, original
 from pc2cad.brep.forms import PAIRS
 from pc2cad.brep.inspect import bounding_box
 from pc2cad.brep.integrals import face_integrals, faces_of, second_moments, solid_integrals
+from pc2cad.csg.fields import field_formulas
 from pc2cad.csg.graded import Graded
 from pc2cad.csg.moving import COLUMNS, Moving, NoAngleError, places
 from pc2cad.csg.regions import Piece, Told, pieces_of, regions
@@ -35,6 +36,7 @@ from pc2cad.mesh.tetrahedra import KernelSolid
 from pc2cad.part import Body
 from pc2cad.part.several import BodiesSensitivity
 from pc2cad.report import Report
+from pc2cad.sampling.formulas import FieldFormula
 from pc2cad.templates.bodies import Tree
 from pc2cad.topology.cells import SideKey
 
@@ -68,6 +70,10 @@ class Joined:
     def face_sides(self) -> tuple[tuple[SideKey, ...], ...]:
         """See Several.face_sides."""
         return tuple(keys for _, keys in self.shape.faces)
+
+    def formulas(self, fields: Sequence[str]) -> dict[str, FieldFormula]:
+        """See Several.formulas."""
+        return field_formulas(self.result, self.parts, lambda: self._pieces, fields)
 
     def mass(self, density: float | str | Mapping[str, float] | None) -> Mass:
         """See Several.mass; raise InputError, RegionsDisagreeError."""

@@ -1,21 +1,21 @@
-"""Fields as formulas of the place: steps of plain operations on x, y and z, for other programs.
+"""Formulas: steps of plain operations on numbers, for programs that know neither M nor its fields.
 
-A field is one where it depends on x, y and z alone, or on u, v and w of an affine map, whose
-inverse is written in their place.
+What a tree is made of is written as such steps, one after another; formulas call each other.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-from pc2cad.equation.fields import COORDINATES, Field
-from pc2cad.equation.point_equation import PointEquation
-from pc2cad.expression.derivatives import derivatives
-from pc2cad.expression.parameters import PARAMETERS
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.expression.functions import FUNCTIONS as KNOWN
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.simplification import simplified
-from pc2cad.expression.tree import ONE, ZERO, Expr, substitute, symbol, walk
+from pc2cad.expression.tree import ONE, Expr, Layout, call, number, piece_rows, rewrite, walk
+from pc2cad.expression.waves import written_out
 
 #: functions that a step may be, by what the language calls them
 FUNCTIONS: Final = (
@@ -25,134 +25,198 @@ FUNCTIONS: Final = (
 #: whole exponents up to which a power is written as products: programs take others of positive
 #: numbers alone
 MOST_FACTORS: Final = 16
+#: steps of one formula: what takes them needs a time that goes with their square
+MOST_STEPS: Final = 4000
+_PLAIN: Final[Mapping[str, Callable[..., Any]]] = {
+    "add": np.add, "subtract": np.subtract, "multiply": np.multiply, "divide": np.divide,
+    "power": np.power, "select": lambda a, b, c, d: np.where(a < b, c, d),
+    **{name: getattr(np, KNOWN[name].numpy_name) for name in FUNCTIONS},
+}  # fmt: skip
+
+
+class NoFormulaError(Exception):
+    """Something is no formula, or one of too many steps."""
 
 
 @dataclass(frozen=True)
 class Step:
     """One operation on earlier steps, by their numbers.
 
-    ``constant``, one of x, y and z, ``add``, ``subtract``, ``multiply``, ``divide``, ``power``,
-    ``select`` (c if a < b, else d) or one of `FUNCTIONS`.
+    ``input`` (the one of that number), ``constant``, ``add``, ``subtract``, ``multiply``,
+    ``divide``, ``power``, ``select`` (c if a < b, else d), one of `FUNCTIONS`, ``call`` of another
+    formula, or ``output`` (the one of that number, of a call).
     """
 
     operation: str
     operands: tuple[int, ...] = ()
     value: float = 0.0
+    formula: Formula | None = None
 
 
-#: steps, the last of which is the value
-Formula = tuple[Step, ...]
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """Numbers in, numbers out."""
+
+    name: str
+    inputs: tuple[str, ...]
+    steps: tuple[Step, ...]
+    #: the steps that are given, by the names they are given under
+    outputs: Mapping[str, int]
+
+    def __call__(self, *given: Array) -> list[Array]:
+        """Return the outputs (n,) for inputs (n,); where there is none, nan or inf."""
+        found: list[list[Any]] = []
+        with np.errstate(all="ignore"):
+            for step in self.steps:
+                operands = [found[k][0] for k in step.operands]
+                if step.operation == "input":
+                    found.append([given[int(step.value)]])
+                elif step.operation == "constant":
+                    found.append([np.float64(step.value)])
+                elif step.operation == "output":
+                    found.append([found[step.operands[0]][int(step.value)]])
+                elif step.formula is not None:
+                    found.append(step.formula(*operands))
+                else:
+                    found.append([_PLAIN[step.operation](*operands)])
+        shape = np.broadcast_shapes(*(np.shape(column) for column in given))
+        return [np.broadcast_to(found[k][0], shape) for k in self.outputs.values()]
 
 
-def formula_of(equation: PointEquation, field: Field) -> Formula | None:
-    """Return a scalar field as steps, or None: it is no formula of the place alone."""
-    (tree, *more) = field.components
-    if more:
-        return None
-    if not tree.symbols <= set(COORDINATES):
-        inverse = _inverse(equation)
-        if inverse is None:
-            return None
-        (tree,) = simplified(substitute((tree,), inverse))
-    writer = _Writer()
-    try:
-        for node in walk((tree,)):  # operands first: long sums are deep
-            if node.symbols:
-                writer.step(node)
-        last = writer.step(tree)
-    except _NoStepError:
-        return None
-    # the value is the last step, whatever it shares with others
-    if last != len(writer.steps) - 1:
-        writer.add("add", last, writer.constant(0.0))
-    return tuple(writer.steps)
+class Writer:
+    """A formula while it is written; `add` and the rest return numbers of steps."""
 
-
-def _inverse(equation: PointEquation) -> dict[str, Expr] | None:
-    """Return u, v and w as trees of x, y and z where M is affine, else None."""
-    columns = [derivatives(equation.coordinates, p) for p in PARAMETERS]
-    columns = [simplified(column) for column in columns]
-    if any(tree.symbols for column in columns for tree in column):
-        return None
-    zero = dict.fromkeys(PARAMETERS, ZERO)
-    start = substitute(equation.coordinates, zero)
-    way = [symbol(c) - s for c, s in zip(COORDINATES, start, strict=True)]
-    a, b, c = columns
-    det = _dot(a, _cross(b, c))
-    if evaluate(det, {}) == 0.0:
-        return None
-    rows = (_cross(b, c), _cross(c, a), _cross(a, b))
-    return {p: _dot(row, way) / det for p, row in zip(PARAMETERS, rows, strict=True)}
-
-
-def _cross(a: tuple[Expr, ...], b: tuple[Expr, ...]) -> tuple[Expr, ...]:
-    return (
-        a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
-    )  # fmt: skip
-
-
-def _dot(a: tuple[Expr, ...], b: tuple[Expr, ...] | list[Expr]) -> Expr:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-class _NoStepError(Exception):
-    """An operation that formulas do not have."""
-
-
-class _Writer:
-    def __init__(self) -> None:
-        self.steps: list[Step] = []
-        self._known: dict[Expr, int] = {}
+    def __init__(self, name: str, inputs: Sequence[str]) -> None:
+        self._name, self._inputs = name, tuple(inputs)
+        self._steps = [Step("input", (), float(k)) for k in range(len(self._inputs))]
         self._constants: dict[float, int] = {}
 
+    def made(self, **outputs: int) -> Formula:
+        """Return the formula with what it gives."""
+        return Formula(self._name, self._inputs, tuple(self._steps), outputs)
+
     def add(self, operation: str, *operands: int) -> int:
-        self.steps.append(Step(operation, operands))
-        return len(self.steps) - 1
+        """Add an operation on earlier steps; raise NoFormulaError after too many."""
+        return self._put(Step(operation, operands))
 
     def constant(self, value: float) -> int:
+        """Add a number, once."""
         if value not in self._constants:
-            self.steps.append(Step("constant", (), value))
-            self._constants[value] = len(self.steps) - 1
+            self._constants[value] = self._put(Step("constant", (), value))
         return self._constants[value]
 
-    def step(self, tree: Expr) -> int:
-        if tree not in self._known:
-            self._known[tree] = self._made(tree)
-        return self._known[tree]
+    def call(self, formula: Formula, *operands: int) -> tuple[int, ...]:
+        """Call another formula; return its outputs."""
+        at = self._put(Step("call", operands, 0.0, formula))
+        return tuple(
+            self._put(Step("output", (at,), float(k))) for k in range(len(formula.outputs))
+        )
 
-    def _made(self, tree: Expr) -> int:
-        if not tree.symbols:
-            return self.constant(evaluate(tree, {}))
-        op, args = tree.op, tree.args
+    def total(self, terms: Sequence[tuple[float, int]], start: float = 0.0) -> int:
+        """Add up multiples of steps, and a number."""
+        total = self.constant(start)
+        for factor, term in terms:
+            total = self.add("add", total, self.add("multiply", self.constant(factor), term))
+        return total
+
+    def trees(self, roots: tuple[Expr, ...], names: Mapping[str, int]) -> list[int]:
+        """Write trees whose symbols are steps; raise NoFormulaError."""
+        known: dict[Expr, int] = {}
+        roots = tuple(_plain(root) for root in roots)
+        for node in walk(roots):  # operands first: long sums are deep
+            if node.symbols and node.op != "pieces":
+                known[node] = self._made(node, names, known)
+            elif node.symbols:
+                known[node] = self._pieces(node, known)
+            else:
+                known[node] = self.constant(evaluate(node, {}))
+        return [known[root] for root in roots]
+
+    def _put(self, step: Step) -> int:
+        if len(self._steps) >= MOST_STEPS:
+            raise NoFormulaError
+        self._steps.append(step)
+        return len(self._steps) - 1
+
+    def _made(self, tree: Expr, names: Mapping[str, int], known: Mapping[Expr, int]) -> int:
+        op, args = tree.op, [known[arg] for arg in tree.args]
         if op == "symbol":
-            return self.add(str(tree.payload))
+            return names[str(tree.payload)]
+        if op == "within":  # an argument, and what is known of it
+            return args[0]
         if op == "pow":
-            return self._power(*args)
+            return self._power(tree, args)
         if op == "neg":
-            return self.add("subtract", self.constant(0.0), self.step(args[0]))
-        if op == "atan":
-            return self.add("atan2", self.step(args[0]), self.step(ONE))
+            return self.add("subtract", self.constant(0.0), args[0])
         if op == "mod":
-            a, b = (self.step(arg) for arg in args)
-            turns = self.add("floor", self.add("divide", a, b))
-            return self.add("subtract", a, self.add("multiply", b, turns))
+            turns = self.add("floor", self.add("divide", *args))
+            return self.add("subtract", args[0], self.add("multiply", args[1], turns))
         if op == "where":
-            condition, there, other = (self.step(arg) for arg in args)
-            return self.add("select", condition, self.constant(0.0), other, there)
-        named = {"add": "add", "mul": "multiply", "div": "divide"}.get(op, op)
-        if named == op and op != "add" and op not in FUNCTIONS:
-            raise _NoStepError
-        return self.add(named, *(self.step(arg) for arg in args))
+            return self.add("select", args[0], self.constant(0.0), args[2], args[1])
+        named = {"mul": "multiply", "div": "divide"}.get(op, op)
+        if named not in _PLAIN:
+            raise NoFormulaError
+        return self.add(named, *args)
 
-    def _power(self, base: Expr, exponent: Expr) -> int:
-        number = exponent.payload if exponent.op == "number" else None
-        if number is None or number.denominator != 1 or abs(number) > MOST_FACTORS:
-            return self.add("power", self.step(base), self.step(exponent))
-        square, left, product = self.step(base), abs(int(number)), None
+    def _power(self, tree: Expr, args: list[int]) -> int:
+        exponent = tree.args[1]
+        power = exponent.payload if exponent.op == "number" else None
+        if power is None or power.denominator != 1 or abs(power) > MOST_FACTORS:
+            return self.add("power", *args)
+        square, left, product = args[0], abs(int(power)), None
         while left:
             if left % 2:
                 product = square if product is None else self.add("multiply", product, square)
             left //= 2
             square = self.add("multiply", square, square) if left else square
         assert product is not None
-        return self.add("divide", self.constant(1.0), product) if number < 0 else product
+        return self.add("divide", self.constant(1.0), product) if power < 0 else product
+
+    def _pieces(self, tree: Expr, known: Mapping[Expr, int]) -> int:
+        """Write a polynomial in pieces: its start and coefficients by the breaks, then its sum."""
+        layout: Layout = tree.payload
+        breaks, place = [float(b) for b in layout.breaks], known[tree.args[0]]
+        if layout.closed:
+            period = self.constant(breaks[-1] - breaks[0])
+            past = self.add("subtract", place, self.constant(breaks[0]))
+            turns = self.add("floor", self.add("divide", past, period))
+            place = self.add("subtract", place, self.add("multiply", turns, period))
+        rows = piece_rows(tree)
+        starts = self._chosen(place, breaks, [self.constant(b) for b in breaks[:-1]])
+        along, total = self.add("subtract", place, starts), self.constant(0.0)
+        for k in reversed(range(layout.width)):
+            own = self._chosen(place, breaks, [known[row[k]] for row in rows])
+            total = own if k == layout.width - 1 else self.add(
+                "add", self.add("multiply", total, along), own
+            )  # fmt: skip
+        return total
+
+    def _chosen(self, place: int, breaks: Sequence[float], values: Sequence[int]) -> int:
+        """Return the one of some values that is in force at a place, by halves."""
+        if len({*values}) == 1:
+            return values[0]
+        half = len(values) // 2
+        below = self._chosen(place, breaks[: half + 1], values[:half])
+        above = self._chosen(place, breaks[half:], values[half:])
+        return self.add("select", place, self.constant(breaks[half]), below, above)
+
+
+def _plain(root: Expr) -> Expr:
+    """Return a tree without operations that steps have not, where others make them up."""
+    for op, change in _CHANGES.items():
+        (root,) = rewrite((root,), op, change)
+    return root
+
+
+def _asinh(tree: Expr) -> Expr:
+    x = call("abs", tree.args[0])
+    return call("sign", tree.args[0]) * call("log", x + call("sqrt", x**2 + 1))
+
+
+_CHANGES: Final[Mapping[str, Callable[[Expr], Expr]]] = {
+    "atan": lambda tree: call("atan2", tree.args[0], ONE),
+    "asinh": _asinh,
+    "acosh": lambda tree: call("log", tree.args[0] + call("sqrt", tree.args[0] ** 2 - 1)),
+    "atanh": lambda tree: call("log", (1 + tree.args[0]) / (1 - tree.args[0])) * number(0.5),
+    "fourier": lambda tree: written_out(tree.payload, *tree.args),
+}

@@ -15,7 +15,7 @@ from pc2cad.errors import InputError
 from pc2cad.export.epoch import stated_time
 
 if TYPE_CHECKING:
-    from pc2cad.domain.formulas import Formula
+    from pc2cad.sampling.formulas import FieldFormula
     from pc2cad.sampling.voxels import Voxels
 
 #: Length units of a model, each with its length in millimetres.
@@ -90,7 +90,7 @@ class Exportable:
     interfaces: tuple[NamedFace, ...] = ()
     #: fields on voxels, and fields that are formulas of the place, for formats that hold them
     voxels: Voxels | None = None
-    formulas: Mapping[str, Formula] = field(default_factory=dict)
+    formulas: Mapping[str, FieldFormula] = field(default_factory=dict)
 
     @property
     def bodies(self) -> tuple[Any, ...]:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pc2cad.mesh.tetrahedra import KernelSolid
     from pc2cad.mesh.volume_mesh import VolumeMesh
     from pc2cad.part.several import BodiesSensitivity, Several
+    from pc2cad.sampling.formulas import FieldFormula
     from pc2cad.topology.cells import Cell, SideKey
 
 #: share by which a receipt may find figures off, with as much to spare for what it integrates
@@ -175,12 +176,12 @@ class Part(OfOneEquation):
     def exportable(
         self, colours: bool = False, fields: Sequence[str] = (), voxels: int | None = None
     ) -> Exportable:
-        """Return what the writers take; of one equation, with scalar fields.
+        """Return what the writers take, with scalar fields.
 
         They are formulas of the place where they can be, unless so many voxels are asked for.
         """
         report = self.report
-        formulas = self.checked.formulas(fields) if fields and voxels is None else {}
+        formulas = self._formulas(fields) if fields and voxels is None else {}
         others = [name for name in fields if name not in formulas]
         held = self.voxels(others, voxels) if others else None
         layers, between = (self.layers, _between(self.body)) if len(self.bodies) == 1 else ({}, ())
@@ -198,6 +199,13 @@ class Part(OfOneEquation):
             voxels=held,
             formulas=formulas,
         )
+
+    def _formulas(self, fields: Sequence[str]) -> Mapping[str, FieldFormula]:
+        from pc2cad.sampling.formulas import field_formulas
+
+        if self.several is not None:
+            return self.several.formulas(fields)
+        return field_formulas(self.checked, fields)
 
     def __repr__(self) -> str:
         return f"<Part {self.name}: {self.report.summary}>"
@@ -303,9 +311,9 @@ class Part(OfOneEquation):
         """Write a file, its format by the name's ending; it appears whole or not at all.
 
         `colours` paints each side of the box, or each body, its own colour. A .3mf file holds
-        scalar `fields` of one equation too: as functions where they are formulas of x, y, z,
-        else, or where `voxels` is given, on so many along its longest edge (64). Raises InputError
-        for an unknown ending, FileNotWrittenError or KernelError.
+        scalar `fields` too: as functions of x, y, z, with M inverted in them; where that does
+        not hold to 1e-9, or `voxels` is given, on so many along its longest edge (64). Raises
+        InputError for an unknown ending, FileNotWrittenError or KernelError.
         """
         check_holds_fields(path, fields)
         write(self.exportable(colours, fields, voxels), path, options)

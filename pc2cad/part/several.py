@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from pc2cad.integrals.inertia import Mass, Vector
     from pc2cad.mesh.tetrahedra import KernelSolid
+    from pc2cad.sampling.formulas import FieldFormula
     from pc2cad.topology.cells import SideKey
 
 
@@ -45,6 +46,9 @@ class Several(Protocol):
 
     def face_sides(self) -> tuple[tuple[SideKey, ...], ...]:
         """Return for each face of the solid the bodies' sides that it is a part of."""
+
+    def formulas(self, fields: Sequence[str]) -> dict[str, FieldFormula]:
+        """Return scalar fields as formulas of the place: those of the body that it is in."""
 
     def mass(self, density: float | str | Mapping[str, float] | None) -> Mass:
         """Return mass, centre of mass and inertia for one density, or one for each body."""

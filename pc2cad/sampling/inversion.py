@@ -47,6 +47,19 @@ def _line(direction: int) -> list[Array]:
     return nodes
 
 
+def closed_directions(analysis: Analysis) -> Booleans:
+    """Say along which of u, v and w the two ends are one, place by place (3,)."""
+    closed = np.zeros(3, dtype=bool)
+    for side in analysis.boundary.sides:
+        if side.partner is None or side.symmetry is None:
+            continue
+        if not (side.symmetry.swap or side.symmetry.reverse_s or side.symmetry.reverse_t):
+            for d in range(3):
+                if side.patch[d] % 2 == 0 and side.patch[d] != side.partner[d]:
+                    closed[d] = True
+    return closed
+
+
 class Inverse:
     """M inverted by Levenberg-Marquardt steps in the box; lives for one call of `locate`."""
 
@@ -55,7 +68,7 @@ class Inverse:
         self._places, images = seed_points(analysis, fewest)
         self._tree = cKDTree(images)
         self.tolerance = analysis.scale.search_noise
-        self._closed = np.zeros(3, dtype=bool)
+        self._closed = closed_directions(analysis)
         #: coordinates of the lower and of the upper sides, and which of them (2, 3) bound the solid
         self._limits = np.array([[0.0], [1.0]]) * np.ones(3)
         self._faces = np.zeros((2, 3), dtype=bool)
@@ -70,14 +83,6 @@ class Inverse:
                 ignored = tuple(k for k in directions_of(side.patch) if k != side.along)
                 if (d, limit, ignored) not in self._collapsed:
                     self._collapsed.append((d, limit, ignored))
-        for side in analysis.boundary.sides:
-            if side.partner is not None and side.symmetry is not None:
-                plain = not (
-                    side.symmetry.swap or side.symmetry.reverse_s or side.symmetry.reverse_t
-                )
-                for d in range(3):
-                    if plain and side.patch[d] % 2 == 0 and side.patch[d] != side.partner[d]:
-                        self._closed[d] = True
 
     def __call__(self, targets: Array) -> tuple[Array, Array]:
         """Return the local places (n, 3) nearest to targets (n, 3), and the gaps (n,)."""
