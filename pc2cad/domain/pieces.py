@@ -63,6 +63,13 @@ def degree_in_piece(
 ) -> int | None:
     """Return the degree of a piece's trees in a parameter; None where they are no polynomials."""
     trees, _ = in_piece(coordinates, spans)
-    if any(node.op == "pieces" and name in node.symbols for node in walk(trees)):
-        return None
-    return degree_in(trees, name)
+    return None if has_pieces(trees, name) else degree_in(trees, name)
+
+
+def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
+    """Say whether a function in pieces depends on a parameter."""
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        return node.args if "pieces" in node.ops and name in node.symbols else ()
+
+    return any(node.op == "pieces" and name in node.symbols for node in walk(trees, below))

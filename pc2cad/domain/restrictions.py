@@ -16,7 +16,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
-from pc2cad.domain.pieces import degree_in_piece, in_piece, piece_at
+from pc2cad.domain.pieces import degree_in_piece, has_pieces, in_piece, piece_at
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.simplification import cancel
@@ -134,9 +134,14 @@ class RestrictedMap:
     def may_be_exact(self, axis: int) -> bool:
         """Say whether powers or waves alone may hold an axis: no other operation meets it."""
         trees, names = self.trees
+        name = names[axis]
+
+        def below(node: Expr) -> tuple[Expr, ...]:
+            return () if name not in node.symbols or node.op in ("sin", "cos") else node.args
+
         return not any(
-            names[axis] in node.symbols and not _is_power_or_wave(node, names[axis])
-            for node in walk(trees, lambda n: () if n.op in ("sin", "cos") else n.args)
+            name in node.symbols and not _is_power_or_wave(node, name)
+            for node in walk(trees, below)
         )
 
     @cached_property
@@ -153,7 +158,8 @@ class RestrictedMap:
 
 
 def _roots(trees: tuple[Expr, ...]) -> set[Expr]:
-    return {node for node in walk(trees) if node.op == "sqrt" and node.symbols}
+    nodes = walk(trees, lambda n: n.args if "sqrt" in n.ops else ())
+    return {node for node in nodes if node.op == "sqrt" and node.symbols}
 
 
 class DirectionClasses:
@@ -265,8 +271,7 @@ def polynomial_space(
     degree = function.degrees[axis]
     if degree is None or degree > function.largest:
         return None
-    piecewise = any(n.op == "pieces" and names[axis] in n.symbols for n in walk(trees))
-    if not inner or not piecewise:
+    if not inner or not has_pieces(trees, names[axis]):
         return bezier_space(degree)
     return SplineSpace(degree, points, [max(1, degree - b.smoothness) for b in inner])
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.expression import wave_values
+from pc2cad.expression.evaluation import operands, program
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.intervals import (
     INFINITE,
@@ -29,7 +30,7 @@ from pc2cad.expression.intervals import (
     whole_line_where,
     with_sign_of,
 )
-from pc2cad.expression.tree import Expr, operands, program
+from pc2cad.expression.tree import Expr
 
 
 class IntervalProgram:

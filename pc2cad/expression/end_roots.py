@@ -10,7 +10,7 @@ from fractions import Fraction
 
 from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.sign_changes import sign_changes
-from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol, walk
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol
 
 #: the operations that polynomials are made of: others are not worked out to see them cancel
 POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
@@ -22,10 +22,8 @@ def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     Every symbol is a local parameter and runs from 0 to 1.
     """
     changes = {"sqrt": _factored, "pow": _factored, "asin": _arc, "acos": _arc}
-    found = {node.op for node in walk(roots)}
     for op, change in changes.items():
-        if op in found:
-            roots = rewrite(roots, op, change)
+        roots = rewrite(roots, op, change)
     return roots
 
 
@@ -95,7 +93,7 @@ def _arc(node: Expr) -> Expr:
 
 def _polynomial(tree: Expr) -> NormalForm | None:
     """Return the normal form of a polynomial in the parameters with rational coefficients."""
-    if any(node.op not in POLYNOMIAL for node in walk((tree,))):
+    if not tree.ops <= POLYNOMIAL:
         return None
     form = normal_form(tree, largest=60)
     if not form or any(atom.op != "symbol" for monomial in form for atom, _ in monomial):

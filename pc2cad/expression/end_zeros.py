@@ -33,7 +33,6 @@ from pc2cad.expression.tree import (
     rewrite,
     substitute,
     symbol,
-    walk,
 )  # fmt: skip
 
 #: coefficients of a series, how far it may be taken, and the highest zero that is looked for
@@ -67,17 +66,15 @@ def take_out_zeros(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     Every symbol is a local parameter and runs from 0 to 1. Only zeros at 0 and 1 that are exact
     are taken out, of functions of one parameter that are positive between.
     """
-    found = {node.op for node in walk(roots)}
     for op in ("sqrt", "pow"):
-        if op in found:
-            roots = rewrite(roots, op, _without_zeros)
+        roots = rewrite(roots, op, _without_zeros)
     return roots
 
 
 def _without_zeros(node: Expr) -> Expr:
     exponent = root_exponent(node)
     # of polynomials they are taken out by algebra
-    if exponent is None or {n.op for n in walk(node.args[:1])} <= POLYNOMIAL | {"abs"}:
+    if exponent is None or node.args[0].ops <= POLYNOMIAL | {"abs"}:
         return node
     outside, inside = ONE, ONE
     for factor, times in _factors(node.args[0]):

@@ -17,7 +17,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr, operands, walk
+from pc2cad.expression.tree import Expr, walk
 from pc2cad.expression.wave_values import values
 
 Value = Any  # a float or an array of any broadcastable shape
@@ -151,16 +151,19 @@ class Program:
         done = {step[0] for step in self._first}
         needed = [self._position[i] for i in self._needed(self._outputs, among) - done]
         #: what is not let go of, or has been
-        kept = {*self._outputs, *done}
+        kept = {*self._outputs, *done, *self._fixed}
         plan: list[_Timed] = []
         for k in sorted(needed, reverse=True):
             i, run, before = self._steps[k]
             if i in self._widths:
                 run = partial(run, among[before[0]][0])
                 before = self._chosen(i, before, among)
-            last = [x for x in dict.fromkeys(before) if x not in kept and x not in self._fixed]
+            last = []
+            for x in before:
+                if x not in kept:
+                    kept.add(x)
+                    last.append(x)
             plan.append((i, run, before, last))
-            kept.update(last)
         plan.reverse()
         if len(self._plans) >= MOST_PLANS:
             self._plans.clear()
@@ -185,6 +188,17 @@ def _range(located: _Located, count: int) -> _Range:
     """Return the pieces in which there are places; all of them where these are most."""
     _, _, first, last = located
     return (first, last) if 2 * (last - first + 1) <= count else (0, count - 1)
+
+
+def operands(node: Expr) -> tuple[Expr, ...]:
+    """Return what a program works out before the node: no coefficients of pieces, if constant."""
+    table = node.op == "pieces" and not any(c.symbols for c in node.args[1:])
+    return node.args[:1] if table else node.args
+
+
+def program(roots: tuple[Expr, ...]) -> list[Expr]:
+    """Return the nodes below the roots, operands first, without those that make tables."""
+    return list(walk(roots, operands))
 
 
 def _operands(node: Expr) -> tuple[Expr, ...]:

@@ -97,9 +97,8 @@ def largest_seen(root: Expr) -> float:
 
 def _samples(roots: Sequence[Expr], names: Sequence[str]) -> Array:
     """Return values (n, len(roots)) at samples of the unit box."""
-    grid = np.meshgrid(*(PLACES for _ in names), indexing="ij")
-    places = {name: axis.ravel() for name, axis in zip(names, grid, strict=True)}
-    count = len(PLACES) ** len(names)
-    with np.errstate(all="ignore"):
-        columns = Program(tuple(roots))(places)
-    return np.stack([np.broadcast_to(c, (count,)) for c in columns], axis=1)
+    places = dict(zip(names, np.ix_(*(PLACES for _ in names)), strict=True))
+    values = np.empty((len(roots), *(len(PLACES) for _ in names)))
+    for row, column in zip(values, Program(tuple(roots))(places), strict=True):
+        row[...] = column
+    return values.reshape(len(roots), -1).T

@@ -22,6 +22,7 @@ from pc2cad.expression.tree import (
     ValueDomainError,
     intern,
     number,
+    ops_of,
     piece_rows,
     rewrite,
     substitute,
@@ -90,9 +91,9 @@ def take_ranges(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[Expr,
     as trees of them, for messages. What only a branch of a choice needs stays until the choices
     are taken apart (see `take_chosen_ranges`). Raises BeyondTableError with the place.
     """
-    nodes = [node for node in walk(roots) if node.op == "within"]
-    if not nodes:
+    if "within" not in ops_of(roots):
         return roots
+    nodes = [node for node in walk(roots) if node.op == "within"]
     choices = [node for node in walk(roots) if node.op in ("where", "min", "max")]
     chosen = {inner for node in choices for inner in walk(node.args)}
     for node in nodes:
@@ -106,7 +107,7 @@ def take_chosen_ranges(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tupl
 
     Of a piece, an argument has to stay inside only where the piece is taken.
     """
-    if not any(node.op == "within" for node in walk(roots)):
+    if "within" not in ops_of(roots):
         return roots
     stack: list[tuple[Expr, _Spans]] = [(root, frozenset()) for root in roots]
     seen = set(stack)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
+from itertools import islice
 
 from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
@@ -27,6 +28,7 @@ from pc2cad.expression.tree import (
     call,
     div,
     number,
+    ops_of,
     power,
     rebuild,
     rewrite,
@@ -55,10 +57,10 @@ def cancel(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     the sign of what was squared is certain over that box.
     """
     roots = _constant_sums(roots)
-    ops = {node.op for node in walk(roots) if node.symbols}
-    if "sqrt" in ops:
+    held = ops_of(roots)
+    if "sqrt" in held:
         roots = rewrite(roots, "sqrt", _root)
-    return tuple(_divided(root) for root in roots) if "div" in ops else roots
+    return tuple(_divided(root) for root in roots) if "div" in held else roots
 
 
 def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
@@ -180,8 +182,9 @@ def _squared(radicand: Expr) -> list[Expr]:
 
 @lru_cache(maxsize=512)
 def _divided(root: Expr) -> Expr:
-    quotients = any(node.op == "div" and node.args[1].symbols for node in walk((root,)))
-    if not quotients or not _is_short(root):
+    if "div" not in root.ops or not _is_short(root):
+        return root
+    if not any(node.op == "div" and node.args[1].symbols for node in walk((root,))):
         return root
     plain = normal_form(root, LARGEST)
     form = _settled(plain)
@@ -194,7 +197,8 @@ def _value(root: Expr) -> float:
 
 
 def _is_short(root: Expr) -> bool:
-    return sum(1 for node in walk((root,)) if node.args) <= MOST_NODES
+    inner = (node for node in walk((root,)) if node.args)
+    return next(islice(inner, MOST_NODES, None), None) is None
 
 
 # -- normal forms in which things cancel -----------------------------------------------------------

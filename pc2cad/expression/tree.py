@@ -7,7 +7,7 @@ comparison of two references. Numbers are exact fractions; nothing is rounded in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 from zlib import crc32
@@ -30,6 +30,8 @@ _SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
 LARGEST_BITS: Final = 4096
 
 _interned: Interned[Expr] = Interned()
+#: the sets of one operation
+_OPS: Final[dict[str, frozenset[str]]] = {}
 
 #: order of continuity of what is one analytic function but for rounding: its breaks do not count
 ANALYTIC: Final = 99
@@ -60,7 +62,7 @@ class Expr(Foreign):
     (see `pieces`) or ``"fourier"`` (see `waves.fourier`). Build nodes with functions, not directly.
     """
 
-    __slots__ = ("__weakref__", "args", "op", "payload", "rank", "symbols", "value")
+    __slots__ = ("__weakref__", "args", "op", "ops", "payload", "rank", "symbols", "value")
 
     op: str
     args: tuple[Expr, ...]
@@ -69,6 +71,7 @@ class Expr(Foreign):
     #: same order and rounds the same way; addresses would not
     rank: int
     symbols: frozenset[str]
+    ops: frozenset[str]  # of the node and of all below it
     #: of a tree without symbols, once `scalar.evaluate` has found it: its value as a float
     value: float | None
 
@@ -138,13 +141,16 @@ def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
         return known
     node = object.__new__(Expr)
     symbols: frozenset[str] = frozenset((payload,)) if op == "symbol" else frozenset()
+    ops = _OPS.get(op) or _OPS.setdefault(op, frozenset((op,)))
     for arg in args:
         if not arg.symbols <= symbols:
             symbols |= arg.symbols
+        if not arg.ops <= ops:
+            ops |= arg.ops
     rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
     for name, value in (
         ("op", op), ("args", args), ("payload", payload), ("rank", rank),
-        ("symbols", symbols), ("value", None),
+        ("symbols", symbols), ("ops", ops), ("value", None),
     ):  # fmt: skip
         object.__setattr__(node, name, value)
     return _interned.keep(key, node)
@@ -338,17 +344,6 @@ def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
     return tuple(flat[i : i + width] for i in range(0, len(flat), width))
 
 
-def operands(node: Expr) -> tuple[Expr, ...]:
-    """Return what a program works out before the node: no coefficients of pieces, if constant."""
-    table = node.op == "pieces" and not any(c.symbols for c in node.args[1:])
-    return node.args[:1] if table else node.args
-
-
-def program(roots: tuple[Expr, ...]) -> list[Expr]:
-    """Return the nodes below the roots, operands first, without those that make tables."""
-    return list(walk(roots, operands))
-
-
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     """Return the node's operation applied to other operands, folded anew."""
     build = _BUILDERS.get(node.op)
@@ -393,8 +388,13 @@ def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, 
 def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> tuple[Expr, ...]:
     """Return the trees with every node of one operation changed, operands first."""
     done: dict[Expr, Expr] = {}
-    for node in walk(roots):
-        args = tuple(done[arg] for arg in node.args)
+    for node in walk(roots, lambda n: n.args if op in n.ops else ()):
+        args = tuple([done[arg] for arg in node.args]) if op in node.ops else node.args
         moved = node if args == node.args else rebuild(node, args)
         done[node] = change(moved) if moved.op == op else moved
     return tuple(done[root] for root in roots)
+
+
+def ops_of(roots: Iterable[Expr]) -> frozenset[str]:
+    """Return the operations of all nodes below some."""
+    return frozenset[str]().union(*(root.ops for root in roots))

@@ -16,7 +16,7 @@ from math import lcm, prod, sqrt
 from pc2cad.domain.analysis import Analysis
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import Expr, walk
+from pc2cad.expression.tree import Expr, ops_of
 from pc2cad.topology.cells import Cell, directions_of, normal_direction
 
 #: powers of u, v and w to integer coefficients
@@ -83,7 +83,7 @@ def exact_weighted(analysis: Analysis, trees: Sequence[Expr]) -> list[Fraction] 
     For maps that `exact_integrals` knows, unless quadrature is quicker.
     """
     found = _polynomials(analysis)
-    if found is None or not {node.op for node in walk(tuple(trees))} <= _POLYNOMIAL:
+    if found is None or not ops_of(trees) <= _POLYNOMIAL:
         return None
     sign = 1 if _integral(found.determinant) > 0 else -1
     result = []
@@ -110,7 +110,7 @@ class _Polynomials:
 
 def _polynomials(analysis: Analysis) -> _Polynomials | None:
     coordinates = analysis.map.coordinates
-    if not {node.op for node in walk(coordinates)} <= _POLYNOMIAL:
+    if not ops_of(coordinates) <= _POLYNOMIAL:
         return None  # functions that would cancel are not worth a long expansion
     tables = [_table(tree) for tree in coordinates]
     known = [table for table in tables if table is not None]

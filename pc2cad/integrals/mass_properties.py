@@ -19,7 +19,7 @@ from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import walk
+from pc2cad.expression.tree import ops_of
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
 from pc2cad.integrals.quadrature import Panels, Samples, single
@@ -196,7 +196,7 @@ def _exact_rules(analysis: Analysis) -> list[Panels] | None:
     Of degree n in a direction, M·det J is of degree 4n - 1 there: 2n nodes.
     """
     trees = analysis.map.coordinates
-    if any(node.op == "pieces" for node in walk(trees)):
+    if "pieces" in ops_of(trees):
         return None
     degrees = [degree_in(trees, name) for name in PARAMETERS]
     if any(n is None or n > MOST_DEGREE for n in degrees):

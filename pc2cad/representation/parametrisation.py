@@ -85,8 +85,13 @@ class Parametrisations:
         #: of the classes in which something is approximated, in a copy that `resolved` makes
         self._spaces: dict[Piece, SplineSpace] = {}
         self._arcs: dict[Piece, tuple[Arcs, int]] = {}
-        for owner in {classes.owner(s.piece) for s in directions}:
-            arcs = self._common_arcs([s for s in directions if s.bound and self._owner(s) == owner])
+        members: dict[Piece, list[FaceDirection]] = {}
+        for direction in directions:
+            same = members.setdefault(classes.owner(direction.piece), [])
+            if direction.bound:
+                same.append(direction)
+        for owner, same in members.items():
+            arcs = self._common_arcs(same)
             if arcs is not None:
                 self._arcs[owner] = arcs
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Final, Literal
 
 import numpy as np
@@ -55,9 +55,13 @@ class Axis:
     #: of waves: the angle θ as a tree without constant part, in radians
     angle: Expr = ZERO
 
+    @cached_property
+    def _turns(self) -> Program:
+        return Program((self.angle,))
+
     def turn(self, multiple: int, t: Array) -> Array:
         """Return a multiple of the angle θ at parameters t."""
-        values = Program((self.angle,))({self.name: t})[0]
+        values = self._turns({self.name: t})[0]
         return np.asarray(multiple * np.broadcast_to(values, np.shape(t)))
 
     def values(self, term: Term, t: Array) -> Array:
@@ -112,7 +116,8 @@ class Separation:
 def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
     """Return the trees as a sum of products of functions of one parameter each, or None."""
     trees = _parted(tuple(roots))
-    if any(len(node.symbols) > 1 and not _is_sum_of_products(node) for node in walk(trees)):
+    mixed = walk(trees, lambda n: n.args if len(n.symbols) > 1 else ())
+    if any(len(node.symbols) > 1 and not _is_sum_of_products(node) for node in mixed):
         return None
     forms = []
     for root in trees:
@@ -200,8 +205,6 @@ def _is_sum_of_products(node: Expr) -> bool:
 
 def _parted(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return the trees with sines and cosines of sums written out, parameter by parameter."""
-    if not any(node.op in ("sin", "cos") and node.symbols for node in walk(roots)):
-        return roots
     return rewrite(rewrite(roots, "sin", _sum_apart), "cos", _sum_apart)
 
 

@@ -21,7 +21,7 @@ from pc2cad.arrays import BigIntegers, Integers
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import ONE, Expr, walk
+from pc2cad.expression.tree import ONE, Expr, ops_of, walk
 from pc2cad.solidity.jacobian_proof.integer_bernstein import along, sign_inside
 
 _RATIONAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
@@ -36,7 +36,7 @@ MOST_PRODUCTS = 200_000
 
 def sign_from_coefficients(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
-    if any(node.op not in _RATIONAL for node in walk(mapping.coordinates)):
+    if not ops_of(mapping.coordinates) <= _RATIONAL:
         return 0
     columns = []
     for pair in fractions(mapping.coordinates):

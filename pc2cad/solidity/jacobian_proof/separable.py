@@ -25,7 +25,7 @@ from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.normal_form import Monomial, normal_form, tree_of
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.separable_sums import vector_products
-from pc2cad.expression.tree import ONE, ZERO, Expr, symbol, walk
+from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 
 #: more products than this are left to others
@@ -164,7 +164,7 @@ def _without_powers(tree: Expr, names: tuple[str, ...]) -> Expr:
 
 def _without_common_power(trees: list[Expr], name: str) -> list[Expr]:
     """Return polynomials without the power of a parameter that all are multiples of."""
-    if not all(node.op in _POLYNOMIAL for node in walk(tuple(trees))):
+    if not ops_of(trees) <= _POLYNOMIAL:
         return trees
     forms = [normal_form(tree, MOST_TERMS) for tree in trees]
     known = [form for form in forms if form is not None]
