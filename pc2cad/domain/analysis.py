@@ -225,6 +225,10 @@ _NODES = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(11)[0] + 1) / 2
 _NODES = (_NODES + 1 - _NODES[::-1]) / 2
 
 
+#: pieces of a direction whose samples are taken together
+_TOGETHER = 16
+
+
 class MapQuestions:
     """Answers the topology room's questions from samples of the sides and from the trees."""
 
@@ -248,11 +252,25 @@ class MapQuestions:
             for limit in (0, 2 * (len(self._bounds[d]) - 1)):
                 ranges = [range(1, 2 * len(b) - 1, 2) for b in self._bounds]
                 ranges[d] = range(limit, limit + 1)
-                for cell in ((i, j, k) for i in ranges[0] for j in ranges[1] for k in ranges[2]):
+                self._look(ranges)
+                for cell in product(ranges[0], ranges[1], ranges[2]):
                     points = self._at(cell)
                     self._check_finite(cell, points)
                     rows.append(points.reshape(-1, 3))
         return np.concatenate(rows)
+
+    def _look(self, ranges: list[range]) -> None:
+        """Evaluate the patches of a side, some of them together."""
+        parts = [[row[k : k + _TOGETHER] for k in range(0, len(row), _TOGETHER)] for row in ranges]
+        for block in product(*parts):
+            places = [[self._positions(d, p) for p in row] for d, row in enumerate(block)]
+            points = self._map.points(*open_grid(*(np.concatenate(row) for row in places)))
+            within = [
+                [slice(k * len(own), (k + 1) * len(own)) if p % 2 else 0 for k, p in enumerate(row)]
+                for row, (own, *_) in zip(block, places, strict=True)
+            ]
+            for (i, j, k), keep in zip(product(*block), product(*within), strict=True):
+                self._samples[i, j, k] = points[keep]
 
     def _at(self, cell: Cell) -> Array:
         """Return samples of a cell: one axis of nodes per direction in which it extends."""

@@ -6,10 +6,11 @@ direction makes its knots symmetric.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from itertools import pairwise
+from itertools import groupby, islice, pairwise
+from math import prod
 
 import numpy as np
 
@@ -35,6 +36,11 @@ SAFE_DEGREE = 8
 #: what rounding in the kernel may make of an exact form, relative to the part's size
 LARGEST_LOSS = 1e-9
 
+#: cells that are evaluated together: places, and cells, whose pieces of functions are all met
+MOST_PLACES, MOST_CELLS = 100_000, 32
+
+#: local parameters by their bytes
+_Places = tuple[bytes, ...]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
 
@@ -61,6 +67,9 @@ class RestrictedMap:
     largest: int = LARGEST_DEGREE
     #: polynomial degree per axis (None: not polynomial), filled in on demand
     degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
+    #: points and normals on products of parameters, that `look` and `look_across` have seen
+    _points: dict[_Places, Array] = field(default_factory=dict, repr=False)
+    _normals: dict[_Places, Array] = field(default_factory=dict, repr=False)
 
     @property
     def pieces(self) -> tuple[Piece, ...]:
@@ -69,6 +78,8 @@ class RestrictedMap:
 
     def __call__(self, *local: Array) -> Array:
         """Return M on the product of the local parameter arrays: shape (len, …, 3)."""
+        if self._points and (seen := self._points.get(_key(local))) is not None:
+            return seen
         places = self.places(*local)
         values = self.analysis.map.points(*open_grid(*(np.atleast_1d(x) for x in places)))
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
@@ -80,6 +91,8 @@ class RestrictedMap:
 
     def normals(self, *local: Array) -> Array:
         """Return M_s × M_t of a face on the product of parameter arrays: shape (len, len, 3)."""
+        if self._normals and (seen := self._normals.get(_key(local))) is not None:
+            return seen
         s, t = directions_of(self.cell)
         grid = open_grid(*(np.atleast_1d(x) for x in self.places(*local)))
         along_s, along_t = self.analysis.map.tangents((s, t), *grid)
@@ -155,6 +168,57 @@ class RestrictedMap:
             return _flat_rank(values[1:], values[:1]) < 2
         values = self(SECTIONS[::2], SECTIONS[::2])
         return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
+
+
+def sampled(functions: Sequence[RestrictedMap], *local: Array) -> Iterator[Array]:
+    """Yield what each of several cells is at the product of local parameters, (len, …, 3).
+
+    Cells that follow one another, and extend along the same directions, are evaluated together.
+    """
+    for several, grid in _together(functions, local):
+        yield from several[0].analysis.map.points(*grid)
+
+
+def look(functions: Sequence[RestrictedMap], *local: Array) -> None:
+    """Evaluate several cells together: each knows its points there when it is asked for them."""
+    for function, points in zip(functions, sampled(functions, *local), strict=True):
+        function._points[_key(local)] = points
+
+
+def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
+    """Do the same for the normals of faces."""
+    for several, grid in _together(functions, local):
+        s, t = directions_of(several[0].cell)
+        along_s, along_t = several[0].analysis.map.tangents((s, t), *grid)
+        for function, normals in zip(several, np.cross(along_s, along_t), strict=True):
+            function._normals[_key(local)] = normals
+
+
+def _key(local: tuple[Array, ...]) -> _Places:
+    return tuple([x.tobytes() for x in local])
+
+
+def _together(
+    functions: Sequence[RestrictedMap], local: tuple[Array, ...]
+) -> Iterator[tuple[list[RestrictedMap], list[Array]]]:
+    """Yield cells that extend along the same directions, and u, v and w of all their places.
+
+    Each of these has one row per cell, and an axis per direction along which the cells extend.
+    """
+    most = max(1, min(MOST_CELLS, MOST_PLACES // prod(len(x) for x in local)))
+    for directions, same in groupby(functions, lambda f: directions_of(f.cell)):
+        while several := list(islice(same, most)):
+            columns = zip(*(function.places(*local) for function in several), strict=True)
+            shapes = [
+                [-1 if axis == d else 1 for axis in directions] for d in range(len(PARAMETERS))
+            ]
+            yield (
+                several,
+                [
+                    np.array(column).reshape(len(several), *shape)
+                    for column, shape in zip(columns, shapes, strict=True)
+                ],
+            )
 
 
 def _roots(trees: tuple[Expr, ...]) -> set[Expr]:

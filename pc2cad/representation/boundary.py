@@ -15,7 +15,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.checked import CheckedMap, resolve_tolerance
-from pc2cad.domain.restrictions import SAFE_DEGREE, RestrictedMap
+from pc2cad.domain.restrictions import SAFE_DEGREE, RestrictedMap, sampled
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
@@ -73,9 +73,8 @@ def represent(
     """
     analysis, tolerance = checked.analysis, resolve_tolerance(checked, options)
     cells = Cells(checked, spline_profile(options))
-    vertices = np.array([
-        RestrictedMap(analysis, vertex.corners[0])() for vertex in cells.boundary.vertices
-    ])  # fmt: skip
+    corners = [RestrictedMap(analysis, vertex.corners[0]) for vertex in cells.boundary.vertices]
+    vertices = np.array(list(sampled(corners)))
     edges, faces = _carriers(
         _Work(cells, vertices, tolerance, analysis.scale.evaluation_noise, Known(), prove)
     )

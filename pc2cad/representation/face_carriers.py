@@ -6,9 +6,11 @@ carrier's own. Else the carrier is found from points, and proved from the equati
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from pc2cad.domain.restrictions import RestrictedMap
+from pc2cad.domain.restrictions import SECTIONS, RestrictedMap, look, look_across
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import Interval
@@ -23,7 +25,19 @@ from pc2cad.geometry.recognition.separable_form import is_planar
 #: boxes per parameter that the search for points off a plane begins with, the most that it goes on
 #: with, and how often these are halved
 FIRST_BOXES, MOST_BOXES, MOST_HALVINGS = 16, 64, 24
+#: where a face's normal is looked at, and the ends of an edge
+MIDDLE, ENDS = np.array([0.55]), np.array([0.0, 1.0])
 _QUARTERS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+
+
+def look_at(faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap]) -> None:
+    """Evaluate faces and edges together where the questions below ask for them."""
+    nodes, some = irrational(9), SECTIONS[::2]
+    look(faces, nodes, nodes)
+    look(faces, some, some)
+    look_across(faces, MIDDLE, MIDDLE)
+    look(edges, some)
+    look(edges, ENDS)
 
 
 def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, Evidence] | None:
@@ -49,7 +63,7 @@ def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, E
                 if _leaves(function, found, slack):
                     return None
                 evidence = "sampled"
-    outward = sign * function.normals(np.array([0.55]), np.array([0.55]))[0, 0]
+    outward = sign * function.normals(MIDDLE, MIDDLE)[0, 0]
     normal = found.normal if found.normal @ outward > 0 else -found.normal
     return Plane(found.origin, normal + 0.0), evidence
 
@@ -72,7 +86,7 @@ def simple_curve(function: RestrictedMap, slack: float) -> CurveCarrier | None:
     A parabola that is a polynomial of its parameter is none: its form is exact already.
     """
     if on_line(function):
-        start, end = function(np.array([0.0, 1.0]))
+        start, end = function(ENDS)
         return Line(start, end)
     form = function.form if function.may_be_exact(0) else None
     found = form and arc(form)

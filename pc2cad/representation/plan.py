@@ -16,7 +16,13 @@ from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, Evidence, Pl
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.spline_profile import SplineProfile
-from pc2cad.representation.face_carriers import on_line, placement_of, plane_of, simple_curve
+from pc2cad.representation.face_carriers import (
+    look_at,
+    on_line,
+    placement_of,
+    plane_of,
+    simple_curve,
+)
 from pc2cad.representation.parametrisation import (
     FaceDirection,
     Parametrisations,
@@ -45,6 +51,7 @@ class Cells:
         self._sign = checked.orientation.sign
         self._slack = analysis.scale.carrier_noise
         self._simple: dict[int, CurveCarrier | None] = {}
+        look_at(self.faces, self.edges)
         self.planes: list[tuple[Plane, Evidence] | None] = [
             plane_of(function, self.sign(function.cell), self._slack) for function in self.faces
         ]

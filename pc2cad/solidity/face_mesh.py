@@ -8,14 +8,16 @@ chords of its cells and how far it turns within one.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap
+from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap, sampled
 from pc2cad.expression.tree import walk
 from pc2cad.geometry.carriers import fit_plane
 from pc2cad.solidity.winding_number import ray_frame
@@ -104,12 +106,19 @@ def cut(analysis: Analysis) -> tuple[FaceMesh, ...]:
     numbers = _numbers(analysis, counts)
     shell_of = {f: i for i, shell in enumerate(analysis.boundary.shells) for f in shell.faces}
     face_meshes = []
-    for index, function in enumerate(functions):
-        s, t = (np.linspace(0, 1, 2 * counts[piece] + 1) for piece in function.pieces)
-        samples = function(s, t)
+    for index, (function, samples) in enumerate(
+        zip(functions, _cells(functions, counts), strict=True)
+    ):
         flat = fit_plane(samples.reshape(-1, 3), analysis.scale.same_point) is not None
         face_meshes.append(FaceMesh(function, samples, numbers[index], shell_of[index], flat))
     return tuple(face_meshes)
+
+
+def _cells(functions: list[RestrictedMap], counts: dict[Piece, int]) -> Iterator[Array]:
+    """Yield the corners and middles of each face's cells."""
+    for (n, m), same in groupby(functions, lambda f: tuple(counts[p] for p in f.pieces)):
+        s, t = (np.linspace(0, 1, 2 * count + 1) for count in (n, m))
+        yield from sampled(list(same), s, t)
 
 
 def _counts(analysis: Analysis, functions: list[RestrictedMap]) -> dict[Piece, int]:
@@ -118,9 +127,9 @@ def _counts(analysis: Analysis, functions: list[RestrictedMap]) -> dict[Piece, i
     pieces = [(d, p) for d in range(3) for p in range(1, 2 * len(analysis.bounds[d]) - 1, 2)]
     wanted = dict.fromkeys(pieces, float(FEWEST))
     twists = []
-    count = _FEW_PLACES if _is_plain(analysis) else _PLACES
-    for function in functions:
-        along_s, along_t, twist = _wanted(function, CHORD * analysis.size, count)
+    nodes = _uneven(_FEW_PLACES if _is_plain(analysis) else _PLACES)
+    for function, points in zip(functions, sampled(functions, nodes, nodes), strict=True):
+        along_s, along_t, twist = _wanted(points, CHORD * analysis.size)
         s, t = (classes.owner(piece) for piece in function.pieces)
         wanted[s], wanted[t] = max(wanted[s], along_s), max(wanted[t], along_t)
         twists.append((s, t, twist))
@@ -142,17 +151,22 @@ def _is_plain(analysis: Analysis) -> bool:
     )
 
 
-def _wanted(function: RestrictedMap, bound: float, count: int) -> tuple[float, float, float]:
-    """Return how many cells a face wants along s, along t, and as the product of both.
-
-    Only the offset across the face counts: uneven speed moves points within it.
-    """
+def _uneven(count: int) -> Array:
+    """Return parameters for second differences at some places, a step before and behind each."""
     k = np.arange(count)
     # as far from even as places can be, and close to both ends
     places = (k + 0.05 + 0.9 * np.modf((k + 1) * 0.6180339887498949)[0]) / count
     places[[0, -1]] = _STEP, 1 - _STEP
-    nodes = (places[:, None] + _STEP * np.array([-1.0, 0.0, 1.0])).ravel()
-    g = function(nodes, nodes).reshape(count, 3, count, 3, 3)
+    return np.asarray((places[:, None] + _STEP * np.array([-1.0, 0.0, 1.0])).ravel())
+
+
+def _wanted(points: Array, bound: float) -> tuple[float, float, float]:
+    """Return how many cells a face wants along s, along t, and as the product of both.
+
+    Only the offset across the face counts: uneven speed moves points within it.
+    """
+    count = len(points) // 3
+    g = points.reshape(count, 3, count, 3, 3)
     along_s = (g[:, 2, :, 1] - g[:, 0, :, 1]) / (2 * _STEP)
     along_t = (g[:, 1, :, 2] - g[:, 1, :, 0]) / (2 * _STEP)
     normal = np.cross(along_s, along_t)
