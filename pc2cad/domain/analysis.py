@@ -261,7 +261,8 @@ class MapQuestions:
 
     def _look(self, ranges: list[range]) -> None:
         """Evaluate the patches of a side, some of them together."""
-        parts = [[row[k : k + _TOGETHER] for k in range(0, len(row), _TOGETHER)] for row in ranges]
+        step = _TOGETHER if self._map.is_alike_together else 1
+        parts = [[row[k : k + step] for k in range(0, len(row), step)] for row in ranges]
         for block in product(*parts):
             places = [[self._positions(d, p) for p in row] for d, row in enumerate(block)]
             points = self._map.points(*open_grid(*(np.concatenate(row) for row in places)))

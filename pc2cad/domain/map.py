@@ -31,7 +31,7 @@ from pc2cad.expression.ranges import take_chosen_ranges, take_ranges
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.sign_changes import in_pieces
 from pc2cad.expression.simplification import simplified
-from pc2cad.expression.tree import ONE, ZERO, Expr, number, substitute, symbol
+from pc2cad.expression.tree import ONE, ZERO, Expr, number, ops_of, substitute, symbol
 
 #: distances from a limit at which speeds are compared
 _NEAR, _NEARER = 1e-6, 1e-9
@@ -106,6 +106,14 @@ class Mapping3:
             below = self.values(direction, middle) < own
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         return np.asarray((low + high) / 2)
+
+    @cached_property
+    def is_alike_together(self) -> bool:
+        """Whether values are the same to the last bit whatever is evaluated with them.
+
+        Series are products of matrices, whose sums are rounded by their shapes.
+        """
+        return "fourier" not in ops_of(self.coordinates)
 
     @cached_property
     def derivatives(self) -> tuple[tuple[Expr, ...], ...]:

@@ -205,9 +205,10 @@ def _together(
 
     Each of these has one row per cell, and an axis per direction along which the cells extend.
     """
-    most = max(1, min(MOST_CELLS, MOST_PLACES // prod(len(x) for x in local)))
+    alike = bool(functions) and functions[0].analysis.map.is_alike_together
+    most = min(MOST_CELLS, MOST_PLACES // prod(len(x) for x in local)) if alike else 1
     for directions, same in groupby(functions, lambda f: directions_of(f.cell)):
-        while several := list(islice(same, most)):
+        while several := list(islice(same, max(1, most))):
             columns = zip(*(function.places(*local) for function in several), strict=True)
             shapes = [
                 [-1 if axis == d else 1 for axis in directions] for d in range(len(PARAMETERS))

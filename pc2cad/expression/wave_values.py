@@ -26,6 +26,8 @@ SLAB: Final = 20_000
 #: roundings that a value may have lost, relative to the sum of all amplitudes: a wave is a product
 #: of two, each taken from a library function and multiplied up, and sums are short
 ROUNDINGS: Final = 24
+#: angles whose waves are remembered for the next series
+MOST_KEPT: Final = 2048
 #: how often a series is differentiated in each angle
 Order = tuple[int, int]
 
@@ -57,15 +59,30 @@ class Table:
 
     def basis(self, axis: int, angle: Array) -> Array:
         """Return cosines and sines (places, 2 · powers) of the multiples of angles (places,)."""
-        highest = int(self.powers[axis].max(initial=0))
-        rows = np.empty((max(highest, 1) + 1, len(angle)), dtype=complex)
-        rows[0] = 1
-        rows[1] = np.exp(1j * (angle * self.unit if axis else angle))
-        for power in range(2, highest + 1):
-            # halves keep the products in a row few: the logarithm of the power, not the power
-            np.multiply(rows[power // 2], rows[power - power // 2], out=rows[power])
-        rows = rows[self.powers[axis]].T
-        return np.concatenate((rows.real, rows.imag), axis=1)
+        angle = angle * self.unit if axis else angle
+        if angle.size > MOST_KEPT:
+            return _basis(self.powers[axis], angle)
+        return _known_basis(self.powers[axis].tobytes(), angle.tobytes())
+
+
+def _basis(powers: Integers, angle: Array) -> Array:
+    highest = int(powers.max(initial=0))
+    rows = np.empty((max(highest, 1) + 1, len(angle)), dtype=complex)
+    rows[0] = 1
+    rows[1] = np.exp(1j * angle)
+    for power in range(2, highest + 1):
+        # halves keep the products in a row few: the logarithm of the power, not the power
+        np.multiply(rows[power // 2], rows[power - power // 2], out=rows[power])
+    rows = rows[powers].T
+    return np.concatenate((rows.real, rows.imag), axis=1)
+
+
+@lru_cache(maxsize=64)
+def _known_basis(powers: bytes, angle: bytes) -> Array:
+    """Return the same from bytes: several series, and their derivatives, are asked at one angle."""
+    result = _basis(np.frombuffer(powers, dtype=np.int64), np.frombuffer(angle))
+    result.flags.writeable = False
+    return result
 
 
 @lru_cache(maxsize=256)

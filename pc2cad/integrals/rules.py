@@ -53,7 +53,14 @@ def by_layer(analysis: Analysis, whole: list[Panels]) -> list[list[Panels]]:
 def features_of(density: Density, limits: list[list[float]]) -> Array:
     """Return places (m, 3) where a density stands out of its surroundings."""
     spans = np.array([(row[0], row[-1]) for row in limits])
-    return find_features(lambda places: density(*places.T).values[:, 0], spans)
+    still = spans[:, 0] == spans[:, 1]
+
+    def values(places: Array) -> Array:
+        # a parameter that is fixed is looked at once
+        columns = [x[:1] if fixed else x for x, fixed in zip(places.T, still, strict=True)]
+        return density(*columns).values[:, 0]
+
+    return find_features(values, spans)
 
 
 def panels_for(
