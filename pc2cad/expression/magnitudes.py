@@ -99,6 +99,6 @@ def _samples(roots: Sequence[Expr], names: Sequence[str]) -> Array:
     """Return values (n, len(roots)) at samples of the unit box."""
     places = dict(zip(names, np.ix_(*(PLACES for _ in names)), strict=True))
     values = np.empty((len(roots), *(len(PLACES) for _ in names)))
-    for row, column in zip(values, Program(tuple(roots))(places), strict=True):
-        row[...] = column
+    for k, column in enumerate(Program(tuple(roots))(places)):
+        values[k] = column
     return values.reshape(len(roots), -1).T
