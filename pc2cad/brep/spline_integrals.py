@@ -144,7 +144,8 @@ def read_patch(surface: Geom_BSplineSurface, origin: Array, sign: float = 1.0) -
 
 #: exact forms have few pieces (a full turn has 4)
 MOST_EXACT_PIECES = 64
-#: places of the lines on which a rule is settled: uneven, near both ends
+#: places of the lines on which a rule is settled: uneven, near both ends, for so many spans
+_SPANS = 40
 _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
 #: orders of Gauss rules that are compared, and halvings of a span
 _ORDERS, DEEPEST = (4, 8, 12), 24
@@ -190,8 +191,7 @@ class Patch:
         Spans whose integrals change with the order of the rule are halved until they do not: a
         crease much sharper than its span is found, and only there is it resolved.
         """
-        low, high = self.knots[1 - direction][0], self.knots[1 - direction][-1]
-        lines = low + (high - low) * _LINES
+        lines = _lines(distinct(self.knots[1 - direction]))
         accuracy = self.accuracy
         panels = distinct(self.knots[direction])
         panels = np.stack((panels[:-1], panels[1:]), axis=1)
@@ -297,6 +297,18 @@ class Patch:
             _tensor(basis[0], nets[1], slope[1]),
         )
         return point, self.sign * cross(ds, dt)
+
+
+def _lines(knots: Array) -> Array:
+    """Return places of lines across a direction with these knots.
+
+    They are spread over the spans and not over the parameter: where a fit saw more, there is more
+    to see, and a needle lies between lines that are even.
+    """
+    spans = len(knots) - 1
+    parts = -(-spans // _SPANS)
+    places = (np.arange(parts)[:, None] + _LINES).ravel() / parts
+    return np.asarray(np.interp(places * spans, np.arange(spans + 1), knots))
 
 
 def _support(t: Array, knots: Array, degree: int) -> tuple[Integers, Array]:
