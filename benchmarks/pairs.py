@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=60, help="begin no pair after that")
     options = parser.parse_args()
+    for name in ("cadquery", "gmsh"):  # once, and not in each pair's process
+        if find_spec(name):
+            import_module(name)
     options.folder.mkdir(parents=True, exist_ok=True)
     path = options.folder / "pairs.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
@@ -131,19 +135,13 @@ def _in_a_process(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     child = context.Process(target=run)
     child.start()
     theirs.close()
-    found = ours.recv() if _arrives(ours, child) else {"ended": f"exit {child.exitcode}"}
-    child.join()
-    return found | {"seconds": round(time.monotonic() - start, 1)}
-
-
-def _arrives(pipe: Any, child: Any) -> bool:
     try:
-        return bool(pipe.poll(None))
-    except EOFError:
-        return False
-    finally:
-        if not child.is_alive():
-            child.join()
+        found = ours.recv()
+    except EOFError:  # it has ended without a word
+        found = None
+    child.join()
+    found = found or {"ended": f"exit {child.exitcode}"}
+    return found | {"seconds": round(time.monotonic() - start, 1)}
 
 
 def _row(

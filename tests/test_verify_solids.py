@@ -8,13 +8,17 @@ from math import cos, pi, radians, sqrt
 from pathlib import Path
 
 import cadquery as cq
+import numpy as np
 import pytest
 from consumers.samples import AP214, AP242, SplineSolid, as_nurbs, write_step, write_with_properties
 from consumers.step_file import StepSolid, check_step
 from plain_step import cut_ball
 
+from pc2cad.verify.curves import gauss_rule
 from pc2cad.verify.defects import StepDefectError
+from pc2cad.verify.following import follow, trimmed_moments
 from pc2cad.verify.receipt import describe, parse_step
+from pc2cad.verify.splines import make_surface
 
 # STEP text of this kernel carries 13 significant digits. Where only lengths and whole numbers
 # enter, 1e-12 is left; a weight like sqrt(1/2) or the tangent of a half angle costs ten times it.
@@ -287,3 +291,21 @@ def test_the_seams_of_a_torus_come_in_any_order(tmp_path: Path) -> None:
     found = describe(parse_step(text.replace(uses, ",".join((d, c, b, a))).encode()))
     assert found["sound"] is True, found
     assert found["solids"][0]["volume"] == pytest.approx(80.0 * pi**2, rel=1e-12)
+
+
+def test_what_edges_leave_beside_a_side_without_speed() -> None:
+    """A parameter that begins without speed, as the flank of a tooth does at its base circle."""
+    # x = u², y = v, with a border that begins on u = 0
+    poles = np.array([[[x, y, 0.0] for y in (0.0, 1.0)] for x in (0.0, 0.0, 1.0)])
+    knots = (np.repeat([0.0, 1.0], 3), np.repeat([0.0, 1.0], 2))
+    surface = make_surface(knots, (2, 1), poles, False)
+    corners = np.array([[0.0, 0.2, 0.0], [0.6, 0.2, 0.0], [0.6, 0.5, 0.0], [0.0, 0.9, 0.0]])
+    t, weights = gauss_rule(np.array([0.0, 1.0]), 16)
+    ways = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    flows = [(a + t[:, None] * (b - a), weights[:, None] * (b - a)) for a, b in ways]
+    edges = follow(surface, flows)
+    places = surface.at(*edges.places)[0]
+    assert np.allclose(places, np.concatenate([flow[0] for flow in flows]), atol=1e-12)
+    for level in (0.0, 1.0):
+        moments = trimmed_moments(edges, (0, level), np.zeros(3), np.zeros(3))
+        assert moments.area == pytest.approx(0.3, abs=1e-12)  # 0.6 (0.3 + 0.7)/2

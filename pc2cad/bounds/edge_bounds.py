@@ -178,11 +178,17 @@ class _Survey:
     def _spill(self) -> list[Array]:
         """What may be missing where a path leaves a piece of its surface.
 
-        The next one meets it at the break, and neither changes faster than its derivative.
+        The next one meets it at the break, and neither changes faster than its derivative: the
+        least one of the cell, and what the second ones add to it across the cell.
         """
-        found = []
-        for trace, (over, _) in zip(self._edge.traces, self._over, strict=True):
-            moved = np.where(over > 0, over * trace.surface.sizes().first, 0.0).sum(axis=1)
+        found, cells = [], self.cells.degree
+        for k, (low, high) in enumerate(self.hulls):
+            sizes, over = self._edge.traces[k].surface.sizes(), self._over[k][0]
+            aa, ab, bb = sizes.second
+            least = [windows(_lengths(x), 0, cells).min(axis=1) for x in self._jets[k][1:]]
+            slopes = np.transpose(least) + (high - low) @ np.array([[aa, ab], [ab, bb]])
+            slopes = np.fmin(slopes + 8 * np.array(sizes.jumps), sizes.first)
+            moved = np.where(over > 0, over * slopes, 0.0).sum(axis=1)
             found.append(np.where(self.coarse, np.inf, 2.01 * moved))
         return found
 
@@ -252,20 +258,15 @@ class _Survey:
     @cached_property
     def seen(self) -> tuple[float, float, float]:
         """The largest distances at the nodes (see `EdgeBound`)."""
-        f, g = (
-            np.einsum("ni,ni->n", normal, gap)
-            for normal, gap in zip(self._normals, self._gaps, strict=True)
-        )
-        across = np.maximum(np.abs(f), np.abs(g))
-        found = (*self._sizes, across, _apart(f, g, *self._angle))
+        f, g = np.einsum("kni,kni->kn", self._normals, self._gaps)
+        found = (*self._sizes, np.maximum(np.abs(f), np.abs(g)), _apart(f, g, *self._angle))
         off, other, flat, apart = (float(x.max()) for x in found)
         return max(off, other), flat, apart
 
     def given(self, deviations: tuple[float, float]) -> float:
         """Return how far from where the surfaces meet deviations and rounding alone may be."""
         f, g = (d + SHARP * r for d, r in zip(deviations, self._rounding, strict=True))
-        cosine, sine = self._angle
-        return float(_apart(f, -g, np.abs(cosine), sine).max())
+        return float(_apart(f, -g, np.abs(self._angle[0]), self._angle[1]).max())
 
     # -- bounds ------------------------------------------------------------------------------------
 
@@ -352,8 +353,7 @@ class _Survey:
         Several may lie between two nodes; where they are rounding, they do not count.
         """
         jumps = self._edge.traces[k].surface.sizes().jumps
-        _, a, b = self._jets[k]
-        turns = [jump / _lengths(along) for jump, along in zip(jumps, (a, b), strict=True)]
+        turns = [jump / _lengths(x) for jump, x in zip(jumps, self._jets[k][1:], strict=True)]
         return self._most(8 * (turns[0] + turns[1]) / (1 - self._skew(k)))
 
     def _skew(self, k: int) -> Array:

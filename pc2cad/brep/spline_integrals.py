@@ -20,8 +20,9 @@ from pc2cad.errors import KernelError
 from pc2cad.geometry.splines.spline_basis import (
     SparseRows,
     basis_matrix,
-    local_basis,
-    spline_values,
+    local_bases,
+    spline_jets,
+    windows,
 )
 
 _Spline = TypeVar("_Spline", Geom_BSplineCurve, Geom2d_BSplineCurve, Geom_BSplineSurface)
@@ -41,10 +42,7 @@ def spline_jet(knots: Array, poles: Array, degree: int) -> Callable[[Array], tup
     net = differences(poles[:, None], knots, degree, 0)[:, 0]
 
     def jet(t: Array) -> tuple[Array, Array]:
-        return (
-            spline_values(knots, poles, degree, t),
-            spline_values(knots[1:-1], net, degree - 1, t),
-        )
+        return spline_jets(knots, poles, net, degree, t)
 
     return jet
 
@@ -267,17 +265,19 @@ class Patch:
 
     def _scattered(self, s: Array, t: Array) -> list[Array]:
         places = [np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True)]
-        basis, slope = (
-            [_support(x, k[o : len(k) - o], n - o)
-             for x, k, n in zip(places, self.knots, self.degrees, strict=True)]
-            for o in (0, 1)
-        )  # fmt: skip
-        nets = [differences(self.poles, self.knots[d], self.degrees[d], d) for d in (0, 1)]
-        return project(
-            _sum(basis[0], self.poles, basis[1]),
-            _sum(slope[0], nets[0], basis[1]),
-            _sum(basis[0], nets[1], slope[1]),
+        (i, a, slope_a), (j, b, slope_b) = (
+            local_bases(k, n, x) for x, k, n in zip(places, self.knots, self.degrees, strict=True)
         )
+        return project(
+            _sum(i, a, self.poles, j, b),
+            _sum(i, slope_a, self._nets[0], j, b),
+            _sum(i, a, self._nets[1], j, slope_b),
+        )
+
+    @cached_property
+    def _nets(self) -> list[Array]:
+        """The poles of both derivatives."""
+        return [differences(self.poles, self.knots[d], self.degrees[d], d) for d in (0, 1)]
 
     def on_grid(self, s: Array, t: Array) -> tuple[Array, Array]:
         """Return points and normals (of the parameters' own length), (n, m, 3), on a grid."""
@@ -290,11 +290,10 @@ class Patch:
         p = self.degrees
         basis = [_basis(x, k, n) for x, k, n in zip((s, t), self.knots, p, strict=True)]
         slope = [_basis(x, k[1:-1], n - 1) for x, k, n in zip((s, t), self.knots, p, strict=True)]
-        nets = [differences(self.poles, self.knots[d], p[d], d) for d in (0, 1)]
         point, ds, dt = project(
             _tensor(basis[0], self.poles, basis[1]),
-            _tensor(slope[0], nets[0], basis[1]),
-            _tensor(basis[0], nets[1], slope[1]),
+            _tensor(slope[0], self._nets[0], basis[1]),
+            _tensor(basis[0], self._nets[1], slope[1]),
         )
         return point, self.sign * cross(ds, dt)
 
@@ -311,16 +310,10 @@ def _lines(knots: Array) -> Array:
     return np.asarray(np.interp(places * spans, np.arange(spans + 1), knots))
 
 
-def _support(t: Array, knots: Array, degree: int) -> tuple[Integers, Array]:
-    """Return which basis functions are not zero at t and their values, (n, degree + 1) each."""
-    first, values = local_basis(knots, degree, t)
-    return first[:, None] + np.arange(degree + 1), values
-
-
-def _sum(a: tuple[Integers, Array], poles: Array, b: tuple[Integers, Array]) -> Array:
-    """Return the values (n, k) of Σ a_i b_j P_ij at n places."""
-    local = poles[a[0][:, :, None], b[0][:, None, :]]
-    return np.asarray(np.einsum("nj,njk->nk", b[1], np.einsum("ni,nijk->njk", a[1], local)))
+def _sum(i: Integers, a: Array, poles: Array, j: Integers, b: Array) -> Array:
+    """Return the values (n, k) of Σ a_i b_j P_ij at n places, of functions from i and j on."""
+    local = windows(poles, a.shape[1], b.shape[1])[i, j]
+    return np.asarray(np.einsum("nj,njk->nk", b, np.einsum("ni,nijk->njk", a, local)))
 
 
 def _gauss(panels: Array, order: int) -> tuple[Array, Array]:

@@ -264,6 +264,8 @@ def _planes(edge: EdgeFunction, ends: tuple[Array, Array], target: float) -> _Pl
     """Return planes across the common curve, from points of it near the kernel's edge."""
     tau = np.linspace(*edge.span, FIRST)
     base, along = edge.curve.jet(tau)
+    # across the ends themselves: beyond them a surface may have none
+    base[0], base[-1] = ends
     y = np.hstack([trace.path.jet(tau)[0] for trace in edge.traces])
     y, points, _ = _newton(edge.traces, base, along, y, target)
     points[0], points[-1] = ends

@@ -98,6 +98,10 @@ def cuts_between(span: tuple[float, float], *breaks: Array | None) -> Array:
     return distinct(np.concatenate([[first, last], *found]))
 
 
+#: steps in which a value is found at the latest: a third of them halves
+_STEPS = 160
+
+
 def crossings(path: CurveFunction, cuts: Array, axis: int, values: Array) -> Array:
     """Return the parameters at which a coordinate of a curve takes values, as far as they are seen.
 
@@ -109,9 +113,22 @@ def crossings(path: CurveFunction, cuts: Array, axis: int, values: Array) -> Arr
     inner = values[(values > lowest) & (values < highest)]
     side = at[None, :] > inner[:, None]
     rows, columns = np.nonzero(side[:, 1:] != side[:, :-1])
+    if not len(rows):
+        return np.empty(0)
     low, high, rising = t[columns], t[columns + 1], side[rows, columns + 1]
-    for _ in range(52):
-        middle = (low + high) / 2
-        beyond = (path.jet(middle)[0][:, axis] > inner[rows]) == rising if len(rows) else rising
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    return np.asarray((low + high) / 2)
+    enough = 2 * np.finfo(float).eps * float(np.abs(t).max())
+    found = (low + high) / 2
+    for k in range(_STEPS):
+        place, slope = path.jet(found)
+        off = place[:, axis] - inner[rows]
+        beyond = (off > 0) == rising
+        low, high = np.where(beyond, low, found), np.where(beyond, found, high)
+        with np.errstate(all="ignore"):
+            step = found - off / slope[:, axis]
+        # Newton's steps, where they stay between the ends; every third is a halving
+        fine = (step >= low) & (step <= high) & (k % 3 < 2)
+        step = np.where(fine, step, (low + high) / 2)
+        within, found = np.abs(step - found), step
+        if (np.minimum(within, high - low) <= enough).all():
+            break
+    return np.asarray(found)

@@ -57,12 +57,19 @@ class Loop:
         return len(ends) == 1 and set(uses.values()) == {2}
 
     @property
+    def flows(self) -> list[tuple[Array, Array]]:
+        """Gauss points and signed steps dr along each edge, in the order of the loop."""
+        return [
+            (edge.places, edge.steps) if forward else (edge.places[::-1], -edge.steps[::-1])
+            for edge, forward in self.edges
+        ]
+
+    @property
     def flow(self) -> tuple[Array, Array]:
         """Gauss points and signed steps dr along the loop, in its order."""
-        places = [edge.places[:: 1 if forward else -1] for edge, forward in self.edges]
-        steps = [edge.steps if forward else -edge.steps[::-1] for edge, forward in self.edges]
         none = np.empty((0, 3))
-        return np.concatenate([none, *places]), np.concatenate([none, *steps])
+        places, steps = zip((none, none), *self.flows, strict=True)
+        return np.concatenate(places), np.concatenate(steps)
 
 
 class EdgeReader:

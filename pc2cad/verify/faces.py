@@ -18,6 +18,7 @@ from pc2cad.arrays.linear import product
 from pc2cad.verify.defects import StepDefectError, StepOrientationError, StepUnknownError
 from pc2cad.verify.edges import Edge, EdgeReader, Loop
 from pc2cad.verify.exchange import Ref
+from pc2cad.verify.following import follow, trimmed_moments
 from pc2cad.verify.gaps import Frame, gap_bound, line_bound
 from pc2cad.verify.patches import (
     AskewError,
@@ -28,7 +29,6 @@ from pc2cad.verify.patches import (
     patch_moments,
     rectangles,
     trace_edge,
-    trimmed_moments,
     winding,
 )
 from pc2cad.verify.records import Records, is_true
@@ -244,20 +244,20 @@ def _vertex_gap(surface: Surface, vertex: Array) -> float:
 
 def judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) -> JudgedFace:
     """Judge a face whose edges run along no parameter: integrals along its edges."""
-    flow = tuple(np.concatenate([loop.flow[k] for loop in face.loops]) for k in (0, 1))
-    if not len(flow[0]):
+    flows = [flow for loop in face.loops for flow in loop.flows]
+    if not flows:
         raise StepUnknownError(f"the face {face.label} ({face.carrier}) has no edges")
     samples = np.concatenate([edge.samples for loop in face.loops for edge, _ in loop.edges])
     u, v = surface.locate(samples)
     gap = float(np.linalg.norm(surface.at(u, v)[0] - samples, axis=1).max())
     if not gap <= limit:
         raise StepDefectError(f"an edge leaves the surface of the face {face.label} by {gap:.2g}")
-    corner, best = _corner(face), None
+    corner, best, edges = _corner(face), None, follow(surface, flows)
     sign = 1.0 if face.same_sense else -1.0
     whole = closed_moments(surface, origin, corner)
     levels = [(1, float(np.mean(v))), *((1, x) for x in surface.limits[1] if np.isfinite(x))]
     for inner in (*levels, (0, float(np.mean(u)))):
-        moments = trimmed_moments(surface, (flow[0], flow[1]), inner, origin, corner)
+        moments = trimmed_moments(edges, inner, origin, corner)
         moments = replace(moments, area=sign * moments.area)
         if moments.area <= 0.0 and whole is not None:
             # the edges run round what the face leaves of a closed surface

@@ -10,8 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pc2cad.arrays import Array, Integers
-from pc2cad.arrays.distinct import distinct, ranked
+from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import ranked
 from pc2cad.arrays.linear import product
 from pc2cad.verify.curves import gauss_rule
 from pc2cad.verify.defects import StepDefectError, StepUnknownError
@@ -28,8 +28,6 @@ _CACHED = 25_000
 _MOST_POINTS, _MOST_EXACT = 3_000_000, 100_000
 #: relative difference of two rules; of polynomials it is that of the area alone
 _SETTLED, _ENOUGH = 1e-13, 1e-11
-#: places of an integral from a level to an edge, per span at least: the area has a root
-_FEWEST = 10
 #: spans are halved where rules of more points differ by more than this share
 _ROUGH = 1e-7
 
@@ -291,61 +289,6 @@ def _difference(one: Moments, other: Moments) -> float:
     ))  # fmt: skip
 
 
-def trimmed_moments(
-    surface: Surface, flow: tuple[Array, Array], inner: tuple[int, float], origin: Array,
-    corner: Array,
-) -> Moments:  # fmt: skip
-    """Return integrals over what edges run around, by Green's theorem: -∮ (∫ f dv) du.
-
-    `inner` is the parameter of the inner integral, 0 or 1, and the level that it begins at: with u
-    inside it is ∮ (∫ f du) dv. The edges' orientation counts. What closes the loops in the
-    parameter plane but is no edge of the file, a pole, has to be at the level, or run along it.
-    """
-    axis, level = inner
-    places, steps = flow
-    parameters = [np.asarray(part) for part in surface.locate(places)]
-    period = surface.periods[axis]
-    if period is not None:
-        parameters[axis] = np.unwrap(parameters[axis], period=period)
-    _, *along = surface.at(*parameters)
-    mine, other = along[axis], along[1 - axis]
-    square, mixed, across = ((a * b).sum(axis=1) for a, b in
-                             ((mine, mine), (mine, other), (other, other)))  # fmt: skip
-    on_mine, on_other = (mine * steps).sum(axis=1), (other * steps).sum(axis=1)
-    run = (square * on_other - mixed * on_mine) / np.maximum(square * across - mixed**2, 1e-300)
-    ends = parameters[axis]
-    at, weights, row = _inward(surface, axis, level, ends)
-    weight = run[row] * weights if axis == 0 else -run[row] * weights
-    outer = parameters[1 - axis][row]
-    jet = surface.at(*((at, outer) if axis == 0 else (outer, at)))
-    return _moments(_sums(jet, weight, origin, corner), 1e-9)
-
-
-def _inward(
-    surface: Surface, axis: int, level: float, ends: Array
-) -> tuple[Array, Array, Integers]:
-    """Return places and weights of integrals from a level to each end, and the end's number.
-
-    None goes over a place where the surface is not smooth.
-    """
-    low, high = min(level, float(ends.min())), max(level, float(ends.max()))
-    cuts = distinct(surface.breaks(axis, low, high)) if high > low else np.array([low, high])
-    # of polynomials as many as are exact; what is rational has no breaks of its own
-    parts, points = (2, 20) if _is_rational(surface) else (1, max(surface.points[axis], _FEWEST))
-    nodes, gauss = gauss_rule(np.linspace(0.0, 1.0, parts + 1), points)
-    below, above = np.minimum(ends, level)[:, None], np.maximum(ends, level)[:, None]
-    first, last = np.maximum(cuts[:-1], below), np.minimum(cuts[1:], above)
-    row, span = np.nonzero(last > first)
-    first, width = first[row, span], (last - first)[row, span]
-    weights = np.where(ends[row] > level, width, -width)[:, None] * gauss
-    at = first[:, None] + width[:, None] * nodes
-    return at.ravel(), weights.ravel(), np.repeat(row, len(nodes))
-
-
-def _is_rational(surface: Surface) -> bool:
-    return isinstance(surface, SplineSurface) and surface.rational
-
-
 def _integrate(
     surface: Surface, breaks: list[Array], counts: list[int], origin: Array, corner: Array
 ) -> Moments:
@@ -361,11 +304,11 @@ def _integrate(
         for k in range(0, len(weight), few):
             some = slice(k, k + few)
             jet = place[some], along_u[some], along_v[some]
-            total += _sums(jet, weight[some], origin, corner)
-    return _moments(total, np.inf)
+            total += sums(jet, weight[some], origin, corner)
+    return moments_of(total, np.inf)
 
 
-def _sums(jet: Jet, weight: Array, origin: Array, corner: Array) -> Array:
+def sums(jet: Jet, weight: Array, origin: Array, corner: Array) -> Array:
     """Return all integrals of `Moments` in one row, of points and derivatives (..., 3)."""
     place, (a, b, c), (x, y, z) = (np.moveaxis(part, -1, 0) for part in jet)
     normal = np.stack((b * z - c * y, c * x - a * z, a * y - b * x))
@@ -381,7 +324,8 @@ def _sums(jet: Jet, weight: Array, origin: Array, corner: Array) -> Array:
     return np.concatenate(([area], vector, first.ravel(), [volume], moment))
 
 
-def _moments(total: Array, error: float) -> Moments:
+def moments_of(total: Array, error: float) -> Moments:
+    """Return the row of `sums` as moments."""
     return Moments(
         float(total[0]), total[1:4], total[4:13].reshape(3, 3), float(total[13]), total[14:], error
     )

