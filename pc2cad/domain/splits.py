@@ -26,8 +26,8 @@ _ACROSS = np.array([0.2137, 1 - 0.2137])
 _TRIED = np.array([0.0713, 0.1931, 0.3877, 0.6173, 0.7919, 0.9377])
 #: steps of Newton's method, and what is left of a distance after them, in units of "same point"
 _STEPS, _LEFT = 12, 100
-#: a step of Newton's method that is shorter than this is the last
-_STILL = 1e-12
+#: steps after which a distance that is not halved is left: it is rounding, or that of no meeting
+_SURE = 3
 #: sections of more equal parts than this are not looked for
 MOST_PARTS = 64
 #: means over a period differ less than this share of the extent where sides may coincide
@@ -164,15 +164,15 @@ def _meeting(
     away = np.linalg.norm(there - point, axis=-1).max(axis=1)
     lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1))
     at = _uniform()[lowest]
-    for _ in range(_STEPS):
+    off = np.full(len(at), np.inf)
+    for k in range(_STEPS):
         points, slope = side.line(at, across)
         rest = points - point
+        before, off = off, np.abs(rest).max(axis=(1, 2))
+        if k > _SURE and not (off < 0.5 * before).any():
+            break
         with np.errstate(all="ignore"):
             step = (rest * slope).sum(axis=(1, 2)) / (slope * slope).sum(axis=(1, 2))
-        moved = np.where(np.isfinite(step), (at - np.clip(step, -0.01, 0.01)) % 1, at)
-        still = np.abs(moved - at).max(initial=0.0) <= _STILL
-        at = moved
-        if still:
-            break
+        at = np.where(np.isfinite(step), (at - np.clip(step, -0.01, 0.01)) % 1, at)
     left = np.abs(side(at, across) - point).max(axis=(1, 2))
     return [float(x) for x in at[left <= _LEFT * scale.same_point]]
