@@ -285,6 +285,16 @@ def test_bodies_that_overlap_agree_on_a_field(tmp_path: Path) -> None:
         part.write(tmp_path / "two.3mf", fields=["heat"])
 
 
+def test_a_field_that_is_no_function_is_said_to_be_pictures(monkeypatch) -> None:
+    monkeypatch.setattr("pc2cad.sampling.newton.MOST_SEEDS", 1)
+    monkeypatch.setattr("pc2cad.sampling.voxels.USUAL", 8)
+    exportable = elbow().exportable(fields=["turn"])
+    assert list(exportable.voxels.values) == ["turn"]
+    (said,) = exportable.fields_said
+    assert said.startswith("turn: as pictures, which lib3mf refuses in strict mode, since ")
+    assert said.endswith("since even a coarse grid has more than 0 seeds")
+
+
 def test_strict_mode_refuses_pictures_for_a_slip_of_its_own(tmp_path: Path) -> None:
     """An else that is missing in lib3mf: this fails once that is mended, and pictures are read."""
     import lib3mf

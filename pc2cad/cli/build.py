@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
         with named(arguments.template):
             part = compile_solid(equation, wanted, progress)
             part = replace(part, report=with_figures(part, part.report, density, progress))
-        files = _encode(part, equation, options, arguments, progress)
+        files, said = _encode(part, equation, options, arguments, progress)
         if arguments.slices is not None:
             from pc2cad.export.slices import stack
 
@@ -124,6 +124,8 @@ def run(arguments: argparse.Namespace) -> int:
         for output in arguments.outputs:
             mass = "" if part.report.mass is None else f", mass {part.report.mass.mass:.10g}"
             say(f"{shown(output)}: {part.report.summary}{mass}{_loss(output, part, options)}")
+            for line in said.get(output, ()):
+                say(f"  field {line}")
     return 0
 
 
@@ -168,18 +170,22 @@ def _encode(
     options: ExportOptions,
     arguments: argparse.Namespace,
     progress: Progress,
-) -> dict[str, bytes]:
-    """Return the contents of every file: what fails here leaves no file at all."""
+) -> tuple[dict[str, bytes], dict[str, tuple[str, ...]]]:
+    """Return the contents of every file, and what is to be said of the fields in them.
+
+    What fails here leaves no file at all.
+    """
     from pc2cad.export.registry import format_for
 
     plain = part.exportable(arguments.colours)
-    files, verdicts = {}, {}
+    files, said, verdicts = {}, {}, {}
     for path in arguments.outputs:
         kind = format_for(path)
         progress(f"encode {kind.name}")
         exportable = plain
         if arguments.fields and kind.fields:
             exportable = part.exportable(arguments.colours, arguments.fields, arguments.voxels)
+            said[path] = exportable.fields_said
         files[path] = kind.encoder()(exportable, options)
         if arguments.verify and kind.name == "step":
             from pc2cad.verify.gate import require_verified
@@ -191,7 +197,7 @@ def _encode(
         found = part.report.to_dict() | ({"verified": verdicts} if arguments.verify else {})
         text = json.dumps(found, indent=2, allow_nan=False)
         files[arguments.report] = f"{text}\n".encode()
-    return files
+    return files, said
 
 
 def write_all(files: dict[str, bytes]) -> None:

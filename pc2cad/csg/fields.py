@@ -64,10 +64,9 @@ def field_formulas(
     ]
     try:
         return {name: _field(name, leaves, pieces) for name in names}
-    except NoFormulaError:
+    except NoFormulaError as error:
         raise InputError(
-            "fields of several bodies go into files as functions, and Newton's steps do not find "
-            "the parameters of every place of a body here"
+            f"fields of several bodies go into files as functions, and this is none: {error}"
         ) from None
 
 
@@ -110,7 +109,9 @@ def _held(name: str, leaves: Sequence[_Leaf], formula: Formula) -> FieldFormula:
         if alone.any():
             off, span = leaf.known.off(name, formula, points[alone], local[alone])
             if not off <= TOLERANCE * span:
-                raise NoFormulaError
+                raise NoFormulaError(
+                    f"the formula of {name} is {off:.2g} off, and may be {TOLERANCE * span:.2g}"
+                )
             worst, count = max(worst, off), count + int(alone.sum())
     return FieldFormula(formula, worst, count)
 

@@ -6,7 +6,7 @@ What a tree is made of is written as such steps, one after another; formulas cal
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +26,7 @@ FUNCTIONS: Final = (
 #: numbers alone
 MOST_FACTORS: Final = 16
 #: steps of one formula: what takes them needs a time that goes with their square
-MOST_STEPS: Final = 4000
+MOST_STEPS: Final = 8000
 _PLAIN: Final[Mapping[str, Callable[..., Any]]] = {
     "add": np.add, "subtract": np.subtract, "multiply": np.multiply, "divide": np.divide,
     "power": np.power, "select": lambda a, b, c, d: np.where(a < b, c, d),
@@ -35,7 +35,7 @@ _PLAIN: Final[Mapping[str, Callable[..., Any]]] = {
 
 
 class NoFormulaError(Exception):
-    """Something is no formula, or one of too many steps."""
+    """Something is no formula, or one of too many steps; the message says why, after "since"."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Formula:
 
     name: str
     inputs: tuple[str, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[Step, ...] = field(repr=False)
     #: the steps that are given, by the names they are given under
     outputs: Mapping[str, int]
 
@@ -134,7 +134,7 @@ class Writer:
 
     def _put(self, step: Step) -> int:
         if len(self._steps) >= MOST_STEPS:
-            raise NoFormulaError
+            raise NoFormulaError(f"the formula {self._name} takes more than {MOST_STEPS} steps")
         self._steps.append(step)
         return len(self._steps) - 1
 
@@ -155,7 +155,7 @@ class Writer:
             return self.add("select", args[0], self.constant(0.0), args[2], args[1])
         named = {"mul": "multiply", "div": "divide"}.get(op, op)
         if named not in _PLAIN:
-            raise NoFormulaError
+            raise NoFormulaError(f"functions of such files have no {op}")
         return self.add(named, *args)
 
     def _power(self, tree: Expr, args: list[int]) -> int:

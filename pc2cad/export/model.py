@@ -91,11 +91,28 @@ class Exportable:
     #: fields on voxels, and fields that are formulas of the place, for formats that hold them
     voxels: Voxels | None = None
     formulas: Mapping[str, FieldFormula] = field(default_factory=dict)
+    #: why fields that could be formulas are on voxels
+    pictured: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def bodies(self) -> tuple[Any, ...]:
         """The solids to be written: the layers, or the one solid."""
         return tuple(layer.solid for layer in self.layers) or (self.solid,)
+
+    @property
+    def fields_said(self) -> tuple[str, ...]:
+        """What is known of each field that is no plain formula of x, y and z, in words."""
+        steps = (
+            f"{name}: by Newton's steps, at most {known.deviation:.2g} off beyond rounding at "
+            f"{known.places} places (sampled)"
+            for name, known in self.formulas.items()
+            if known.places
+        )
+        pictures = (
+            f"{name}: as pictures, which lib3mf refuses in strict mode, since {why}"
+            for name, why in self.pictured.items()
+        )
+        return (*steps, *pictures)
 
     def whole(self) -> Exportable:
         """Return the part as one solid, for formats that hold no more."""

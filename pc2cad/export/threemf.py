@@ -107,13 +107,7 @@ def _written(library: Any, wrapper: Any, exportable: Exportable, mesh: Triangles
 
 def _description(exportable: Exportable) -> str:
     """Return what is said of the part, and how far fields are off that are found by steps."""
-    said = [clean(exportable.description, 1000)]
-    for name, known in exportable.formulas.items():
-        if known.places:
-            said.append(
-                f"{name}: by Newton's steps, at most {known.deviation:.2g} off beyond rounding at "
-                f"{known.places} places (sampled)"
-            )
+    said = (clean(exportable.description, 1000), *exportable.fields_said)
     return "; ".join(filter(None, said))
 
 

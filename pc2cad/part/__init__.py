@@ -181,7 +181,7 @@ class Part(OfOneEquation):
         They are formulas of the place where they can be, unless so many voxels are asked for.
         """
         report = self.report
-        formulas = self._formulas(fields) if fields and voxels is None else {}
+        formulas, pictured = self._formulas(fields) if fields and voxels is None else ({}, {})
         others = [name for name in fields if name not in formulas]
         held = self.voxels(others, voxels) if others else None
         layers, between = (self.layers, _between(self.body)) if len(self.bodies) == 1 else ({}, ())
@@ -198,13 +198,16 @@ class Part(OfOneEquation):
             evidence=report.statements(),
             voxels=held,
             formulas=formulas,
+            pictured=pictured,
         )
 
-    def _formulas(self, fields: Sequence[str]) -> Mapping[str, FieldFormula]:
+    def _formulas(
+        self, fields: Sequence[str]
+    ) -> tuple[Mapping[str, FieldFormula], Mapping[str, str]]:
         from pc2cad.sampling.formulas import field_formulas
 
         if self.several is not None:
-            return self.several.formulas(fields)
+            return self.several.formulas(fields), {}
         return field_formulas(self.checked, fields)
 
     def __repr__(self) -> str:

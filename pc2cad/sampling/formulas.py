@@ -35,18 +35,21 @@ class FieldFormula:
     places: int
 
 
-def field_formulas(checked: CheckedMap, names: Sequence[str]) -> dict[str, FieldFormula]:
+def field_formulas(
+    checked: CheckedMap, names: Sequence[str]
+) -> tuple[dict[str, FieldFormula], dict[str, str]]:
     """Return those of some scalar fields that are formulas of the place, to 1e-9 of their span.
 
-    Raises InputError for names of no scalar field, and FieldNotFiniteError.
+    And why the others are not, in words. Raises InputError for names of no scalar field, and
+    FieldNotFiniteError.
     """
-    known, found = Inversions(checked.analysis), {}
+    known, found, others = Inversions(checked.analysis), {}, {}
     for name in names:
         try:
             found[name] = known.field(name)
-        except NoFormulaError:
-            continue
-    return found
+        except NoFormulaError as error:
+            others[name] = str(error)
+    return found, others
 
 
 class Inversions:
@@ -88,7 +91,9 @@ class Inversions:
         points = mapping.points(*places.T)
         worst, span = off(self._analysis, field, formula, points, places)
         if not worst <= TOLERANCE * span:
-            raise NoFormulaError
+            raise NoFormulaError(
+                f"the formula is {worst:.2g} off, and may be {TOLERANCE * span:.2g}"
+            )
         return FieldFormula(formula, worst, len(places))
 
 

@@ -169,7 +169,7 @@ class Inversion:
                 more = more[_apart(near, far, max(4, len(seeds) // 8))]
                 seeds, clean = np.concatenate((seeds, more)), 0
                 if len(seeds) > MOST_SEEDS:
-                    raise NoFormulaError
+                    raise NoFormulaError(self._not_from(len(seeds), places[missed][0]))
                 seek = self._seek(seeds)
         return seek, count
 
@@ -190,8 +190,12 @@ class Inversion:
                     best, least = (seeds, on_poles), share
             finer *= 2
         if not np.isfinite(least):
-            raise NoFormulaError
+            raise NoFormulaError(f"even a coarse grid has more than {MOST_SEEDS // 2} seeds")
         return best
+
+    def _not_from(self, seeds: int, missed: Array) -> str:
+        shown = self._analysis.map.shown(missed)
+        return f"Newton's steps from {seeds} seeds do not arrive at {shown}"
 
     def _grid(self, finer: int, on_poles: bool) -> Array:
         """Return places (n, 3) of the box, so many along each direction as it is long."""
