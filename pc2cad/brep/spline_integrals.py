@@ -147,6 +147,8 @@ _SPANS = 40
 _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
 #: orders of Gauss rules that are compared, and halvings of a span
 _ORDERS, DEEPEST = (4, 8, 12), 24
+#: how often lines are taken anew
+MOST_ROUNDS = 4
 #: what may be left open in the end, by the accuracy that each span is settled to
 LEFT_OPEN = 100
 #: basis functions up to which matrices are dense
@@ -172,7 +174,7 @@ class Patch:
 
     def integrate(self, form: Form = FLUX) -> Array:
         """Return the integrals with as many Gauss nodes as they need, where they need them."""
-        rules = [self._rule(d) for d in (0, 1)]
+        rules = self._rules()
         total: Array | float = 0.0
         step = max(1, 200_000 // len(rules[1][0]))
         for i in range(0, len(rules[0][0]), step):
@@ -183,17 +185,35 @@ class Patch:
             total = total + product(weights.ravel(), values)
         return np.asarray(total)
 
-    def _rule(self, direction: int) -> tuple[Array, Array]:
-        """Return nodes and weights along one direction, settled on a few lines across it.
+    def _rules(self) -> list[tuple[Array, Array]]:
+        """Return nodes and weights along both directions, each settled on lines across it.
+
+        Where spans had to be halved there is something sharp, and it may be sharper between the
+        lines of the other direction: these are then taken anew, until no span is halved for it.
+        """
+        limits = [distinct(knots) for knots in self.knots]
+        rules: list[tuple[Array, Array]] = []
+        for _ in range(MOST_ROUNDS):
+            before = [len(x) for x in limits]
+            rules = []
+            for d in (0, 1):
+                nodes, weights, limits[d] = self._rule(d, _lines(limits[1 - d]))
+                rules.append((nodes, weights))
+            if [len(x) for x in limits] == before:
+                break
+        return rules
+
+    def _rule(self, direction: int, lines: Array) -> tuple[Array, Array, Array]:
+        """Return nodes and weights along one direction, settled on lines across it, and its panels.
 
         Spans whose integrals change with the order of the rule are halved until they do not: a
-        crease much sharper than its span is found, and only there is it resolved.
+        crease much sharper than its span is found, and only there is it resolved. Panels are
+        returned as their limits.
         """
-        lines = _lines(distinct(self.knots[1 - direction]))
         accuracy = self.accuracy
-        panels = distinct(self.knots[direction])
-        panels = np.stack((panels[:-1], panels[1:]), axis=1)
-        done: list[tuple[Array, Array]] = []
+        limits = distinct(self.knots[direction])
+        panels = np.stack((limits[:-1], limits[1:]), axis=1)
+        done, starts = list[tuple[Array, Array]](), list[Array]()
         sizes: Array | float = 0.0
         reach = np.sqrt((self.poles[..., :3] ** 2).sum(axis=-1)).max()
         for depth in range(DEEPEST + 1):
@@ -207,10 +227,11 @@ class Patch:
             gaps = (np.abs(few - many) / scale).max(axis=(1, 2))
             if depth == 0:
                 if gaps.max() <= accuracy:
-                    return _gauss(panels, _ORDERS[0])
+                    return *_gauss(panels, _ORDERS[0]), limits
                 continue
             right = gaps <= accuracy
             done.append(_gauss(panels[right], _ORDERS[1]))
+            starts.append(panels[right, 0])
             panels = panels[~right]
             if len(panels) == 0:
                 break
@@ -226,7 +247,8 @@ class Patch:
         done.append(_gauss(panels, _ORDERS[-1]))
         nodes, weights = (np.concatenate([rule[k] for rule in done]) for k in (0, 1))
         order = np.argsort(nodes)
-        return nodes[order], weights[order]
+        limits = np.sort(np.concatenate((*starts, panels[:, 0], limits[-1:])))
+        return nodes[order], weights[order], limits
 
     def _panel_sums(
         self, direction: int, panels: Array, lines: Array, orders: Sequence[int]
