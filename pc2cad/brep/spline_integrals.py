@@ -147,7 +147,8 @@ _SPANS = 40
 _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
 #: orders of Gauss rules that are compared, and halvings of a span
 _ORDERS, DEEPEST = (4, 8, 12), 24
-#: how often lines are taken anew
+#: how often lines are taken anew; what is sharp beyond that shows in areas that disagree with the
+#: equation's
 MOST_ROUNDS = 4
 #: what may be left open in the end, by the accuracy that each span is settled to
 LEFT_OPEN = 100

@@ -65,12 +65,12 @@ def find_orientation(mapping: Mapping3) -> Orientation:
     watch = JacobianWatch(mapping, partial(_proved_within, mapping))
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij")).reshape(3, -1)
     places = np.concatenate([grid, *unproved], axis=1)
-    watch.see(*places)
+    determinant, _, sine = watch.note(mapping.tangents((0, 1, 2), *places), tuple(places))
     watch.check()
     sign = 1 if watch.extremes[1] > watch.extremes[-1] else -1
     # a crease or a slope makes the sine small where det J is not, and det J is where it shrinks
-    place = _search(watch.see, watch, places, sign)
-    _search(watch.volume, watch, places, sign)
+    place = _search(watch.see, watch, _worst(places, sign * sine), sign)
+    _search(watch.volume, watch, _worst(places, sign * determinant), sign)
     # a zero on a side is normal; moved inside along it, it has to be gone
     return Orientation(sign, Verdict.UNDECIDED, _zero_near(watch, sign, np.clip(place, 0.05, 0.95)))
 
@@ -103,15 +103,13 @@ def _zero_near(watch: JacobianWatch, sign: int, place: Array) -> str:
 
 
 def _search(measure: Measure, watch: JacobianWatch, places: Array, sign: int) -> Array:
-    """Walk from the worst of some places (3, n) to smaller sign·measure.
+    """Walk from some places (3, n) to smaller sign·measure.
 
     The stencil halves where it stands. The walk ends early where the smallest value is clear of
     zero, hardly falls any more, and what is around each place differs from it by less than half of
     it: a smaller step towards a crease or a narrow dip does not reach zero either. The last place
     of the smallest value is returned, (3,).
     """
-    values = sign * measure(*places)
-    places = _apart(places, np.where(np.isfinite(values), values, np.inf))
     stencil = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij")).reshape(3, -1)
     centre = stencil.shape[1] // 2
     step = np.full(places.shape[1], 0.5 / SWEEP)
@@ -133,9 +131,9 @@ def _search(measure: Measure, watch: JacobianWatch, places: Array, sign: int) ->
     return np.asarray(places[:, least.argmin()])
 
 
-def _apart(places: Array, values: Array) -> Array:
-    """Return the places of the smallest values, no two of them within half of the others' way."""
-    order = np.argsort(values, kind="stable")
+def _worst(places: Array, values: Array) -> Array:
+    """Return the places (3, k) of the smallest values, half a step of the sweep apart."""
+    order = np.argsort(np.where(np.isfinite(values), values, np.inf), kind="stable")
     chosen: list[int] = []
     for _ in range(STARTS):
         if not len(order):
