@@ -129,3 +129,13 @@ CORNERS = {
 def test_what_stands_out_in_a_corner_is_integrated(name):
     bump, more = CORNERS[name]
     check(integrated((U, V, W * (1 + bump))), 1 + more, claim=1e-6)
+
+
+@pytest.mark.parametrize("sharp", [300, 3000, 10**5])
+def test_a_needle_that_stands_out_of_nothing_but_its_surroundings_is_integrated(sharp):
+    # the waves are ten times as high: only where two rules differ is the needle seen
+    needle = pc.exp(-sharp * ((U - 0.3711) ** 2 + (V - 0.6289) ** 2))
+    waves = pc.cos(2 * PI * U) * pc.cos(2 * PI * V)
+    k = sqrt(sharp)
+    ways = [sqrt(pi) / (2 * k) * (erf(k * x) + erf(k * (1 - x))) for x in (0.3711, 0.6289)]
+    check(integrated((U, V, W * (4 + waves + 0.1 * needle))), 4 + 0.1 * ways[0] * ways[1])

@@ -31,22 +31,28 @@ ROUNDING: Final = 1e-12
 PEAKED: Final = 8.0
 
 
-def find_features(values: Callable[[Array], Array], spans: Array) -> Array:
+def find_features(
+    values: Callable[[Array], Array],
+    spans: Array,
+    peaked: float = PEAKED,
+    most: int = MOST_FEATURES,
+) -> Array:
     """Return places (m, 3) on top of what stands out of an integrand.
 
     `values` takes places (n, 3) to the integrand (n,); `spans` (3, 2) are the limits of the box,
     equal ones for a direction that is fixed. Half of the scattered places crowd towards the sides.
+    What is left on a feature is more than so many times that in half of all places.
     """
     none = np.empty((0, 3))
     moving = tuple(int(d) for d in np.flatnonzero(spans[:, 1] > spans[:, 0]))
     share = _scatter()
     with np.errstate(all="ignore"):
-        fitted = _fit(values, spans, share, moving)
+        fitted = _fit(values, spans, share, moving, peaked)
         if fitted is None:
             return none
         surface, rest = fitted
         found: list[Array] = []
-        while rest.any() and len(found) < MOST_FEATURES:
+        while rest.any() and len(found) < most:
             found.append(share[int(rest.argmax())])
             rest[(np.abs(share - found[-1])[:, moving] <= APART).all(axis=1)] = 0.0
         return surface.climb(np.array(found)) if found else none
@@ -81,7 +87,11 @@ class _Surface:
 
 
 def _fit(
-    values: Callable[[Array], Array], spans: Array, share: Array, moving: tuple[int, ...]
+    values: Callable[[Array], Array],
+    spans: Array,
+    share: Array,
+    moving: tuple[int, ...],
+    peaked: float,
 ) -> tuple[_Surface, Array] | None:
     """Return the polynomial, and what it leaves where that is more than rounding."""
     found = values(_places(spans, share))
@@ -95,7 +105,7 @@ def _fit(
         coefficients = np.asarray(np.linalg.lstsq(columns[good], found[good], rcond=None)[0])
     surface = _Surface(values, spans, moving, coefficients)
     rest = np.where(good, np.abs(found - vectors(columns, coefficients)), 0.0)
-    least = max(ROUNDING * float(np.abs(found[good]).max()), PEAKED * ranked(rest, 0.5))
+    least = max(ROUNDING * float(np.abs(found[good]).max()), peaked * ranked(rest, 0.5))
     return surface, np.where(rest > least, rest, 0.0)
 
 

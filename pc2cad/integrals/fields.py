@@ -7,6 +7,7 @@ Gauss rules elsewhere, as volumes are.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -23,12 +24,10 @@ from pc2cad.integrals.quadrature import Samples
 from pc2cad.integrals.rules import (
     Density,
     by_layer,
-    features_of,
-    integral,
     limits_of,
     narrowed,
-    panels_for,
 )
+from pc2cad.integrals.settling import settle
 
 
 class FieldNotIntegrableError(InputError):
@@ -162,14 +161,11 @@ def _integrated(
     """Return the integral of a density over each layer, and the largest relative error."""
     limits = narrowed(analysis, limits_of(analysis))
     limits = [sorted({*row, *more}) for row, more in zip(limits, field.breaks, strict=True)]
-    features = features_of(density, limits)
-    whole = [panels_for(density, limits, d, features) for d in range(3)]
-    found = [integral(density, part) for part in by_layer(analysis, whole)]
-    error = max(e for _, e in found)
-    if not error < UNSETTLED:
+    found = settle(density, limits, partial(by_layer, analysis))
+    if not found.error < UNSETTLED:
         raise FieldNotIntegrableError(
-            f"the integral of the field {field.field.name} does not settle (still {error:.2g} of "
-            "it from one rule to the next): look for a jump along no line of the grid, or a "
-            "division by zero"
+            f"the integral of the field {field.field.name} does not settle (still "
+            f"{found.error:.2g} of it from one rule to the next): look for a jump along no line of "
+            "the grid, or a division by zero"
         )
-    return [row for row, _ in found], error
+    return found.values, found.error

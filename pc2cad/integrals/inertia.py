@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -22,7 +23,8 @@ from pc2cad.errors import InputError
 from pc2cad.integrals.exact import exact_second_moments
 from pc2cad.integrals.mass_properties import QUADRATURE, MassProperties
 from pc2cad.integrals.quadrature import Samples
-from pc2cad.integrals.rules import by_layer, features_of, integral, limits_of, narrowed, panels_for
+from pc2cad.integrals.rules import by_layer, limits_of, narrowed
+from pc2cad.integrals.settling import settle
 
 #: sources of second moments, as a report shows them
 CLOSED_FORM = "equation (closed form over the rationals)"
@@ -85,14 +87,12 @@ def second_moments(analysis: Analysis, about: Vector) -> SecondMoments:
             size = size * (from_centre * from_centre).sum(axis=-1)
         return Samples(np.stack(values, axis=-1), size, points, np.stack(tangents))
 
-    features = features_of(second, limits_of(analysis))
     limits = narrowed(analysis, limits_of(analysis))
-    whole = [panels_for(second, limits, d, features) for d in range(3)]
-    found = [integral(second, part) for part in by_layer(analysis, whole)]
-    values = np.array([symmetric(PAIRS, row) for row, _ in found])
+    found = settle(second, limits, partial(by_layer, analysis))
+    values = np.array([symmetric(PAIRS, row) for row in found.values])
     # det J may be negative all over
     values *= np.sign(np.trace(values.sum(axis=0)))
-    return SecondMoments(values, max(error for _, error in found), QUADRATURE)
+    return SecondMoments(values, found.error, QUADRATURE)
 
 
 def densities(given: float | Mapping[str, float], equation: PointEquation) -> list[float]:

@@ -7,8 +7,8 @@ node.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -22,18 +22,16 @@ from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import ops_of
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
-from pc2cad.integrals.quadrature import Panels, Samples, single
+from pc2cad.integrals.quadrature import Panels, Samples
 from pc2cad.integrals.rules import (
     EXACT,
     Density,
     by_layer,
-    features_of,
-    integral,
     limits_of,
     narrowed,
-    panels_for,
     total,
 )
+from pc2cad.integrals.settling import settle
 from pc2cad.integrals.side_areas import areas_of_side, sides_in_pieces
 from pc2cad.topology.cells import Cell, directions_of
 
@@ -47,10 +45,6 @@ UNSETTLED = 0.01
 QUADRATURE = "equation (Gauss quadrature)"
 CLOSED_FORM = "equation (closed form over the rationals)"
 CLOSED_FORM_BUT_AREA = "equation (closed form; area of curved faces by Gauss quadrature)"
-
-
-#: panels of a smooth piece, and nodes of each, of areas that are taken again
-EVEN, EVEN_ORDER = 64, 8
 
 
 class NotIntegrableError(NotASolidError):
@@ -92,12 +86,10 @@ def integrate(analysis: Analysis) -> MassProperties:
         whole = exact
         moments, error = total(densities.volume, [p.rule() for p in exact]), EXACT
     else:
-        features = features_of(densities.measure, limits_of(analysis))
         limits = narrowed(analysis, limits_of(analysis))
-        whole = [panels_for(densities.volume, limits, d, features) for d in range(3)]
-        found = [integral(densities.volume, part) for part in by_layer(analysis, whole)]
-        layers, errors = [m for m, _ in found], [e for _, e in found]
-        moments, error = np.sum(layers, axis=0), max(errors)
+        found = settle(densities.volume, limits, partial(by_layer, analysis), densities.measure)
+        whole, layers, error = found.rules, found.values, found.error
+        moments = np.sum(layers, axis=0)
     watch.check()
     if not (np.isfinite(moments).all() and np.isfinite(error)):
         raise NotIntegrableError(
@@ -135,39 +127,9 @@ def _areas(
         found |= areas_of_side(densities.area_of(side[0]), analysis, side, whole)
     for patch in patches:
         if patch not in found:
-            density = densities.area_of(patch)
-            area, error = integral(density, _on_face(density, analysis, patch, whole))
-            found[patch] = float(area[0]), error
+            area = settle(densities.area_of(patch), _refined(analysis, patch, whole))
+            found[patch] = float(area.values[0][0]), area.error
     return [found[patch][0] for patch in patches], [found[patch][1] for patch in patches]
-
-
-def areas_again(analysis: Analysis, known: MassProperties) -> MassProperties:
-    """Return the integrals with every area taken anew, on even panels.
-
-    For areas that a built solid has not: `integrate` looks along lines through what stands out, and
-    a needle on a face that bends far more than the needle does stands out of nothing.
-    """
-    densities = _Densities(analysis, _centre(analysis), JacobianWatch(analysis.map))
-    areas, errors = [], [known.relative_error]
-    for face in analysis.complex.faces:
-        panels = [_even(row) for row in limits_of(analysis, face.patch)]
-        area, error = integral(densities.area_of(face.patch), panels)
-        areas.append(float(area[0]))
-        errors.append(error)
-    outer = len(known.face_areas)
-    return replace(
-        known, area=sum(areas[:outer]), face_areas=tuple(areas[:outer]), relative_error=max(errors),
-        interface_areas=tuple(areas[outer:]),
-    )  # fmt: skip
-
-
-def _even(limits: list[float]) -> Panels:
-    """Return even panels between limits, each smooth piece in as many."""
-    if limits[0] == limits[-1]:
-        return single(limits[0])
-    steps = [np.linspace(low, high, EVEN + 1)[1:] for low, high in pairwise(limits)]
-    ends = np.concatenate((limits[:1], *steps))
-    return Panels(ends, np.full(len(ends) - 1, EVEN_ORDER))
 
 
 def _mass(moments: Array, centre: Array) -> tuple[float, tuple[float, float, float]]:
@@ -284,18 +246,9 @@ def _length(x: Array, y: Array, z: Array) -> Array:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def _on_face(
-    density: Density, analysis: Analysis, patch: Cell, whole: list[Panels]
-) -> list[Panels]:
-    """Return panels for a patch; where the volume needed panels, its area may well need them."""
-    limits = limits_of(analysis, patch)
-    features = features_of(density, limits)
-    found = []
-    for direction, (low, *_, high) in enumerate(limits):
-        if low == high:
-            found.append(single(low))
-            continue
-        inner = [float(x) for x in whole[direction].limits if low < x < high]
-        refined = [*limits[:direction], [low, *inner, high], *limits[direction + 1 :]]
-        found.append(panels_for(density, refined, direction, features))
-    return found
+def _refined(analysis: Analysis, patch: Cell, whole: list[Panels]) -> list[list[float]]:
+    """Return limits on a patch: where the volume needed panels, its area may well need them."""
+    return [
+        [low, *(float(x) for x in panels.limits if low < x < high), high]
+        for (low, *_, high), panels in zip(limits_of(analysis, patch), whole, strict=True)
+    ]

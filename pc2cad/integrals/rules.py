@@ -18,7 +18,7 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.integrals.features import find_features
+from pc2cad.integrals.features import MOST_FEATURES, PEAKED, find_features
 from pc2cad.integrals.quadrature import Panels, Samples, resolve
 from pc2cad.topology.cells import Cell
 
@@ -52,7 +52,13 @@ def by_layer(analysis: Analysis, whole: list[Panels]) -> list[list[Panels]]:
 
 def features_of(density: Density, limits: list[list[float]]) -> Array:
     """Return places (m, 3) where a density stands out of its surroundings."""
-    spans = np.array([(row[0], row[-1]) for row in limits])
+    return features_in(density, np.array([(row[0], row[-1]) for row in limits]))
+
+
+def features_in(
+    density: Density, spans: Array, peaked: float = PEAKED, most: int = MOST_FEATURES
+) -> Array:
+    """Return places (m, 3) where a density stands out of its surroundings in a box (3, 2)."""
     still = spans[:, 0] == spans[:, 1]
 
     def values(places: Array) -> Array:
@@ -60,7 +66,7 @@ def features_of(density: Density, limits: list[list[float]]) -> Array:
         columns = [x[:1] if fixed else x for x, fixed in zip(places.T, still, strict=True)]
         return density(*columns).values[:, 0]
 
-    return find_features(values, spans)
+    return find_features(values, spans, peaked, most)
 
 
 def panels_for(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,13 +35,11 @@ from pc2cad.integrals.quadrature import Panels, Samples, gauss, single
 from pc2cad.integrals.rules import (
     Density,
     by_layer,
-    features_of,
-    integral,
     limits_of,
     narrowed,
-    panels_for,
     total,
 )
+from pc2cad.integrals.settling import settle
 from pc2cad.topology.cells import Cell, directions_of
 
 #: relative gap of the two ways that is none, and how often the estimated error explains one
@@ -99,9 +97,11 @@ def sensitivity(
     moving = velocity(analysis, variation)
     weigher = density if isinstance(density, FieldRate) else None
     forms = _Forms(analysis, moving, np.array(mass.centroid), weigher)
-    rules = _rules(forms)
-    rows, error = _volumes(forms, rules)
-    flux, passed = _flux(forms, rules)
+    limits = narrowed(analysis, limits_of(analysis))
+    found = settle(forms.inside, limits, partial(by_layer, analysis))
+    # (layers, 10 or 17)
+    rows, error = np.array([row[:-1] for row in found.values]), found.error
+    flux, passed = _flux(forms, found.rules)
     area, area_error = _area(forms)
     rows, flux = sign * rows, sign * flux
     error = max(error, area_error, moving.doubt())
@@ -215,20 +215,6 @@ def _det(a: Array, b: Array, c: Array) -> Array:
     return np.asarray(np.einsum("...i,...i->...", a, np.cross(b, c)))
 
 
-def _rules(forms: _Forms) -> list[Panels]:
-    """Return the rules per direction that resolve what is integrated over the box."""
-    limits = limits_of(forms.analysis)
-    features = features_of(forms.inside, limits)
-    limits = narrowed(forms.analysis, limits)
-    return [panels_for(forms.inside, limits, d, features) for d in range(3)]
-
-
-def _volumes(forms: _Forms, rules: list[Panels]) -> tuple[Array, float]:
-    """Return the integrals over each layer, (layers, 10 or 17), and their relative error."""
-    found = [integral(forms.inside, part) for part in by_layer(forms.analysis, rules)]
-    return np.array([row[:-1] for row, _ in found]), max(error for _, error in found)
-
-
 def _flux(forms: _Forms, rules: list[Panels]) -> tuple[float, float]:
     """Return the flux through all sides of the box, those that coincide included, and its parts.
 
@@ -273,11 +259,5 @@ def _area(forms: _Forms) -> tuple[float, float]:
     """Return the change of the area of all faces, and its relative error."""
     found = []
     for face in forms.analysis.boundary.faces:
-        density, limits = forms.spread(face.patch), limits_of(forms.analysis, face.patch)
-        features = features_of(density, limits)
-        panels = [
-            single(row[0]) if row[0] == row[-1] else panels_for(density, limits, d, features)
-            for d, row in enumerate(limits)
-        ]
-        found.append(integral(density, panels))
-    return sum(float(value[0]) for value, _ in found), max(error for _, error in found)
+        found.append(settle(forms.spread(face.patch), limits_of(forms.analysis, face.patch)))
+    return sum(float(face.values[0][0]) for face in found), max(face.error for face in found)
