@@ -153,7 +153,18 @@ FACTORS = {
     "apex": ((U * (1 - W), V * (1 - W), W), 1),
     "root": (swept(pc.sqrt(1 + V**2)), -1),
     "root that ends at a side": (swept(pc.sqrt(V)), -1),
-}
+    # det J vanishes on planes, lines or points inside the box or its sides
+    "four cusps": ((W * COS**3, W * SIN**3, 2 * V), 1),
+    "a slit between foci": (
+        (pc.cosh(Fraction(3, 2) * V) * COS, pc.sinh(Fraction(3, 2) * V) * SIN, W), -1
+    ),
+    "Viviani's body": (
+        (2 * W * pc.sin(PI * U) ** 2, 2 * W * pc.sin(PI * U) * pc.cos(PI * U),
+         V * pc.sqrt(4 - 4 * W**2 * pc.sin(PI * U) ** 2)), -1,
+    ),
+    "an even power": ((U, V, W * COS**4), 1),
+    "squares": ((U, V, W * (COS**2 + pc.sin(U + 3 * V) ** 2)), 1),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FACTORS)
@@ -180,6 +191,22 @@ NO_SIGN = {
 def test_factors_prove_nothing_where_the_sign_changes_or_zero_is_reached(name):
     for map_ in ((NO_SIGN[name], V, W), (V, NO_SIGN[name], W + V * U)):
         assert sign_from_factors(mapped(map_)) == 0
+
+
+#: heights of which some are negative somewhere, or nothing on a part of the box
+NO_HEIGHT = {
+    "odd power": COS**3,
+    "square less than it has to be": COS**2 - Fraction(1, 10**6),
+    "squares that do not add up": COS**2 - pc.sin(U + 3 * V) ** 2,
+    "flat on a half": (U - Fraction(1, 2) + abs(U - Fraction(1, 2))) ** 2,
+    "flat where a root is what it is of": (pc.sqrt((U - Fraction(1, 3)) ** 2) - U + 0.5) ** 2,
+    "a constant in disguise": pc.sin(pc.cos(U) ** 2 + pc.sin(U) ** 2 - 1) ** 2,
+}
+
+
+@pytest.mark.parametrize("name", NO_HEIGHT)
+def test_factors_prove_nothing_of_heights_that_are_negative_or_nothing(name):
+    assert sign_from_factors(mapped((U, V, W * NO_HEIGHT[name]))) == 0
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

@@ -64,6 +64,7 @@ def test_an_astroid_rod_is_exact():
     assert report.solid.area == pytest.approx(3 * pi / 4 + 12, rel=1e-12)
     assert {face.evidence for face in report.faces} == {"exact"}
     assert len(report.faces) == 6
+    assert report.injectivity == "proved"
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ import pc2cad as pc
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import PointEquation, point_equation
+from pc2cad.errors import NotASolidError
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.sheets import (
     Patches,
@@ -512,3 +513,24 @@ def test_long_walls_that_are_straight_one_way_are_compared():
     height = 2 + pc.sin(2 * pc.pi * 60 * U) / 50
     found = embedding((30 * U, V, W * height))
     assert found.proved, found.open
+
+
+def tube(twist, turns, radii=(Fraction(1, 5), 1)):
+    """A ring whose lines of v run round the section as u goes round the axis."""
+    around, turn = 2 * pc.pi * (twist * U + V), 2 * pc.pi * turns * U
+    r = radii[0] + (radii[1] - radii[0]) * W
+    out = 3 + r * pc.cos(around)
+    return out * pc.cos(turn), out * pc.sin(turn), r * pc.sin(around)
+
+
+@pytest.mark.parametrize(("twist", "turns"), [(1, 1), (-2, 1), (2, Fraction(1, 2))])
+def test_faces_that_go_round_are_whole_wherever_their_seams_run(twist, turns):
+    found = embedding(tube(twist, turns))
+    assert found.proved, found.open
+    assert found.cells < 1000
+
+
+@pytest.mark.parametrize(("twist", "turns"), [(1, 2), (1, Fraction(11, 10))])
+def test_faces_that_go_round_more_than_once_are_no_rectangle(twist, turns):
+    with pytest.raises(NotASolidError):
+        pc.compile_part(tube(twist, turns))

@@ -26,7 +26,6 @@ from pc2cad.geometry.carriers import (
     Line,
     Plane,
     Revolution,
-    Segment,
     Sphere,
     SplineSurface,
     Torus,
@@ -43,11 +42,10 @@ from pc2cad.geometry.sheets import (
     surface_patches,
 )
 from pc2cad.representation.boundary_model import BoundaryModel, ModelEdge, ModelFace
+from pc2cad.representation.rectangles import AT_LIMIT, Range, rectangle_of
 from pc2cad.representation.trimming import is_upwards
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
-#: sides of a rectangle of parameters are at its limits to this share of it
-AT_LIMIT = 1e-9
 #: with an axis, and a meridian in the half plane beside it
 _Turned = Cylinder | Cone | Sphere | Torus | Revolution
 #: weights that differ by less are one
@@ -110,7 +108,7 @@ def _curved(boundary: BoundaryComplex, index: int, face: ModelFace) -> Sheet | N
         patches = surface_patches(carrier)
     else:
         assert not isinstance(carrier, Plane)
-        region = _rectangle(face)
+        region = rectangle_of(face)
         if region is None:
             return None
         (a, b), uses = region
@@ -136,48 +134,17 @@ def _side(boundary: BoundaryComplex, use: EdgeUse, upwards: bool, places: Array)
 
 # -- surfaces with parameters of their own ---------------------------------------------------------
 
-_Range = tuple[float, float]
-
-
-def _rectangle(face: ModelFace) -> tuple[tuple[_Range, _Range], list[tuple[EdgeUse, bool]]] | None:
-    """Return the rectangle of parameters that a face is, and which side is what; None for others.
-
-    With each use comes whether its edge runs upwards along the side.
-    """
-    curves = [(use, c) for use, c in zip(face.uses, face.pcurves, strict=True) if c is not None]
-    segments = [(use, curve) for use, curve in curves if isinstance(curve, Segment)]
-    if len(segments) < len(curves):
-        return None
-    ends = np.array([(curve.start, curve.end) for _, curve in segments])
-    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
-    found: dict[int, tuple[EdgeUse, bool]] = {}
-    for (use, _), (start, end) in zip(segments, ends, strict=True):
-        for k, (axis, limit) in enumerate(((1, low), (0, high), (1, high), (0, low))):
-            slack = AT_LIMIT * (high - low)
-            on = np.abs(np.array([start, end])[:, axis] - limit[axis]).max() <= slack[axis]
-            along = 1 - axis
-            reach = abs(abs(end[along] - start[along]) - (high - low)[along]) <= slack[along]
-            if on and reach and k not in found:
-                found[k] = use, bool(end[along] > start[along])
-                break
-        else:
-            return None
-    if sorted(found) != [0, 1, 2, 3]:
-        return None
-    a, b = ((float(x), float(y)) for x, y in zip(low, high, strict=True))
-    return (a, b), [found[k] for k in range(4)]
-
 
 def _even(count: int) -> Array:
     return np.arange(count + 1) / count
 
 
-def _straight(a: _Range) -> Array:
+def _straight(a: Range) -> Array:
     return np.array([[[a[0], 1.0], [a[1], 1.0]]])
 
 
 def _analytic_nets(
-    carrier: AnalyticSurface, a: _Range, b: _Range
+    carrier: AnalyticSurface, a: Range, b: Range
 ) -> tuple[Array, tuple[Array, Array]]:
     """Return patches of a rectangle of parameters, and where they end along both from 0 to 1."""
     if isinstance(carrier, Extrusion):
@@ -197,7 +164,7 @@ def _analytic_nets(
     return np.ascontiguousarray(nets), (_even(len(arcs)), places)
 
 
-def _meridian(carrier: _Turned, b: _Range) -> tuple[Array, Array]:
+def _meridian(carrier: _Turned, b: Range) -> tuple[Array, Array]:
     """Return pieces (radius, height, 1) times the weight, (k, p+1, 3), and where they end."""
     if isinstance(carrier, Revolution):
         pieces, places = _curve(carrier.basis, b)
@@ -221,7 +188,7 @@ def _meridian(carrier: _Turned, b: _Range) -> tuple[Array, Array]:
     return ends[None], _even(1)
 
 
-def _curve(curve: CurveCarrier, a: _Range) -> tuple[Array, Array]:
+def _curve(curve: CurveCarrier, a: Range) -> tuple[Array, Array]:
     """Return pieces of a carrier between two parameters, and where they end from 0 to 1."""
     if isinstance(curve, Line):
         length = float(np.linalg.norm(curve.end - curve.start))
@@ -240,7 +207,7 @@ def _curve(curve: CurveCarrier, a: _Range) -> tuple[Array, Array]:
     return cut.nets, (some - a[0]) / (a[1] - a[0])
 
 
-def _conic(frame: Frame, radii: tuple[float, float], a: _Range) -> tuple[Array, Array]:
+def _conic(frame: Frame, radii: tuple[float, float], a: Range) -> tuple[Array, Array]:
     arcs = circle_pieces(*a)
     c, s, w = (arcs[..., k, None] for k in range(3))
     points = c * radii[0] * frame.axes[0] + s * radii[1] * frame.axes[1] + w * frame.origin

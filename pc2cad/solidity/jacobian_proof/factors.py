@@ -2,10 +2,15 @@
 
 det J is a polynomial in atoms: parameters, sines and cosines, roots, constants (see `normal_form`).
 Atoms that all terms share are taken out, where they keep a sign inside the box: sin(pi v) between
-its zeros, a power of the parameter in which a side collapses. In what is left each atom is a
-variable in the range that it has over the box. A polynomial lies in the convex hull of its
-Bernstein coefficients there, and these are taken in whole numbers, without any rounding; where some
-have the other sign, the ranges are halved a few times.
+its zeros, a power of the parameter in which a side collapses, an even power of any. In what is left
+each atom, or its square where all its powers are even, is a variable in the range that it has over
+the box. A polynomial lies in the convex hull of its Bernstein coefficients there, and these are
+taken in whole numbers, without any rounding; where some have the other sign, the ranges are halved
+a few times.
+
+A sign is that of det J but for a set without volume, where it may vanish: an analytic function that
+is not constant takes no value on more than that (B. Mityagin, The zero set of a real analytic
+function, 2015). Between two places of such a set det J has its sign, and degrees are counted there.
 """
 
 from __future__ import annotations
@@ -17,13 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from pc2cad.arrays import BigIntegers
+from pc2cad.arrays import BigIntegers, Integers
+from pc2cad.arrays.scatter import scattered
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import interval
-from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import PI, Expr
+from pc2cad.expression.tree import PI, Expr, walk
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.integer_bernstein import sign_inside
 
@@ -36,6 +42,13 @@ MOST_TERMS = 200
 MOST_COEFFICIENTS = 500
 DEEPEST = 4
 MOST_BOXES = 64
+#: operations that are analytic wherever they are bounded
+ANALYTIC = frozenset((
+    "number", "constant", "symbol", "add", "neg", "mul", "div", "pow", "sin", "cos", "exp", "sinh",
+    "cosh", "tanh",
+))  # fmt: skip
+#: places at which a function that is not constant has different values, u, v and w
+_PLACES = [interval(x, x) for x in scattered(8, 3).T]
 
 
 def sign_from_factors(mapping: Mapping3) -> int:
@@ -47,15 +60,20 @@ def sign_from_factors(mapping: Mapping3) -> int:
         return 0
     sign, rest = _without_factors(form)
     atoms = sorted({atom for monomial in rest for atom, _ in monomial}, key=repr)
-    degrees = [max(dict(m).get(atom, 0) for m in rest) for atom in atoms]
+    powers = np.array([[dict(m).get(atom, 0) for atom in atoms] for m in rest], dtype=int)
+    powers = powers.reshape(len(rest), len(atoms))
+    squared = (powers % 2 == 0).all(axis=0)
+    powers = np.where(squared, powers // 2, powers)
+    degrees = powers.max(axis=0).tolist()
     if math.prod(n + 1 for n in degrees) > MOST_COEFFICIENTS:
         return 0
     ranges = [_range(atom) for atom in atoms]
-    if not all(ranges):
+    known = [_squared(r) if two else r for r, two in zip(ranges, squared, strict=True) if r]
+    if len(known) < len(atoms):
         return 0
-    control = _bernstein(rest, atoms, degrees, [r for r in ranges if r is not None])
-    # inside the box parameters stay clear of their limits; other atoms may be at theirs
-    clear = tuple(axis for axis, atom in enumerate(atoms) if atom.op == "symbol")
+    control = _bernstein(list(rest.values()), powers, degrees, known)
+    # but for no volume, these stay clear of their limits; other atoms may be at theirs
+    clear = tuple(axis for axis, atom in enumerate(atoms) if _spreads(atom))
     return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * MOST_COEFFICIENTS)
 
 
@@ -75,10 +93,10 @@ def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
     powers = [dict(monomial) for monomial in form]
     sign, taken = 1, {}
     for atom in set.intersection(*(set(row) for row in powers)):
-        of_atom = _sign_inside(atom)
-        if of_atom:
-            taken[atom] = min(row[atom] for row in powers)
-            sign *= of_atom ** taken[atom]
+        of_atom, least = _sign_inside(atom), min(row[atom] for row in powers)
+        if of_atom or _spreads(atom):
+            taken[atom] = least if of_atom else least - least % 2
+            sign *= (of_atom or 1) ** taken[atom]
     rest: NormalForm = {}
     for row, coefficient in zip(powers, form.values(), strict=True):
         left = ((atom, n - taken.get(atom, 0)) for atom, n in row.items())
@@ -87,15 +105,50 @@ def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
 
 
 def _sign_inside(atom: Expr) -> int:
-    """Return the sign that an atom has everywhere inside the box, 0 where it is not known."""
+    """Return the sign that an atom has inside the box, but for no volume; 0 if it is not known."""
     if atom.op == "symbol":
         return 1
     if atom.op == "sqrt" or (atom.op == "pow" and atom.args[1].op == "number"):
+        if _is_root(atom) and _spreads(atom):
+            return 1
         return max(_sign_inside(atom.args[0]), 0) or _sign_of(_enclosure(atom))
     turns = _half_turns(atom)
     if turns is not None and math.ceil(turns[1]) - math.floor(turns[0]) == 1:
         return -1 if math.floor(turns[0]) % 2 else 1
     return _sign_of(_enclosure(atom))
+
+
+def _is_root(atom: Expr) -> bool:
+    """Say whether an atom has no negative value, wherever it has one."""
+    if atom.op == "pow" and atom.args[1].op == "number":
+        return bool(atom.args[1].payload.denominator % 2 == 0)
+    return atom.op == "sqrt"
+
+
+def _spreads(atom: Expr) -> bool:
+    """Say whether an atom takes no value on more than a set without volume.
+
+    So does what is analytic over the whole box, where it is bounded, and is not constant; and so
+    do its roots.
+    """
+    inner = atom.args[0] if _is_root(atom) else atom
+    nodes = tuple(walk((inner,)))
+    if any(node.op not in ANALYTIC for node in nodes) or _enclosure(inner) is None:
+        return False
+    if any(node.op == "pow" and not _is_whole(node.args[1]) for node in nodes):
+        return False
+    (seen,) = IntervalProgram((inner,))(dict(zip(PARAMETERS, _PLACES, strict=True)))
+    return bool(np.max(seen.lower) > np.min(seen.upper))
+
+
+def _is_whole(exponent: Expr) -> bool:
+    return exponent.op == "number" and bool(exponent.payload.denominator == 1)
+
+
+def _squared(limits: Range) -> Range:
+    """Return the limits of the squares of what lies between limits."""
+    low, high = sorted(x * x for x in limits)
+    return (Fraction(0) if limits[0] < 0 < limits[1] else low), high
 
 
 def _sign_of(limits: Range | None) -> int:
@@ -149,24 +202,21 @@ def _enclosure(atom: Expr) -> Range | None:
 
 
 def _bernstein(
-    form: NormalForm, atoms: list[Expr], degrees: list[int], ranges: list[Range]
+    numbers: list[Fraction], powers: Integers, degrees: list[int], ranges: list[Range]
 ) -> BigIntegers:
-    """Return coefficients over the ranges (`integer_bernstein`), times a positive number."""
+    """Return coefficients over the ranges (`integer_bernstein`), times a positive number.
+
+    Given are the coefficients of the terms, and their powers (terms, variables).
+    """
     rows = [_powers(degree, limits) for degree, limits in zip(degrees, ranges, strict=True)]
-    common = math.lcm(*(c.denominator for c in form.values()))
+    common = math.lcm(*(c.denominator for c in numbers))
     total: Any = np.zeros([n + 1 for n in degrees], dtype=object)
-    for monomial, coefficient in form.items():
+    for own, coefficient in zip(powers.tolist(), numbers, strict=True):
         term: Any = np.array(int(coefficient * common), dtype=object)
-        powers = _exponents(monomial, atoms)
-        for row, power in zip(rows, powers, strict=True):
+        for row, power in zip(rows, own, strict=True):
             term = np.multiply.outer(term, row[power])
         total = total + term
     return np.asarray(total, dtype=object)
-
-
-def _exponents(monomial: Monomial, atoms: list[Expr]) -> list[int]:
-    powers = dict(monomial)
-    return [powers.get(atom, 0) for atom in atoms]
 
 
 def _powers(degree: int, limits: Range) -> list[BigIntegers]:
