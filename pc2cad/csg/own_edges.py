@@ -55,11 +55,11 @@ def with_own_edges(shape: NamedShape, target: float) -> NamedShape:
 
     What cannot be had, because faces are tangent or nearly so, stays the kernel's in space.
     """
-    if not _coarse(shape, target):
+    if not _coarse(shape, target)[0]:
         return shape
     shape = copied(shape)
-    coarse = _coarse(shape, target)
-    origin, staying = coarse[0].named.points[0], []
+    coarse, origin = _coarse(shape, target)
+    staying: list[_Coarse] = []
     while coarse:
         corners = corners_of(shape, [row.named for row in coarse], origin)
         off = max(row.off for row in coarse)
@@ -82,19 +82,22 @@ def with_own_edges(shape: NamedShape, target: float) -> NamedShape:
     return shape
 
 
-def _coarse(shape: NamedShape, target: float) -> list[_Coarse]:
-    """Return the edges between bodies that are farther than `target` off a face."""
+def _coarse(shape: NamedShape, target: float) -> tuple[list[_Coarse], Array]:
+    """Return the edges between bodies that are farther than `target` off a face.
+
+    Their functions are relative to the place (3,) that comes with them.
+    """
     edges = [
         edge for edge in edges_between(shape)
         if _bodies(edge, 0).isdisjoint(_bodies(edge, 1))
     ]  # fmt: skip
-    origin = edges[0].points[0] if edges else None
+    origin = edges[0].points[0] if edges else np.zeros(3)
     functions = edge_functions(shape, edges, origin)
     found = [
         _Coarse(edge, function, float(np.max(_gaps(function)[1])))
         for edge, function in zip(edges, functions, strict=True)
     ]
-    return [row for row in found if row.off > target]
+    return [row for row in found if row.off > target], origin
 
 
 def _bodies(edge: NamedEdge, side: int) -> set[str]:
