@@ -39,6 +39,7 @@ from pc2cad.csg.ways import compile_bodies
 from pc2cad.equation.point_equation import Expectations, PointEquation
 from pc2cad.errors import KernelError, PointCadError
 from pc2cad.expression.tree import number
+from pc2cad.options import CompileOptions
 from pc2cad.part import Body
 from pc2cad.templates.bodies import Bodies, Operation, Pattern
 from pc2cad.templates.patterns import Placement
@@ -199,7 +200,10 @@ def _ours(kind: str, first: Body, second: Body, placement: Placement, path: Path
         checked = halved(body.checked)
         return body if checked is body.checked else compile_checked(checked).body
 
-    part = compile_bodies(bodies, lambda equation, tell: parts[equation.name], halve)
+    def fit(body: Body, tolerance: float) -> Body:
+        return compile_checked(body.checked, CompileOptions(tolerance)).body
+
+    part = compile_bodies(bodies, lambda equation, tell: parts[equation.name], halve, fit)
     part.write(path)
     return part.volume
 

@@ -51,9 +51,13 @@ def compile_solid(
             checked = halved(body.checked)
             return body if checked is body.checked else compile_checked(checked, options).body
 
-        return compile_bodies(
-            equation, lambda body, tell: compile_solid(body, options, tell).body, halve, progress
-        )
+        def fit(body: Body, tolerance: float) -> Body:
+            return compile_checked(body.checked, replace(options, tolerance=tolerance)).body
+
+        def compile_body(body: PointEquation, tell: Progress) -> Body:
+            return compile_solid(body, options, tell).body
+
+        return compile_bodies(equation, compile_body, halve, fit, progress)
     from pc2cad.validation import check_thickness
 
     stages = Stages(progress)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi
 from pathlib import Path
 
 import numpy as np
 import pytest
+from consumers.freecad_reader import freecad, read_in_freecad
 from numpy.polynomial.legendre import leggauss
 
 import pc2cad as pc
 from pc2cad.arrays import Array
+from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.csg.edge_curves import DEGREE, common_curve, path_along
 from pc2cad.geometry.jets import CurveFunction, EdgeFunction, Jet, Sizes, SurfaceFunction, Trace
 from pc2cad.geometry.splines.spline_basis import spline_values
@@ -276,3 +279,83 @@ def test_a_hole_across_the_seam_of_an_ellipsoid(tmp_path: Path) -> None:
     assert max(curve.surface_distance for curve in report.curves) < 1e-7
     (way,) = (text for text in report.warnings if "in halves" in text)
     assert "reads back" in way
+
+
+def over_a_disc(height: Callable[[Array, Array], Array], x: float, radius: float) -> float:
+    """Return the integral of a polynomial over the disc about (x, 0)."""
+    nodes, weights = leggauss(12)
+    r, turn = radius / 2 * (nodes + 1), np.arange(24) * (pi / 12)
+    at = height(x + r[:, None] * np.cos(turn), r[:, None] * np.sin(turn))
+    return float(radius / 2 * (weights * r) @ at.mean(axis=1)) * 2 * pi
+
+
+def test_edges_are_found_anew_whether_the_first_of_them_is_or_not() -> None:
+    """The kernel's first edge is a circle, and right; those of the curved top are 1e-7 off."""
+    slab = ("4*(u - 1/2)", "4*(v - 1/2)", "w*(1 + u^2*v^3/3)")
+    text = BORED.format(body=slab, x="3/10", r="7/10", low=-2, high=4)
+    report = pc.compile_equation(parse_template(text, "slab").bind()).report
+    taken = over_a_disc(lambda x, y: 1 + (x / 4 + 0.5) ** 2 * (y / 4 + 0.5) ** 3 / 3, 0.3, 0.7)
+    assert report.solid.volume == pytest.approx(16 * (1 + 1 / 36) - taken, rel=1e-9)
+    circle, *others = report.curves
+    assert circle.evidence == "exact"
+    assert len(others) == 2
+    assert all(edge.evidence == "bounded" for edge in others)
+    assert max(edge.surface_distance for edge in others) < 1e-8
+
+
+@pytest.mark.slow
+def test_a_bored_ring_whose_sides_run_into_one_another_reads_back(tmp_path: Path) -> None:
+    """Its sides are of degree 10, fast at their ends, where each closes with a turn."""
+    along = "(5 + 2*(v - 1/2)*cos(pi*u/2) - 2*(w - 1/2)*sin(pi*u/2))"
+    ring = (
+        f"{along}*cos(2*pi*u)", f"{along}*sin(2*pi*u)",
+        "2*(v - 1/2)*sin(pi*u/2) + 2*(w - 1/2)*cos(pi*u/2)",
+    )  # fmt: skip
+    text = BORED.format(body=ring, x="27/5", r="3/2", low=-2, high=4)
+    part = pc.compile_equation(parse_template(text, "ring").bind())
+    part.write(tmp_path / "ring.step")
+    found = pc.receipt(tmp_path / "ring.step")
+    assert found["sound"]
+    assert found["solids"][0]["volume"] == pytest.approx(part.volume, rel=1e-9)
+
+
+VOLUTE = """
+title = "Volute and diffuser"
+result = "union(volute, diffuser)"
+[let]
+rho = "8 + 30*u"
+end = "3*pi/2"
+[[bodies]]
+name = "volute"
+[bodies.solid]
+x = "(110 + rho + (rho + 6)*w*cos(2*pi*v))*cos(end*u)"
+y = "(110 + rho + (rho + 6)*w*cos(2*pi*v))*sin(end*u)"
+z = "(rho + 6)*w*sin(2*pi*v)"
+[[bodies]]
+name = "diffuser"
+[bodies.solid]
+x = "(148 + (38*(1 + 2/5*u) + 6)*w*cos(2*pi*v))*cos(end) - 220*u*sin(end)"
+y = "(148 + (38*(1 + 2/5*u) + 6)*w*cos(2*pi*v))*sin(end) + 220*u*cos(end)"
+z = "(38*(1 + 2/5*u) + 6)*w*sin(2*pi*v)"
+"""
+
+
+@pytest.mark.slow
+def test_where_a_spline_ends_on_another_face_it_is_fitted_closer(tmp_path: Path) -> None:
+    """Within the default tolerance the edge is 5e-6 off: strict checks find that."""
+    part = pc.compile_equation(parse_template(VOLUTE, "volute").bind())
+    nodes, weights = leggauss(5)
+    u, share = (nodes + 1) / 2, weights / 2
+    rho = 8 + 30 * u
+    turned = 3 * pi / 2 * share @ (pi * (rho + 6) ** 2 * (110 + rho))
+    straight = 220 * share @ (pi * (44 + 15.2 * u) ** 2)
+    assert part.volume == pytest.approx(turned + straight, rel=1e-10)
+    (edge,) = part.report.curves
+    assert edge.surface_distance < KERNEL_TOLERANCE
+    (told,) = part.report.warnings
+    assert "volute within 1e-07 mm" in told
+    part.write(tmp_path / "volute.step")
+    if freecad():
+        (found,) = read_in_freecad([tmp_path / "volute.step"], tmp_path)
+        assert found["valid"], found["complaint"]
+        assert found["volume"] == pytest.approx(part.volume, rel=1e-10)

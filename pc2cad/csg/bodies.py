@@ -140,7 +140,7 @@ class _Joining:
         #: how near edges between bodies come to their faces
         self._near = max(NEAR * min(KERNEL_TOLERANCE, *tolerances), ROUNDING * self._size)
         #: what two faces or edges of bodies may be apart, whose equations have them in one place
-        self.one = 2 * max(_known(part) for part in parts.values())
+        self.one = 2 * max(known_within(part) for part in parts.values())
 
     def join(self, tree: Tree) -> _Joined:
         """Return a body or a Boolean, with all that it is made of."""
@@ -251,7 +251,7 @@ class _Joining:
         return _Joined(f"step {len(self.steps)}", result, found)
 
 
-def _known(part: Body) -> float:
+def known_within(part: Body) -> float:
     """Return how far a body's faces and edges are from its equation's at most."""
     model = part.model
     faces = max(face.deviation for face in model.faces)
