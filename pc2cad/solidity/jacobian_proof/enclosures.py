@@ -26,6 +26,7 @@ from pc2cad.expression.breaks import find_breaks, resolve_pieces
 from pc2cad.expression.centred import Centred, CentredProgram
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.evaluation import Program
+from pc2cad.expression.exact import exact
 from pc2cad.expression.intervals import ULP, Interval
 from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.parameters import PARAMETERS
@@ -106,11 +107,12 @@ def _cells(mapping: Mapping3) -> Iterator[tuple[Mapping3, tuple[tuple[float, flo
         yield mapping, ((0, 1),) * 3
         return
     for spans in product(*(pairwise(axis) for axis in axes)):
-        change = {
-            name: number(low) + number(high - low) * symbol(name)
-            for name, (low, high) in zip(PARAMETERS, spans, strict=True)
-        }
-        x, y, z = resolve_pieces(substitute(mapping.coordinates, change))
+        change, trees = {}, mapping.coordinates
+        for name, (low, high) in zip(PARAMETERS, spans, strict=True):
+            # pieces beyond the cell first: there may be many
+            trees = resolve_pieces(trees, (name, exact(low), exact(high)))
+            change[name] = number(low) + number(high - low) * symbol(name)
+        x, y, z = resolve_pieces(substitute(trees, change))
         yield Mapping3((x, y, z), mapping.parameters), spans
 
 

@@ -32,8 +32,8 @@ from pc2cad.solidity.jacobian_proof.determinant import determinant
 MOST_PRODUCTS = 6
 #: terms of a function of one parameter of which powers are taken out
 MOST_TERMS = 60
-#: boxes per direction, if need be
-BOXES = (32, 128, 256)
+#: boxes per direction, if need be, and the least between two breaks
+BOXES = ((32, 1), (128, 4), (256, 16))
 #: boxes of w, in which walls are thin, are so many times fewer
 FEWER = 8
 ORDER = 3
@@ -142,11 +142,11 @@ def _refined(
     sign_in: Callable[[list[Place]], int], names: tuple[str, ...], breaks: list[tuple[float, ...]]
 ) -> int:
     """Return the sign that is proved on boxes, more and more of them; 0 where none is."""
-    for count in BOXES:
+    for count, least in BOXES:
         counts = [max(1, count // FEWER) if name == PARAMETERS[2] else count for name in names]
-        found = sign_in([_boxes(n, b) for n, b in zip(counts, breaks, strict=True)])
+        found = sign_in([_boxes(n, least, b) for n, b in zip(counts, breaks, strict=True)])
         # where it vanishes on a side, no number of boxes is enough
-        if found or (count == BOXES[0] and not sign_in([_ends(b) for b in breaks])):
+        if found or (least == 1 and not sign_in([_ends(b) for b in breaks])):
             return found
     return 0
 
@@ -189,9 +189,11 @@ def _ends(breaks: tuple[float, ...]) -> Place:
     return Place(centre, half, half)
 
 
-def _boxes(count: int, breaks: tuple[float, ...]) -> Place:
-    """Return equal boxes of [0, 1], cut at the breaks."""
-    points = distinct(np.concatenate((np.linspace(0.0, 1.0, count + 1), breaks)))
+def _boxes(count: int, least: int, breaks: tuple[float, ...]) -> Place:
+    """Return equal boxes of [0, 1], cut at the breaks: at least so many between any two."""
+    ends = np.array([0.0, *breaks, 1.0])
+    inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(least) / least
+    points = distinct(np.concatenate((np.linspace(0.0, 1.0, count + 1), inner.ravel())))
     half = np.diff(points) / 2 * (1 + 1e-12) + 2 * UNIT
     return Place((points[1:] + points[:-1]) / 2, half, half)
 
