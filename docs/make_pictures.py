@@ -16,7 +16,6 @@ from typing import Any
 from pc2cad.cli.main import main as pc2cad
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
-EXAMPLES = FOLDER.parents[1] / "examples"
 PYRAMID = ["--size", "640x520"]
 CHANNEL = ["--view", "1.6,-0.35,1.0", "--size", "800x520", "--colours"]
 
@@ -53,7 +52,7 @@ PICTURES: dict[str, list[str]] = {
     "gear": ["gear", *PYRAMID, "--colours"],
     "gear_tooth": ["gear_tooth", *PYRAMID, "--colours"],
     "bolt": ["bolt", *PYRAMID, "--colours"],
-    "propeller_blade": [str(EXAMPLES / "propeller_blade.toml"), *PYRAMID, "--colours"],
+    "propeller_blade": ["propeller_blade", *PYRAMID, "--colours"],
     "deviation": ["channel_ellipse", "--view", "1.6,-0.35,1.0", "--map", "deviation"],
     "thickness": ["channel_sine", "--view", "1.7,-0.25,0.9", "--map", "thickness"],
 }

@@ -14,8 +14,8 @@ from pc2cad.templates.shipped import bodies_paths, template_paths
 #: with many faces or many poles, a second or more each: tests of every template leave them to the
 #: slow ones
 LONG = (
-    "bellows", "duct", "figure_of_eight", "layered_pipe", "spring", "square_to_round",
-    "stellarator_wall", "trefoil",
+    "bellows", "duct", "figure_of_eight", "layered_pipe", "propeller_blade", "spring",
+    "square_to_round", "stellarator_wall", "trefoil",
 )  # fmt: skip
 
 every_template = pytest.mark.parametrize(

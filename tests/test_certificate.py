@@ -39,7 +39,8 @@ NEGATIVE = {
     "channel_sine", "channel_contour", "pyramid", "pyramid_cut", "pyramid_sum",
     "pyramid_truncated", "simplex_ball", "simplex_cone", "simplex_hyperboloid",
     "simplex_paraboloid", "duct", "figure_of_eight", "layered_pipe", "spring", "square_to_round",
-    "trefoil", "bellows", "coil", "disc_cam", "stellarator_wall", "wigley_hull",
+    "trefoil", "bellows", "coil", "disc_cam", "propeller_blade", "stellarator_wall",
+    "wigley_hull",
 }  # fmt: skip
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -139,7 +138,7 @@ def test_other_parts_have_the_volume_of_their_closed_form(name: str) -> None:
     assert all(face.evidence in ("exact", "bounded") for face in report.faces)
 
 
-BLADE = Path(__file__).parent.parent / "examples" / "propeller_blade.toml"
+BLADE = template_paths()["propeller_blade"]
 
 
 def blade_volume(D: float, Z: int, EAR: float, edge: float) -> float:

@@ -12,7 +12,7 @@ from pc2cad.cli.typeset import definition_latex
 from pc2cad.equation.language import read_expression
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr, symbol
+from pc2cad.expression.tree import Expr, as_expr, symbol
 from pc2cad.templates.coordinatewise import coordinate_system
 from pc2cad.templates.file import parse_template, read_template
 from pc2cad.templates.shipped import find_template, template_paths
@@ -82,9 +82,11 @@ def evaluate_row(text: str, template: Template, trees: dict[str, Expr], values) 
 def check_rows(template: Template) -> None:
     trees = coordinates(template)
     solid = dict(zip(("x_M", "y_M", "z_M"), template.M.coordinates, strict=True))
-    for u, v, w in PLACES:
-        values = {"u": u, "v": v, "w": w}
-        values |= {p.name: evaluate(p.default, {}) for p in template.parameters}
+    for place in PLACES:
+        values = {p.name: evaluate(p.default, {}) for p in template.parameters}
+        for name, share, ends in zip("uvw", place, template.domain, strict=True):
+            low, high = (evaluate(as_expr(end), values) for end in ends)
+            values[name] = low + (high - low) * share
         for expansion in coordinate_system(template):
             for row in expansion.rows:
                 name = row.name if row.name in (trees | solid) else row.name.rstrip("_")
