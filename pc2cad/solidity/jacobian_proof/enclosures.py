@@ -107,7 +107,8 @@ def _cells(mapping: Mapping3) -> Iterator[tuple[Mapping3, tuple[tuple[float, flo
         yield mapping, ((0, 1),) * 3
         return
     for spans in product(*(pairwise(axis) for axis in axes)):
-        change, trees = {}, mapping.coordinates
+        change: dict[str, Expr] = {}
+        trees: tuple[Expr, ...] = mapping.coordinates
         for name, (low, high) in zip(PARAMETERS, spans, strict=True):
             # pieces beyond the cell first: there may be many
             trees = resolve_pieces(trees, (name, exact(low), exact(high)))
