@@ -15,7 +15,10 @@ from OCP.BRep import BRep_Tool
 from OCP.Geom import (
     Geom_BSplineCurve,
     Geom_BSplineSurface,
+    Geom_Circle,
     Geom_Curve,
+    Geom_ElementarySurface,
+    Geom_Ellipse,
     Geom_Line,
     Geom_Surface,
 )
@@ -44,6 +47,9 @@ STEP = np.pi / 3
 ACCURACY = 1e-13
 #: the same on splines, whose trimming curves are the kernel's and no better
 TRIMMED_ACCURACY = 1e-9
+#: nodes with which a Gauss rule on a piece of an angle leaves less than rounding of waves of up to
+#: six times the angle: a^2n (n!)^4 2^(2n+1) / ((2n+1) (2n)!^3) is 1e-18 for n = 12, a = 6 STEP/2
+ENOUGH = 12
 #: places that are evaluated at once
 CHUNK = 200_000
 
@@ -64,7 +70,6 @@ def trimmed_flux(
     if not strips:
         return np.zeros(width)
     cells = np.concatenate([strip.cells(float(i)) for i, strip in enumerate(strips)])
-    reach = max(strip.reach for strip in strips)
 
     def rule(cells: Array, orders: tuple[int, ...]) -> Array:
         result = np.empty((len(cells), width))
@@ -72,6 +77,11 @@ def trimmed_flux(
             own = cells[:, -1] == i
             result[own] = strip.sums(cells[own], *orders)
         return result
+
+    if isinstance(surface, Geom_ElementarySurface) and all(s.path.is_level for s in strips):
+        # waves and powers of low degree in a and in b
+        return np.asarray(rule(cells, (ENOUGH, ENOUGH)).sum(axis=0))
+    reach = max(strip.reach for strip in strips)
 
     def scale(sizes: Array) -> Array:
         return form.worth(sizes[1] + np.finfo(float).tiny, reach)
@@ -105,6 +115,12 @@ class _Path:
     @property
     def ends(self) -> Array:
         return self.curve.jet(np.array(self.span))[0]
+
+    @property
+    def is_level(self) -> bool:
+        """Whether it is a line along a."""
+        breaks, (slope, *_) = self.curve.breaks, self.curve.jet(np.zeros(1))[1]
+        return self.curve.degree == 1 and breaks is not None and not len(breaks) and slope[1] == 0.0
 
     @property
     def is_upright(self) -> bool:
@@ -239,6 +255,9 @@ def plane_moments(
         return np.asarray(product(moments(t), weights))
     pieces = 1 if basis.breaks is not None else max(1, int(np.ceil((last - first) / STEP)))
     cuts = distinct(np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)]))
+    if isinstance(curve, Geom_Circle | Geom_Ellipse):
+        t, weights = gauss_on(cuts, ENOUGH)
+        return np.asarray(product(moments(t), weights))
 
     def rule(cells: Array, orders: tuple[int, ...]) -> Array:
         t, weights = _nodes(cells, orders[0])

@@ -54,7 +54,7 @@ def with_cusps(
     for direction, row in enumerate(breaks):
         places = [
             place
-            for place in _along(mapping, direction)
+            for place in _along(mapping, direction, [b.position for b in row])
             if all(abs(place - b.position) > SAME_POSITION for b in row)
         ]
         both = [*row, *(Break(place, 0) for place in places)]
@@ -62,14 +62,14 @@ def with_cusps(
     return tuple(result)
 
 
-def _along(mapping: Mapping3, direction: int) -> tuple[float, ...]:
+def _along(mapping: Mapping3, direction: int, known: list[float]) -> tuple[float, ...]:
     slopes = mapping.derivatives[direction]
     if any(
         tree.symbols.isdisjoint({PARAMETERS[direction]}) and tree is not ZERO for tree in slopes
     ):
         return ()
     found: list[float] = []
-    for low, high in _vanishing(mapping, direction):
+    for low, high in _vanishing(mapping, direction, known):
         place = _turning_point(mapping, direction, low, high)
         if place is not None and all(abs(place - other) > SAME_POSITION for other in found):
             found.append(place)
@@ -94,11 +94,15 @@ def _slow_parts(mapping: Mapping3, direction: int) -> Array:
     return np.asarray(at[:-1][fast])
 
 
-def _vanishing(mapping: Mapping3, direction: int) -> list[tuple[float, float]]:
-    """Return the shortest parts of the first line in which the tangent may vanish."""
-    low, width = _slow_parts(mapping, direction), 1 / _PARTS
+def _vanishing(mapping: Mapping3, direction: int, known: list[float]) -> list[tuple[float, float]]:
+    """Return the shortest parts of the first line in which the tangent may vanish.
+
+    At breaks that are `known` it jumps: parts end beside them.
+    """
+    low = _slow_parts(mapping, direction)
     if not 0 < len(low) <= _MOST_PARTS:
         return []
+    low, high = _cut(low, low + 1 / _PARTS, known)
     ask = IntervalProgram(mapping.derivatives[direction])
     others = [d for d in range(3) if d != direction]
     boxes = {
@@ -106,26 +110,37 @@ def _vanishing(mapping: Mapping3, direction: int) -> list[tuple[float, float]]:
         for d, x in zip(others, _LINES[0], strict=True)
     }
     for _ in range(_HALVINGS):
-        boxes[PARAMETERS[direction]] = Interval(low, low + width)
+        boxes[PARAMETERS[direction]] = Interval(low, high)
         zero = np.ones(len(low), dtype=bool)
         for value in ask(boxes):
             zero &= (value.lower <= 0) & (value.upper >= 0)
-        low = low[zero]
+        low, high = low[zero], high[zero]
         if not 0 < len(low) <= _MOST_PARTS:
             return []
-        width /= 2
-        low = np.stack((low, low + width), axis=1).ravel()
-    return _joined(low, width)
+        middle = (low + high) / 2
+        low, high = (np.stack(x, axis=1).ravel() for x in ((low, middle), (middle, high)))
+    return _joined(low, high)
 
 
-def _joined(low: Array, width: float) -> list[tuple[float, float]]:
+def _cut(low: Array, high: Array, known: list[float]) -> tuple[Array, Array]:
+    """Return parts cut at known places, which they no longer hold."""
+    for place in known:
+        inside = (low <= place) & (place <= high)
+        low = np.concatenate((low, np.full(inside.sum(), place + SAME_POSITION)))
+        high = np.concatenate((np.where(inside, place - SAME_POSITION, high), high[inside]))
+    order = np.argsort(low, kind="stable")
+    order = order[low[order] < high[order]]
+    return low[order], high[order]
+
+
+def _joined(low: Array, high: Array) -> list[tuple[float, float]]:
     """Return parts that follow one another as one."""
     parts: list[tuple[float, float]] = []
-    for a in low.tolist():
-        if parts and a - parts[-1][1] <= 16 * width:
-            parts[-1] = (parts[-1][0], a + width)
+    for a, b in zip(low.tolist(), high.tolist(), strict=True):
+        if parts and a - parts[-1][1] <= 16 * (b - a):
+            parts[-1] = (parts[-1][0], b)
         else:
-            parts.append((a, a + width))
+            parts.append((a, b))
     return parts
 
 

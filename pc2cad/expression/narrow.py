@@ -8,6 +8,8 @@ places that are looked at, however narrow it is. What changes everywhere tells n
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans
@@ -32,10 +34,14 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
 
     The trees' symbols run from 0 to 1 each. Empty where no function does.
     """
-    nodes = tuple(node for node in walk(trees) if name in node.symbols and _is_steep(node))
+    nodes = frozenset(node for node in walk(trees) if name in node.symbols and _is_steep(node))
+    return _limits(nodes, name) if nodes else np.empty(0)
+
+
+@lru_cache(maxsize=256)  # the faces and edges of a part are made of few such functions
+def _limits(functions: frozenset[Expr], name: str) -> Array:
+    nodes = tuple(functions)
     found: list[Array] = []
-    if not nodes:
-        return np.empty(0)
     whole = Interval(np.array(0.0), np.array(1.0))
     boxes = {p: whole for p in PARAMETERS if p != name}
     ask = IntervalProgram(nodes, boxes.copy())
@@ -59,7 +65,9 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
         width /= 2**STEP
         low = (low[:, None] + width * np.arange(2**STEP)).ravel()
     limits = distinct(np.concatenate([np.empty(0), *found]))
-    return np.asarray(limits[(limits > 0) & (limits < 1)])
+    limits = np.asarray(limits[(limits > 0) & (limits < 1)])
+    limits.flags.writeable = False
+    return limits
 
 
 def _wide(lower: Array, upper: Array, span: Array) -> Booleans:
