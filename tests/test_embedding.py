@@ -490,6 +490,20 @@ def test_a_root_at_a_corner_is_bounded_and_proved():
     assert report.solid.volume == pytest.approx(volume, rel=1e-4)
 
 
+@pytest.mark.slow
+def test_roots_at_four_corners_are_bounded_and_proved():
+    """Parameters are slow at both ends, and near them small numbers are told from rounding."""
+    root = pc.sqrt(U * (1 - U) + V * (1 - V))
+    report = pc.compile_part((U, V, W * (1 + (1 + U * V) * root)), tolerance=1e-4).report
+    assert (report.evidence, report.injectivity) == ("bounded", "proved")
+    # half a ball without four halves of caps, and 5/4 of it, as u v is 1/4 but for what is odd
+    radius = math.sqrt(0.5)
+    cap = radius - 0.5
+    part = 2 * math.pi / 3 * (radius**3 - cap**2 * (3 * radius - cap))
+    assert report.equation.volume == pytest.approx(1 + 1.25 * part, rel=1e-11)
+    assert report.solid.volume == pytest.approx(1 + 1.25 * part, rel=1e-6)
+
+
 def test_a_face_by_its_lines_is_whole():
     """The ends of its range are 0 and 1 but for rounding: no patch of that length is made."""
     r = (1 + W) * pc.sqrt(1 + (2 * V - 1) ** 2)

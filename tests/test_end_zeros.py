@@ -11,6 +11,7 @@ import pytest
 import pc2cad as pc
 from pc2cad.domain.map import local_map
 from pc2cad.equation.point_equation import point_equation
+from pc2cad.expression.end_roots import take_out_ends
 from pc2cad.expression.end_zeros import take_out_zeros
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.power_series import series_at_zero
@@ -49,6 +50,21 @@ def test_coefficients_are_enclosed_and_what_is_left_bounded(name: str) -> None:
     (values,) = Program((tree,))({"u": x})
     off = np.abs(values - np.polynomial.polynomial.polyval(x, coefficients[:-1]))
     assert np.all(off <= found.largest[-1, 0] * x ** (len(coefficients) - 1) + 1e-15)
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_sums_that_vanish_at_a_corner_keep_their_digits(flip: bool) -> None:
+    slow_u, slow_v = (t * t * (3 - 2 * t) for t in (u, v))
+    radicand = 2 - slow_u - slow_v if flip else slow_u * (1 - slow_u) + slow_v * (1 - slow_v)
+    (found,) = take_out_ends((pc.sqrt(radicand),))
+    h = 2.0 ** -np.arange(10, 50)
+    (values,) = Program((found,))({"u": 1 - h, "v": 1 - 2 * h})
+    # 1 - t²(3-2t) is (1-t)²(1+2t)
+    first, second = h**2 * (3 - 2 * h), 4 * h**2 * (3 - 4 * h)
+    wanted = first + second if flip else first * (1 - first) + second * (1 - second)
+    assert values == pytest.approx(np.sqrt(wanted), rel=1e-14)
+    (other,) = take_out_ends((pc.sqrt(radicand + 1),))
+    assert other is pc.sqrt(radicand + 1)
 
 
 #: radicand, and its orders at 0 and 1

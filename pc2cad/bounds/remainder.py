@@ -36,7 +36,7 @@ MOST_BOXES = 4096
 #: cells along each of two parameters in the boxes that are looked at first where cells are many
 COARSE = 8
 #: halvings of cells
-DEEPEST = 12
+DEEPEST = 16
 #: degrees by which all cells may be raised at a time until no more than this share is bad: each
 #: leaves a sixth of the error, which is cheaper than halving
 RAISED = 4

@@ -7,6 +7,7 @@ sine (or cosine) reaches 1 at a limit are written with atan2, whose derivatives 
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import product
 
 from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.sign_changes import sign_changes
@@ -73,12 +74,50 @@ def _factored(node: Expr) -> Expr:
             coefficients = shorter
             outside = outside * (1 - t) ** exponent.numerator
         form = {((t, k),) if k else (): c for k, c in enumerate(coefficients) if c}
-    if outside is ONE and below is node.args[0]:
+    inside = _zeros_told(form)
+    if inside is None and outside is ONE and below is node.args[0]:
         return node
-    inside = _tree(form)
+    inside = _tree(form) if inside is None else inside
     if inside is ONE:
         return outside
     return outside * (call("sqrt", inside) if node.op == "sqrt" else power(inside, node.args[1]))
+
+
+def _zeros_told(form: NormalForm) -> Expr | None:
+    """Return a sum of polynomials in one parameter each with their zeros at ends as factors.
+
+    Where all of them vanish at a corner at which 1-t is small, the rounding of sums would be taken
+    for the value of the root. None where that is no corner, or the polynomial no such sum.
+    """
+    names = {name: [Fraction(0)] for name in sorted({a.payload for m in form for a, _ in m})}
+    if len(names) < 2 or any(len(monomial) > 1 for monomial in form):
+        return None
+    for monomial, coefficient in form.items():
+        for atom, exponent in monomial:
+            row = names[atom.payload]
+            row += [Fraction(0)] * (exponent + 1 - len(row))
+            row[exponent] += coefficient
+    constant = form.get((), Fraction(0))
+    for corner in product((0, 1), repeat=len(names)):
+        if 1 in corner:
+            offsets = [sum(row) if end else row[0]
+                       for end, row in zip(corner, names.values(), strict=True)]  # fmt: skip
+            if sum(offsets) + constant == 0:
+                rows = zip(names.items(), offsets, strict=True)
+                parts = [_by_zeros([row[0] - off, *row[1:]], symbol(n)) for (n, row), off in rows]
+                return sum(parts, start=ZERO)
+    return None
+
+
+def _by_zeros(coefficients: list[Fraction], t: Expr) -> Expr:
+    """Return a polynomial in t as a product with powers of t and 1-t, as high as there are."""
+    start = end = 0
+    while len(coefficients) > 1 and coefficients[0] == 0:
+        coefficients, start = coefficients[1:], start + 1
+    while (shorter := _without_end(coefficients, 1)) is not None:
+        coefficients, end = shorter, end + 1
+    rest = _tree({((t, k),) if k else (): c for k, c in enumerate(coefficients) if c})
+    return t**start * (1 - t) ** end * rest
 
 
 def _arc(node: Expr) -> Expr:
