@@ -48,7 +48,8 @@ from pc2cad.templates.shipped import template_paths
 #: templates whose faces in many pieces, or splines of thousands of poles, take minutes a Boolean
 LEFT_OUT = (
     "bellows", "channel_contour", "channel_ellipse", "channel_sine", "coil", "duct", "gerotor",
-    "helical_channel", "layered_pipe", "spring", "square_to_round", "stellarator_wall", "trefoil",
+    "helical_channel", "layered_pipe", "propeller_blade", "spring", "square_to_round",
+    "stellarator_wall", "trefoil",
 )  # fmt: skip
 KINDS = ("union", "cut", "intersect")
 #: how large each body is made (mm), what volumes may differ by, of the larger body's, and how
