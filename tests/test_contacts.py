@@ -33,6 +33,10 @@ def rod(r: float, x: float, y: float, z: tuple[float, float]) -> str:
     )
 
 
+def tube(inner: float, outer: float, z: tuple[float, float]) -> str:
+    return rod(1, 0, 0, z).replace("1*w", f"({inner} + ({outer} - {inner})*w)")
+
+
 def ring(major: float, minor: float, z: float) -> str:
     out = f"({major} + {minor}*w*cos(2*pi*v))"
     return f'x = "{out}*cos(2*pi*u)"\ny = "{out}*sin(2*pi*u)"\nz = "{z} + {minor}*w*sin(2*pi*v)"'
@@ -134,6 +138,12 @@ SOUND = [
                  None, id="rings in circles"),
     pytest.param("union(a, b)", {"a": rod(1, 0, 0, (0, 2)), "b": ball(1)},
                  2 * np.pi + 2 / 3 * np.pi, id="round end", marks=slow),
+    pytest.param("cut(a, b)", {"a": rod(1, 0, 0, (-1, 1)), "b": rod(1, 2, 0, (-0.5, 0.5))},
+                 2 * np.pi, id="rods side by side, of which one stays"),
+    pytest.param("intersect(a, b)", {"a": rod(2, 0, 0, (-2, 2)), "b": tube(1.999, 3, (-1, 1))},
+                 2 * np.pi * (4 - 1.999**2), id="a ring narrower than any grid"),
+    pytest.param("cut(a, b)", {"a": rod(2, 0, 0, (-2, 2)), "b": tube(1.99999, 3, (-1, 1))},
+                 16 * np.pi - 2 * np.pi * (4 - 1.99999**2), id="a groove as narrow", marks=slow),
 ]  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array, Booleans
 from pc2cad.brep.booleans import NamedShape
-from pc2cad.brep.from_kernel import curve_function, surface_function
+from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
 from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_vertex
 from pc2cad.topology.cells import SideKey
 
@@ -151,7 +151,23 @@ def _face(
         return np.array([state != TopAbs_OUT for state in found], dtype=bool)
 
     places = low + _middles(2) * (high - low)
-    return Piece(names, jet, low, high, places[holds(places)], holds, _box(face), edges, ends)
+    places = places[holds(places)]
+    if not len(places):  # it is narrower than what lies between them
+        places = np.clip(_border(face), low, high)
+    return Piece(names, jet, low, high, places, holds, _box(face), edges, ends)
+
+
+def _border(face: TopoDS_Face) -> Array:
+    """Return places along the edges of a face, in its parameters, (n, 2)."""
+    edges = IndexedMapOfShape()
+    TopExp.MapShapes_s(face, TopAbs_EDGE, edges)
+    found = []
+    for index in range(1, edges.Extent() + 1):
+        edge = as_edge(edges.FindKey(index))
+        first, last = BRep_Tool.Range_s(edge)
+        path = path_function(BRep_Tool.CurveOnSurface_s(edge, face, first, last))
+        found.append(path.jet(np.linspace(first, last, ALONG))[0])
+    return np.concatenate(found)
 
 
 def _edge(

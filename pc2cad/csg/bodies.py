@@ -239,10 +239,14 @@ class _Joining:
             check_merged((first.shape, second.shape), self.one, known, about)
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {EMPTY[kind]}")
-        result = with_own_edges(result, self._near)
+        exactly = abs(gap) + ADD_UP * (a + b)
+        if kind == "cut" and not other.solids and abs(gap) <= ADD_UP * (a + b):
+            result = first.shape  # the kernel may have left a mark where the bodies touch
+        else:
+            result = with_own_edges(result, self._near)
         found = self._integrals(result.shape)
         common = found.volume if kind == "intersect" else held
-        lie = relation(a, b, common, slack)
+        lie = relation(a, b, common, exactly)
         if kind == "cut" and lie is Relation.APART:
             self.idle.append(name)
         words = sentence(kind, lie, a, b, common, found.volume)
