@@ -7,7 +7,6 @@ Exit codes: 0 done, 2 bad input, 3 not a solid, 4 tolerance not reached, 5 kerne
 from __future__ import annotations
 
 import argparse
-import logging
 import os
 import sys
 import warnings
@@ -21,6 +20,7 @@ from pc2cad.cli.interruption import expect_interruptions, ignore_interruptions, 
 from pc2cad.cli.output import complain, complain_at_length, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
 from pc2cad.trust.isolation import forget_current_folder
+from pc2cad.trust.processes import keep_freed_memory
 
 INTERRUPTED: Final = 130
 BROKEN_PIPE: Final = 141
@@ -49,7 +49,7 @@ GUARDED: Final = (
     "build", "check", "sensitivities", "adjust", "mesh", "render", "view", "points", "spline",
     "verify",
 )  # fmt: skip
-#: verbs with products so small that further threads would only wait
+#: verbs with arrays so small that further threads would only wait, and of NumPy alone
 SMALL: Final = ("verify",)
 
 
@@ -102,14 +102,14 @@ def make_parser(only: str | None = None) -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the versions and exit")
-    verbs = parser.add_subparsers(metavar="VERB", dest="verb", required=True)
+    verbs = parser.add_subparsers(prog=parser.prog, metavar="VERB", dest="verb", required=True)
     for name, purpose in VERBS.items():
+        if only not in (None, name):
+            continue
         verb = verbs.add_parser(
             name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.",
             allow_abbrev=False,
         )  # fmt: skip
-        if only not in (None, name):
-            continue
         module = import_module(f"pc2cad.cli.{name}")
         module.add_arguments(verb)
         if name in GUARDED:
@@ -128,7 +128,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         if argv is None and not sys.warnoptions and not _debugging():
             # stderr is for our own sentences
             warnings.simplefilter("ignore")
-            logging.disable()
         code = _run(argv)
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -165,6 +164,11 @@ def _run(argv: Sequence[str] | None) -> int:
         return ended
     if arguments.verb in SMALL:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        keep_freed_memory()
+    elif not sys.warnoptions and not _debugging():
+        import logging  # which libraries load that a small verb does not need
+
+        logging.disable()
     with insistent():
         return int(arguments.run(arguments))
 

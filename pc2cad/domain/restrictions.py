@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import groupby, islice, pairwise
 from math import prod
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,12 +23,15 @@ from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.simplification import cancel
 from pc2cad.expression.tree import Expr, substitute, walk
-from pc2cad.geometry.recognition.separable_form import Separation, separate
-from pc2cad.geometry.splines.adaptive_knots import DirectionRules
 from pc2cad.geometry.splines.bernstein import chebyshev_nodes, degree_in, to_powers
 from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
-from pc2cad.geometry.splines.spline_space import SplineSpace, bezier_space
 from pc2cad.topology.cells import Cell, directions_of
+
+# who only asks for trees, as `verify` does, needs neither forms nor spaces
+if TYPE_CHECKING:
+    from pc2cad.geometry.recognition.separable_form import Separation
+    from pc2cad.geometry.splines.adaptive_knots import DirectionRules
+    from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: unit of rounding of double precision
 UNIT = 2.0**-53
@@ -142,6 +146,8 @@ class RestrictedMap:
 
         It is exact algebra, and dear: ask `may_be_exact` or `may_be_swept` first.
         """
+        from pc2cad.geometry.recognition.separable_form import separate
+
         return separate(*self.trees)
 
     def may_be_exact(self, axis: int) -> bool:
@@ -256,6 +262,8 @@ class DirectionClasses:
 
     def rules(self, piece: Piece) -> DirectionRules:
         """Return the rules of the class that a piece belongs to."""
+        from pc2cad.geometry.splines.adaptive_knots import DirectionRules
+
         owner = self.owner(piece)
         members = [p for p in self._pieces() if self.owner(p) == owner]
         breaks: dict[float, Break] = {}
@@ -324,6 +332,8 @@ def polynomial_space(
     None also where the kernel could not evaluate it: it goes by powers within a span, and those of
     a Chebyshev polynomial of degree 15 lose nine digits, those of u^15 none.
     """
+    from pc2cad.geometry.splines.spline_space import SplineSpace, bezier_space
+
     trees, names = function.trees
     inner = [b for b in breaks if 0 < b.position < 1]
     points = [0.0, *(b.position for b in inner), 1.0]

@@ -365,17 +365,18 @@ def walk(
     opened: set[Expr] = set()
     stack = list(reversed(roots))
     while stack:
-        node = stack[-1]
+        node = stack.pop()
+        if node in seen:
+            continue
         if node not in opened:
-            opened.add(node)
             args = node.args if below is None else below(node)
             if args:
+                opened.add(node)
+                stack.append(node)
                 stack += args[::-1]
                 continue
-        stack.pop()
-        if node not in seen:
-            seen.add(node)
-            yield node
+        seen.add(node)
+        yield node
 
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:

@@ -17,6 +17,9 @@ from pc2cad.errors import KernelError
 _PR_SET_PDEATHSIG = 1
 #: allocations between two looks for cycles, of a process that works for long
 _ALLOCATIONS = 100_000
+#: `mallopt`: free bytes at the end of the heap that go back (M_TRIM_THRESHOLD), and size from which
+#: a block is asked for by itself (M_MMAP_THRESHOLD), the largest that it takes
+_KEEP = {-1: 1 << 28, -3: 1 << 25}
 
 
 class LimitReachedError(KernelError):
@@ -94,6 +97,20 @@ def end_with_parent() -> None:
 
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def keep_freed_memory() -> None:
+    """Let arrays that are freed leave their memory to the next ones (the C library of Linux).
+
+    It would give larger ones back, and ask the system for new pages, each of which is filled with
+    nought first: a fifth of the time where arrays of a megabyte come and go.
+    """
+    if sys.platform == "linux":
+        import ctypes
+
+        with suppress(OSError, AttributeError):
+            for option, size in _KEEP.items():
+                ctypes.CDLL(None).mallopt(option, size)
 
 
 def keep_what_is_loaded() -> None:

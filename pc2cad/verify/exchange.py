@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +26,8 @@ LARGEST_ID: Final = 10**15
 # a comment ends at its first '*/' and nowhere else, so that there is one way to match it
 _SPACE = r"(?:\s|/\*(?:[^*]|\*(?!/))*\*/)*"
 _REAL = r"[+-]?\d+\.\d*(?:E[+-]?\d+)?"
+#: one of no more than `LONGEST_NUMBER` characters
+_SHORT = r"[+-]?\d{1,25}\.\d{0,30}(?:E[+-]?\d{1,3})?"
 _TOKEN = re.compile(
     rf"{_SPACE}(?:(?P<number>[+-]?\d+(?:\.\d*(?:E[+-]?\d+)?)?)|#(?P<ref>\d+)|"
     r"(?P<mark>[(),;=$*])|'(?P<text>(?:[^'\x00-\x08\x0b\x0c\x0e-\x1f]|'')*)'|"
@@ -35,8 +36,8 @@ _TOKEN = re.compile(
 )
 #: most instances of a file: a point or a direction without a name
 _POINT = re.compile(
-    rf"\s*#(\d+)\s*=\s*(CARTESIAN_POINT|DIRECTION)\s*\(\s*''\s*,\s*"
-    rf"\(\s*({_REAL})\s*,\s*({_REAL})\s*(?:,\s*({_REAL})\s*)?\)\s*\)\s*;"
+    rf"\s*#(\d{{1,15}})\s*=\s*(CARTESIAN_POINT|DIRECTION)\s*\(\s*''\s*,\s*"
+    rf"\(\s*({_SHORT})\s*,\s*({_SHORT})\s*(?:,\s*({_SHORT})\s*)?\)\s*\)\s*;"
 )
 #: and most lists: poles by their numbers, and knots or weights
 _REFERENCES = re.compile(r"\s*\(\s*#\d{1,15}(?:\s*,\s*#\d{1,15})*\s*\)")
@@ -152,14 +153,7 @@ class _Reader:
 
     def _data(self, instances: dict[int, Parts]) -> None:
         while True:
-            found = _POINT.match(self._text, self._at)
-            if found:
-                key, word, *places = found.groups()
-                if places[2] is None:
-                    del places[2]
-                self._add(instances, self._id(key), {word: ("", self._reals(places))})
-                self._at = found.end()
-                continue
+            self._points(instances)
             if self._ends("ENDSEC"):
                 return
             token = self._next()
@@ -167,6 +161,17 @@ class _Reader:
                 raise self.fail(f"'#' and a number are needed, not '{token.group().strip()[:20]}'")
             self._mark("=")
             self._add(instances, self._id(token["ref"]), self._parts())
+
+    def _points(self, instances: dict[int, Parts]) -> None:
+        """Read points and directions, as long as one follows another."""
+        match, text = _POINT.match, self._text
+        while found := match(text, self._at):
+            key, word, x, y, z = found.groups()
+            row = (float(x), float(y)) if z is None else (float(x), float(y), float(z))
+            if max(row) > LARGEST_NUMBER or min(row) < -LARGEST_NUMBER:
+                raise self.fail("a number that is too large")
+            self._add(instances, self._id(key), {word: ("", row)})
+            self._at = found.end()
 
     def _add(self, instances: dict[int, Parts], key: int, parts: Parts) -> None:
         if key in instances:
@@ -201,7 +206,7 @@ class _Reader:
         for pattern, read in ((_REFERENCES, self._references), (_REALS, self._reals)):
             found = pattern.match(self._text, begin)
             if found:
-                values = read(found.group().strip()[1:-1].split(","))
+                values = read(found.group().strip()[1:-1])
                 self._at = found.end()
                 return values
         if not opened:
@@ -244,12 +249,13 @@ class _Reader:
 
     def _number(self, text: str) -> int | float:
         if "." in text:
-            return self._reals([text])[0]
+            return self._reals(text)[0]
         if len(text) > 18:
             raise self.fail("a whole number of more than 18 digits")
         return int(text)
 
-    def _reals(self, texts: Sequence[str]) -> tuple[float, ...]:
+    def _reals(self, row: str) -> tuple[float, ...]:
+        texts = row.split(",")
         if max(map(len, texts)) > LONGEST_NUMBER:
             texts = [text.strip() for text in texts]
         if max(map(len, texts)) <= LONGEST_NUMBER:
@@ -258,8 +264,12 @@ class _Reader:
                 return values
         raise self.fail("a number that is too large")
 
-    def _references(self, texts: Sequence[str]) -> tuple[Ref, ...]:
-        return tuple(self._reference(text.strip()[1:]) for text in texts)
+    def _references(self, row: str) -> tuple[Ref, ...]:
+        found = tuple(map(Ref, row.replace("#", "").split(",")))
+        if not min(found) > 0:
+            raise self.fail("an instance's number that is out of range")
+        self._wanted.update(found)
+        return found
 
     def _reference(self, text: str) -> Ref:
         found = Ref(self._id(text))

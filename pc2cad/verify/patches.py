@@ -23,8 +23,8 @@ from pc2cad.verify.surfaces import Surface
 
 #: of the length of a parameter: levels that differ by less are one
 _LOOSE = 1e-7
-_CHUNK = 200_000
-_CACHED = 25_000
+#: places that are taken at a time: few enough for a processor's own memory
+_CHUNK = 12_000
 _MOST_POINTS, _MOST_EXACT = 3_000_000, 100_000
 #: relative difference of two rules; of polynomials it is that of the area alone
 _SETTLED, _ENOUGH = 1e-13, 1e-11
@@ -296,15 +296,11 @@ def _integrate(
     total = np.zeros(17)
     # as wide as long, so that few poles count for each
     wide = min(len(v), isqrt(_CHUNK))
-    rows, few = (count // wide for count in (_CHUNK, _CACHED))
+    rows = _CHUNK // wide
     starts = pairs(range(0, len(u), rows), range(0, len(v), wide))
     for part, own in ((slice(a, a + rows), slice(b, b + wide)) for a, b in starts):
-        place, along_u, along_v = surface.grid(u[part], v[own])
         weight = u_weights[part, None] * v_weights[None, own]
-        for k in range(0, len(weight), few):
-            some = slice(k, k + few)
-            jet = place[some], along_u[some], along_v[some]
-            total += sums(jet, weight[some], origin, corner)
+        total += sums(surface.grid(u[part], v[own]), weight, origin, corner)
     return moments_of(total, np.inf)
 
 

@@ -86,7 +86,7 @@ class Records:
             for key in self._by_keyword.get(word, ()):
                 values = self._instances[key][word]
                 row = values[-1] if values else None
-                if not isinstance(row, tuple) or any(type(x) not in (int, float) for x in row):
+                if not isinstance(row, tuple) or not _NUMBERS.issuperset(map(type, row)):
                     found.append(Ref(key))
         return found
 

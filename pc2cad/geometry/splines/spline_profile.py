@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from pc2cad.geometry.splines.arcs import Wave
 from pc2cad.options import DEFAULTS, CompileOptions
+
+if TYPE_CHECKING:
+    from pc2cad.geometry.splines.arcs import Wave
 
 #: the kernel's largest degree of a Bézier or B-spline
 LARGEST_DEGREE = 25
