@@ -372,8 +372,7 @@ def walk(
             args = node.args if below is None else below(node)
             if args:
                 opened.add(node)
-                stack.append(node)
-                stack += args[::-1]
+                stack += (node, *args[::-1])
                 continue
         seen.add(node)
         yield node
