@@ -233,9 +233,11 @@ M = "N + ((R-N)*cos(2*pi*v) + (Q-N)*sin(2*pi*v))*(10 + depth(w))"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["channel_ellipse", "cone", "layered"])
+@pytest.mark.parametrize(
+    "name", ["channel_ellipse", "cone", "layered", "naca_wing", "simplex_ball", "simplex_torus"]
+)
 def test_fields_of_parameters_are_read_back_in_strict_mode(name: str, tmp_path: Path) -> None:
-    """M inverted within the function: along a guide, across layers, round an apex and an axis."""
+    """M inverted within the function: along a guide, across layers, round poles of all kinds."""
     if name == "layered":
         name = str(tmp_path / "layered.toml")
         Path(name).write_text(LAYERED)

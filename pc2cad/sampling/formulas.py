@@ -22,6 +22,8 @@ from pc2cad.sampling.newton import Inversion
 
 #: what a field may be off, as a share of its values' span
 TOLERANCE = 1e-9
+#: how often a formula is held against the field, with more seeds where it missed
+TRIES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,21 +82,24 @@ class Inversions:
         return FieldFormula(writer.made(value=value), 0.0, 0)
 
     def _by_steps(self, field: LocalField) -> FieldFormula:
+        for _ in range(TRIES):
+            places = np.concatenate([self.inverse.places() for _ in range(2)])
+            formula = self._written(field)
+            points = self._analysis.map.points(*places.T)
+            worst, span = off(self._analysis, field, formula, points, places)
+            if worst <= TOLERANCE * span:
+                return FieldFormula(formula, worst, len(places))
+            self.inverse.learn(places)
+        raise NoFormulaError(f"the formula is {worst:.2g} off, and may be {TOLERANCE * span:.2g}")
+
+    def _written(self, field: LocalField) -> Formula:
         mapping = self._analysis.map
         writer = Writer(field.field.name, COORDINATES)
         local = writer.call(self.inverse.formula, 0, 1, 2)[:3]
         own = writer.trees(mapping.parameters, dict(zip(PARAMETERS, local, strict=True)))
         names = dict(zip(SYMBOLS, (*own, 0, 1, 2), strict=True))
         (value,) = writer.trees(simplified(field.field.components), names)
-        formula = writer.made(value=value)
-        places = np.concatenate([self.inverse.places() for _ in range(2)])
-        points = mapping.points(*places.T)
-        worst, span = off(self._analysis, field, formula, points, places)
-        if not worst <= TOLERANCE * span:
-            raise NoFormulaError(
-                f"the formula is {worst:.2g} off, and may be {TOLERANCE * span:.2g}"
-            )
-        return FieldFormula(formula, worst, len(places))
+        return writer.made(value=value)
 
 
 def off(

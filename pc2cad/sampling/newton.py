@@ -26,10 +26,13 @@ from pc2cad.sampling.inversion import closed_directions
 from pc2cad.topology.cells import directions_of, normal_direction
 
 #: places that are looked at at once, and so many times in a row without a miss
-LOOKED_AT, CLEAN = 2000, 4
+LOOKED_AT, CLEAN = 2000, 8
 #: seeds at most, those in one formula, and the share of misses below which they are put singly
 MOST_SEEDS, TOGETHER, FEW = 600, 32, 0.001
+#: steps within which a point is met
 MOST_STEPS = 16
+#: and after that, at least
+AFTER = 4
 #: the longest step, as a share of the box
 FARTHEST = 0.5
 #: of a step, those that are tried
@@ -40,8 +43,8 @@ NEAREST = 1e-4
 RING = 0.1
 #: what one step leaves of that distance at least
 NEARER = 0.0625
-#: places that are tried round a pole and on the way to it, and the steps before
-ROUND, ACROSS, ROUGH = 6, 4, 4
+#: places that are tried round a pole and on the way to it, how often, and the steps before each
+ROUND, ACROSS, ROUNDS, ROUGH = 6, 4, 2, 4
 #: digits of the seeds
 _DIGITS = 6
 
@@ -68,13 +71,22 @@ class Inversion:
                 self._turns |= {*directions_of(side.patch)} - {side.along}
         # seeds round a pole stand on one ring: the nearest one is the right one then
         self._room = np.where(self._poles, [[RING], [1 - RING]], [[0.0], [1.0]])
-        self._newton = self._step()
+        self._careful, self._bold = (self._step(shares) for shares in (SHARES, SHARES[:1]))
+        self._seeds, self._on_poles = self._grids()
         self.formula = self._whole(*self._arriving())
 
-    def _step(self) -> Formula:
+    def learn(self, places: Array) -> None:
+        """Put seeds where the formula misses places, and look for more; raise NoFormulaError."""
+        square = self.formula(*self._analysis.map.points(*places.T).T)[3]
+        far = ~(square <= self.near**2)
+        if far.any():
+            self._add(places[far])
+        self.formula = self._whole(*self._arriving())
+
+    def _step(self, shares: Sequence[float]) -> Formula:
         """Return one of Newton's steps, from a place of the box to the next, for a point.
 
-        Of the whole step and shares of it, the one that ends nearest to the point.
+        Of some shares of the step, the one that ends nearest to the point.
         """
         mapping = self._analysis.map
         writer = Writer("newton", (*COORDINATES, *PARAMETERS))
@@ -92,7 +104,7 @@ class Inversion:
             steps.append(writer.add("min", writer.add("max", step, back), far))
         places = (
             [self._moved(writer, d, step, share) for d, step in enumerate(steps)]
-            for share in SHARES
+            for share in shares
         )
         least, best = self._best(writer, places)
         return writer.made(**dict(zip(PARAMETERS, best, strict=True)), gap=least)
@@ -154,31 +166,37 @@ class Inversion:
 
         Seeds stand in ever finer grids, until few places are missed; then where these are.
         """
-        clean, count, (seeds, on_poles) = 0, 1, self._grids()
-        seek = self._seek(seeds)
+        clean, count, seek = 0, 1, self._seek(self._seeds)
         while clean < CLEAN:
             places = self.places()
             taken, missed = self._descents(places, seek)
             count, clean = max(count, taken), clean + 1
             if missed.any():
-                more = np.clip(places[missed], *self._room)
-                for d in range(3) if on_poles else ():
-                    if d in self._turns or self._poles[:, d].any():
-                        more[:, d] = seeds[0, d]
-                near, far = (self._analysis.map.points(*x.T) for x in (more, seeds))
-                more = more[_apart(near, far, max(4, len(seeds) // 8))]
-                seeds, clean = np.concatenate((seeds, more)), 0
-                if len(seeds) > MOST_SEEDS:
-                    raise NoFormulaError(self._not_from(len(seeds), places[missed][0]))
-                seek = self._seek(seeds)
+                self._add(places[missed])
+                clean, seek = 0, self._seek(self._seeds)
         return seek, count
+
+    def _add(self, missed: Array) -> None:
+        """Add those of some places to the seeds that are far from them."""
+        more, seeds = np.clip(missed, *self._room), self._seeds
+        for d in range(3) if self._on_poles else ():
+            if d in self._turns or self._poles[:, d].any():
+                more[:, d] = seeds[0, d]
+        near, far = (self._analysis.map.points(*x.T) for x in (more, seeds))
+        more = more[_apart(near, far, max(4, len(seeds) // 8))]
+        self._seeds = np.concatenate((seeds, more))
+        if len(self._seeds) > MOST_SEEDS:
+            shown = self._analysis.map.shown(missed[0])
+            raise NoFormulaError(
+                f"Newton's steps from {len(self._seeds)} seeds do not arrive at {shown}"
+            )
 
     def _grids(self) -> tuple[Array, bool]:
         """Return the first grid of places (n, 3) that misses few, or the best; is it on poles.
 
         Round poles they stand all round, or on the pole: the middle of what lies round it.
         """
-        best, least, finer = (np.empty((0, 3)), False), np.inf, 1
+        best, least, finer = (1, False), np.inf, 1
         while least > FEW and finer <= MOST_SEEDS:
             for on_poles in (True, False) if self._turns else (False,):
                 seeds = self._grid(finer, on_poles)
@@ -187,15 +205,14 @@ class Inversion:
                 places = self.places()[:: LOOKED_AT // 400]
                 share = float(self._descents(places, self._seek(seeds))[1].mean())
                 if share < least:
-                    best, least = (seeds, on_poles), share
+                    best, least = (finer, on_poles), share
             finer *= 2
         if not np.isfinite(least):
             raise NoFormulaError(f"even a coarse grid has more than {MOST_SEEDS // 2} seeds")
-        return best
-
-    def _not_from(self, seeds: int, missed: Array) -> str:
-        shown = self._analysis.map.shown(missed)
-        return f"Newton's steps from {seeds} seeds do not arrive at {shown}"
+        # what few places miss, fewer miss from seeds twice as near
+        finer, on_poles = best
+        grids = [self._grid(x, on_poles) for x in (2 * finer, finer)]
+        return next(grid for grid in grids if len(grid) <= MOST_SEEDS // 2), on_poles
 
     def _grid(self, finer: int, on_poles: bool) -> Array:
         """Return places (n, 3) of the box, so many along each direction as it is long."""
@@ -225,11 +242,11 @@ class Inversion:
         """Return after how many steps all places are found that are, and which are not."""
         points = self._analysis.map.points(*places.T)
         missed, most = np.ones(len(points), dtype=bool), 0
-        for place in self._starts(self._call, seek(*points.T), *points.T):
+        for place, step in self._starts(self._call, seek(*points.T), *points.T):
             active = np.flatnonzero(missed)
             place = [x[active] for x in place]
             for k in range(MOST_STEPS):
-                *place, square = self._newton(*points[active].T, *place)
+                *place, square = step(*points[active].T, *place)
                 far = ~(square <= self.near**2)
                 if not far.all():
                     most = max(most, k + 1)
@@ -238,16 +255,23 @@ class Inversion:
                 if not len(active):
                     break
         # each step squares the errors; others may need more
-        return min(2 * most, MOST_STEPS), missed
+        return most + max(AFTER, most), missed
 
-    def _starts(self, call: Any, place: Any, *point: Any) -> Iterator[Any]:
-        """Yield places from which steps begin: as it is, and where there are poles round these."""
-        yield place
+    def _starts(self, call: Any, place: Any, *point: Any) -> Iterator[tuple[Any, Formula]]:
+        """Yield places from which steps begin: as it is, and where there are poles round these.
+
+        And the steps from there. The nearest place is no way to the point where M leaves a pole
+        with a parameter's square along one line and at once along another: steps are whole there.
+        """
+        yield place, self._careful
         if self._turns:
             place = call(self._scan, *point, *place)
-            for _ in range(ROUGH):
-                *place, _ = call(self._newton, *point, *place)
-            yield call(self._scan, *point, *place)
+            for _ in range(ROUNDS):
+                for _ in range(ROUGH):
+                    *place, _ = call(self._careful, *point, *place)
+                place = call(self._scan, *point, *place)
+            yield place, self._careful
+            yield place, self._bold
 
     @staticmethod
     def _call(formula: Formula, *given: Array) -> list[Array]:
@@ -255,13 +279,13 @@ class Inversion:
 
     @cached_property
     def _scan(self) -> Formula:
-        """Return the best of places all round the poles, none of them near one."""
+        """Return the best of places all round the poles, as near to these as now or less near."""
         writer = Writer("round", (*COORDINATES, *PARAMETERS))
         rows = []
         for d in range(3):
             count = ROUND if d in self._turns else ACROSS if self._poles[:, d].any() else 0
             tried = [writer.constant((k + 0.5) / count) for k in range(count)]
-            rows.append(tried or [3 + d])
+            rows.append(tried if d in self._turns else [*tried, 3 + d])
         _, best = self._best(writer, product(*rows))
         return writer.made(**dict(zip(PARAMETERS, best, strict=True)))
 
@@ -283,18 +307,20 @@ class Inversion:
     def _whole(self, seek: Formula, count: int) -> Formula:
         """Return u, v and w, local, of a point, and the square of how far it is from M there."""
         writer = Writer("inverse", COORDINATES)
-        best, least, descent = list[int](), -1, self._descent(count)
-        for place in self._starts(writer.call, writer.call(seek, 0, 1, 2), 0, 1, 2):
-            *found, gap = writer.call(descent, 0, 1, 2, *place)
+        best, least = list[int](), -1
+        descents = {step: self._descent(step, count) for step in (self._careful, self._bold)}
+        for place, step in self._starts(writer.call, writer.call(seek, 0, 1, 2), 0, 1, 2):
+            *found, gap = writer.call(descents[step], 0, 1, 2, *place)
             least, best = lesser(writer, gap, found, least, best) if best else (gap, found)
         return writer.made(**dict(zip(PARAMETERS, best, strict=True)), gap=least)
 
-    def _descent(self, count: int) -> Formula:
+    @staticmethod
+    def _descent(step: Formula, count: int) -> Formula:
         """Return so many steps."""
         writer = Writer("descent", (*COORDINATES, *PARAMETERS))
         place, gap = [3, 4, 5], 0
         for _ in range(count):
-            *place, gap = writer.call(self._newton, 0, 1, 2, *place)
+            *place, gap = writer.call(step, 0, 1, 2, *place)
         return writer.made(**dict(zip(PARAMETERS, place, strict=True)), gap=gap)
 
 
