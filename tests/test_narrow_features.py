@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from math import atan, erf, pi, sqrt
 
 import numpy as np
@@ -122,3 +123,19 @@ def test_no_aim_is_ever_far_below_what_was_asked():
     assert len(aims) == TRIES
     assert min(np.divide(aims[1:], aims[:-1])) >= 1 / UNSEEN
     assert aims[:3] == [1e-8] * 3
+
+
+def test_a_ridge_at_the_place_of_an_image_is_no_overlap():
+    """Images at v = 0.3 lie outside of a mesh whose corners do not show the ridge."""
+    sharp, place = 10**5, 0.3
+    r = 1 + Fraction(96, 100) * pc.exp(-sharp * (V - Fraction(3, 10)) ** 2)
+    report = pc.compile_part(
+        (r * W * pc.cos(2 * pc.pi * U), r * W * pc.sin(2 * pc.pi * U), V)
+    ).report
+    assert report.injectivity == "proved"
+    once, twice = (
+        sqrt(pi / k) / 2 * (erf(sqrt(k) * place) + erf(sqrt(k) * (1 - place)))
+        for k in (sharp, 2 * sharp)
+    )
+    volume = pi * (1 + 2 * 0.96 * once + 0.96**2 * twice)
+    assert report.solid.volume == pytest.approx(volume, rel=1e-9)

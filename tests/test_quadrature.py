@@ -139,3 +139,13 @@ def test_a_needle_that_stands_out_of_nothing_but_its_surroundings_is_integrated(
     k = sqrt(sharp)
     ways = [sqrt(pi) / (2 * k) * (erf(k * x) + erf(k * (1 - x))) for x in (0.3711, 0.6289)]
     check(integrated((U, V, W * (4 + waves + 0.1 * needle))), 4 + 0.1 * ways[0] * ways[1])
+
+
+@pytest.mark.parametrize("sharp", [1000, 10**5])
+def test_a_needle_that_moves_the_centroid_alone_is_integrated(sharp):
+    # both ends of w rise by as much: det J is 1 all over
+    needle = pc.exp(-sharp * ((U - 0.3711) ** 2 + (V - 0.6289) ** 2))
+    found = integrated((U, V, W + needle))
+    assert found.volume == pytest.approx(1, rel=1e-13)
+    rise = pi / sharp
+    assert found.centroid == pytest.approx((0.5, 0.5, 0.5 + rise), rel=1e-11)

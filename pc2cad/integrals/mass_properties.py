@@ -221,10 +221,12 @@ class _Densities:
         return Samples(np.moveaxis(values, 0, -1), size, points, np.stack(tangents))
 
     def measure(self, u: Array, v: Array, w: Array) -> Samples:
-        """Return det J alone, and note no sign."""
-        a, b, c = self.analysis.map.tangents((0, 1, 2), u, v, w)
-        values = np.einsum("...i,...i->...", a, np.cross(b, c))
-        return Samples(values[..., None], np.abs(values))
+        """Return det J and (M - centre) det J, and note no sign."""
+        points, a, b, c = self.analysis.map.frame(u, v, w)
+        values = np.einsum("...i,...i->...", a, np.cross(b, c))[..., None]
+        with np.errstate(all="ignore"):
+            moments = (points - self.centre) * values
+        return Samples(np.concatenate((values, moments), axis=-1), np.abs(values[..., 0]))
 
     def area_of(self, patch: Cell) -> Density:
         """Return the function that gives |M_s × M_t| on a patch."""

@@ -20,6 +20,7 @@ from pc2cad.integrals.rules import (
     Density,
     features_in,
     features_of,
+    in_one,
     integral,
     panels_for,
 )
@@ -91,7 +92,8 @@ def _settled_on(
 
 def _boxes_that_differ(density: Density, rules: list[Panels]) -> list[Array]:
     """Return the limits (3, 2) of the boxes of panels in which two rules differ most."""
-    coarse, fine = (_sums(density, rules, grow) for grow in (1.0, 1.5))
+    one = in_one(density, np.array([p.limits[[0, -1]] for p in rules]))
+    coarse, fine = (_sums(one, rules, grow) for grow in (1.0, 1.5))
     gaps = np.abs(fine - coarse)
     least = SETTLED * float(np.abs(fine).mean())
     boxes = []
@@ -104,15 +106,15 @@ def _boxes_that_differ(density: Density, rules: list[Panels]) -> list[Array]:
     return boxes
 
 
-def _sums(density: Density, rules: list[Panels], grow: float) -> Array:
-    """Return the integral of the first integrand over each box of panels, (n, m, l)."""
+def _sums(one: Callable[[Array, Array, Array], Array], rules: list[Panels], grow: float) -> Array:
+    """Return the integral of a function over each box of panels, (n, m, l)."""
     (u, wu), (v, wv), (w, ww) = (p.rule(grow) for p in rules)
     first = [_first_nodes(p, grow) for p in rules]
     step = max(1, SLAB_POINTS // (len(v) * len(w)))
     rows = []
     for i in range(0, len(u), step):
         part = slice(i, i + step)
-        values = density(*open_grid(u[part], v, w)).values[..., 0] * wv[:, None] * ww
+        values = one(*open_grid(u[part], v, w)) * wv[:, None] * ww
         rows.append(np.add.reduceat(np.add.reduceat(values, first[2], axis=2), first[1], axis=1))
     found = np.concatenate(rows) * wu[:, None, None]
     return np.asarray(np.add.reduceat(found, first[0], axis=0))

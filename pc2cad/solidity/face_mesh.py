@@ -15,7 +15,7 @@ from itertools import groupby
 
 import numpy as np
 
-from pc2cad.arrays import Array, Integers
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap, sampled
 from pc2cad.expression.tree import walk
@@ -70,6 +70,17 @@ class FaceMesh:
         pairs = np.stack((np.stack((g[:-1, :-1], g[:-1, 1:]), 2),
                           np.stack((g[1:, :-1], g[1:, 1:]), 2)), 2)  # fmt: skip
         return pairs.reshape(-1, 2, 2, 3)
+
+    def beside(self, places: Array) -> Booleans:
+        """Say which cells (n, m) hold a parameter of some places of the box (k, 3)."""
+        found = np.zeros(self.shape, dtype=bool)
+        for axis, (d, piece) in enumerate(self.function.pieces):
+            low, high = self.function.analysis.span(d, piece)
+            share = (places[:, d] - low) / (high - low)
+            share = share[(share >= 0) & (share <= 1)]
+            rows = np.minimum((share * self.shape[axis]).astype(int), self.shape[axis] - 1)
+            np.moveaxis(found, axis, 0)[rows] = True
+        return found
 
     def refined(self, chosen: Integers, count: int) -> Array:
         """Return the corners of the count² parts of some cells, (cells·count², 2, 2, 3)."""

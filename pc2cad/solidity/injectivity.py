@@ -91,12 +91,12 @@ def _check_images(analysis: Analysis, mesh: _Mesh) -> int:
     doubtful = np.flatnonzero(winding_numbers(flat, mesh.triangles) != 1)
     # a wall thinner than the mesh is good for makes every image doubtful: look into some
     some = doubtful[:: -(-len(doubtful) // MOST_DOUBTS) or 1]
-    wrong = mesh.first_contradiction(flat[some], 1)
+    where = np.unravel_index(some, images.shape[:3])
+    places = np.stack([row[i] for row, i in zip(nodes, where, strict=True)], axis=-1)
+    wrong = mesh.first_contradiction(flat[some], 1, places)
     if wrong is not None:
-        index = int(some[wrong[0]])
-        where = np.unravel_index(index, images.shape[:3])
-        place = [float(row[i]) for row, i in zip(nodes, where, strict=True)]
-        _refuse(analysis, place, flat[index], wrong[1])
+        index = int(wrong[0])
+        _refuse(analysis, places[index].tolist(), flat[some[index]], wrong[1])
     return len(flat) - len(doubtful) + len(some)
 
 
@@ -131,20 +131,24 @@ class _Mesh:
         """Largest distance seen between the mesh and the faces."""
         return max(face_mesh.error for face_mesh in self.face_meshes)
 
-    def first_contradiction(self, points: Array, expected: int) -> tuple[int, int] | None:
+    def first_contradiction(
+        self, points: Array, expected: int, places: Array | None = None
+    ) -> tuple[int, int] | None:
         """Return the first point whose winding number is not as expected, and that number.
 
         A ray that runs along an edge of the mesh crosses neither of its triangles, so that rays of
-        a second direction have to agree.
+        a second direction have to agree. `places` (n, 3) are the box's own of the points, if known.
         """
-        first = self._contradiction(points, expected, seed=0)
+        places = np.full((len(points), 3), np.nan) if places is None else places
+        first = self._contradiction(points, places, expected, seed=0)
         if first is None:
             return None
-        again = self._contradiction(points[first[0] :], expected, seed=1)
+        rest = slice(first[0], None)
+        again = self._contradiction(points[rest], places[rest], expected, seed=1)
         return None if again is None else (first[0] + again[0], again[1])
 
     def _contradiction(
-        self, points: Array, expected: int, seed: int, level: int = 0
+        self, points: Array, places: Array, expected: int, seed: int, level: int = 0
     ) -> tuple[int, int] | None:
         """Return the first contradiction of rays of one direction.
 
@@ -153,21 +157,26 @@ class _Mesh:
         """
         count, batch = REFINEMENTS[level]
         for start in range(0, len(points), batch):
-            part = points[start : start + batch]
-            numbers = winding_numbers(part, self._local(part, count, seed), seed)
+            rows = slice(start, start + batch)
+            part = points[rows]
+            numbers = winding_numbers(part, self._local(part, places[rows], count, seed), seed)
             left = np.flatnonzero(numbers != expected)
             if len(left) == 0:
                 continue
             if level + 1 == len(REFINEMENTS):
                 return start + int(left[0]), int(numbers[left[0]])
-            deeper = self._contradiction(part[left], expected, seed, level + 1)
+            deeper = self._contradiction(part[left], places[rows][left], expected, seed, level + 1)
             if deeper is not None:
                 return start + int(left[deeper[0]]), deeper[1]
         return None
 
-    def _local(self, points: Array, count: int, seed: int) -> Array:
-        """Return triangles of the refined cells that lie near the points' rays."""
-        places = (points @ ray_frame(seed))[:, :2]
+    def _local(self, points: Array, places: Array, count: int, seed: int) -> Array:
+        """Return triangles of the refined cells that lie near the points' rays.
+
+        An image outside the mesh is the sign of a needle or a ridge that no cell's corners show:
+        all cells are taken that have a parameter of such a point's place.
+        """
+        across = (points @ ray_frame(seed))[:, :2]
         result = []
         for face_mesh in self.face_meshes:
             low, high = face_mesh.boxes(seed)
@@ -175,8 +184,9 @@ class _Mesh:
             pad = 2 * self.error + 0.25 * (high - low)
             low, high = low - pad, high + pad
             met = np.zeros(len(low), dtype=bool)
-            for x, y in places:
+            for x, y in across:
                 met |= (low[:, 0] <= x) & (x <= high[:, 0]) & (low[:, 1] <= y) & (y <= high[:, 1])
+            met |= face_mesh.beside(places).ravel()
             chosen = np.flatnonzero(met)
             if len(chosen):
                 result.append(face_mesh.halves(face_mesh.refined(chosen, count), self.sign))
