@@ -92,6 +92,43 @@ def test_a_condition_that_fails_is_named(a, b, why):
     assert re.search(why, made.reasons["cut(a, b)"])
 
 
+PIPE = """
+title = "A pipe"
+result = "difference(rod, bore)"
+[parameters]
+R = 2
+r = 1
+h = 3
+cut = 0
+[[bodies]]
+name = "rod"
+[bodies.solid]
+M = "[R*w*cos(2*pi*u), R*w*sin(2*pi*u), h*v + cut*v*w]"
+[[bodies]]
+name = "bore"
+[bodies.solid]
+M = "[r*w*cos(2*pi*u), r*w*sin(2*pi*u), h*v]"
+"""
+
+
+def test_a_difference_that_is_one_equation_changes_with_its_parameters():
+    """V = π (R² - r²) h, and A = 2π (R + r) h + 2π (R² - r²)."""
+    template = parse_template(PIPE, "pipe")
+    part = pc.compile_equation(template.bind())
+    volumes = {"R": 2 * pi * 2 * 3, "r": -2 * pi * 3, "h": 3 * pi}
+    areas = {"R": 6 * pi + 8 * pi, "r": 6 * pi - 4 * pi, "h": 6 * pi}
+    assert len(volumes) == 3
+    for p, volume in volumes.items():
+        found = part.sensitivity(p)
+        assert found.volume == pytest.approx(volume, rel=1e-12)
+        assert found.volume_by_flux == pytest.approx(volume, rel=1e-12)
+        assert found.area == pytest.approx(areas[p], rel=1e-9)
+    adjusted = pc.adjust(template, {"r": (0.2, 1.5)}, ["volume=30"])
+    assert adjusted.parameters["r"] == pytest.approx((4 - 10 / pi) ** 0.5, rel=1e-10)
+    with pytest.raises(InputError, match="rod less bore is one equation at cut = 0 and not beside"):
+        part.sensitivity("cut")
+
+
 def test_the_kernel_cuts_where_no_sum_is_a_difference():
     report = pc.compile_equation(two("[4*u, 4*v, w]", "[1 + u, 1 + v, 3*w - 1]")).report
     assert report.solid.volume == pytest.approx(15, rel=1e-14)

@@ -283,6 +283,65 @@ def test_bodies_of_graded_density_have_their_closed_forms() -> None:
     )
 
 
+#: a block whose density is of parameters, places and the box, with a hole that is moved and widened
+#: in it, and two knobs beside it whose places move
+HEAVIER = """
+title = "A block with a hole"
+result = "union(cut(block, hole), linear(knob, 2, vector(s, 0, 0)))"
+[parameters]
+k = 0.5
+L = 4
+r = 0.4
+c = 1.5
+s = 1.25
+[[bodies]]
+name = "block"
+[bodies.solid]
+x = "L*(u^2 + u)/2"
+y = "2*v"
+z = "w"
+[bodies.fields]
+density = "1 + k*x + u*v"
+[[bodies]]
+name = "knob"
+[bodies.solid]
+x = "1 + u"
+y = "2 + v"
+z = "w"
+[bodies.fields]
+density = "2 + k*z + x"
+[[bodies]]
+name = "hole"
+[bodies.solid]
+x = "c + r*w*cos(2*pi*u)"
+y = "1 + r*w*sin(2*pi*u)"
+z = "3*v - 1"
+"""
+
+
+@pytest.mark.slow
+def test_bodies_of_graded_density_are_derived() -> None:
+    given = {"k": 0.5, "L": 4.0, "r": 0.4, "c": 1.5, "s": 1.25}
+    template = parse_template(HEAVIER, "heavier")
+    part = pc.compile_equation(template.bind(given))
+    found = {p: part.sensitivity(p) for p in given}
+    # ∫x over the block less the hole, and ∫z over two knobs
+    assert found["k"].mass == pytest.approx(16 - 1.5 * pi * 0.4**2 + 2 * 0.5, rel=1e-10)
+    # knobs carry their density with them
+    assert found["s"].mass == pytest.approx(0.0, abs=1e-9)
+    steps = {"L": 2e-3, "r": 1e-3, "c": 2e-3, "s": 2e-3}
+    assert len(steps) == 4
+    for p, h in steps.items():
+        ends = [
+            pc.compile_equation(template.bind({**given, p: given[p] + n * h})).mass_properties()
+            for n in (-2, -1, 1, 2)
+        ]
+        one, two, three, four = ([x.mass, *np.ravel(x.inertia)] for x in ends)
+        slope = (np.subtract(one, four) + 8 * np.subtract(three, two)) / (12 * h)
+        own = [found[p].mass, *np.ravel(found[p].inertia)]
+        np.testing.assert_allclose(own, slope, atol=1e-8 * np.abs(own).max())
+
+
 @pytest.mark.slow
 def test_curved_bodies_have_their_closed_forms() -> None:
     """Two crossed cylinders; a block with a wavy duct, whose section does not change."""

@@ -4,11 +4,15 @@ In the box of its body, a density times det J is the derivative along one direct
 up to from a side there. So by the divergence theorem in the box the mass of a piece is the flux of
 that sum G through its faces: ∫ G (M_d · n) / det J dA, with M inverted at the faces' places. Along
 the direction the far side has to be a face; the sum begins at the other one, seam or pole or not.
+
+As a parameter changes, so does the density times det J at a place of the box: the same flux of its
+derivative. Where another body cuts the piece, its faces run ahead of the body by (W - V)·n besides.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -18,9 +22,12 @@ from pc2cad.arrays.linear import symmetric
 from pc2cad.brep.booleans import unplaced
 from pc2cad.brep.forms import PAIRS, Form
 from pc2cad.brep.integrals import face_integrals, solid_integrals
+from pc2cad.csg.moving import Moving
 from pc2cad.csg.regions import Piece
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.field_rates import FieldRate
 from pc2cad.domain.fields import local_field
+from pc2cad.domain.velocity import LOOK
 from pc2cad.errors import InputError
 from pc2cad.integrals.fields import check_density
 from pc2cad.integrals.inertia import Mass, made
@@ -39,6 +46,8 @@ NODES, FEWER = 16, 12
 CHUNK = 4000
 #: how far a face may be from its own body, as a share of the part's size
 OUTSIDE = 1e-5
+#: places of the box (…, 3) -> columns (…, columns)
+Weights = Callable[[Array], Array]
 
 
 class NoFaceAcrossError(InputError):
@@ -65,7 +74,8 @@ class Graded:
         total = np.zeros(COLUMNS)
         for face, keys in piece.faces:
             own = next((key for key in keys if key.body == self.name), None)
-            total += face_integrals(face, centre, self._form(own, centre))[5:]
+            form = self._form(own, centre, self._weights(centre), 1.0)
+            total += face_integrals(face, centre, form)[5:]
         mass, way = float(total[0]), total[1:4] / total[0]
         rows = zip(PAIRS, total[4:], strict=True)
         second = symmetric(PAIRS, (value - mass * way[i] * way[j] for (i, j), value in rows))
@@ -75,25 +85,63 @@ class Graded:
             mass, (x, y, z), second, max(error, self.doubt), source, mass / whole.volume
         )  # fmt: skip
 
-    def _form(self, own: SideKey | None, centre: Array) -> Form:
+    def change(self, piece: Piece, moving: Moving, centre: Array) -> Array:
+        """Return how mass, first and second moments of a piece about a centre change (columns,)."""
+        copy, total = moving.copy(self.name), np.zeros(COLUMNS)
+        rate = FieldRate(self._field, copy.variation, self._largest)
+        changes = self._changes(centre, moving, rate)
+        grid = np.ix_(LOOK, LOOK, LOOK)
+        points, speed = self._analysis.map.points(*grid), copy.velocity.frame(*grid)[0]
+        fades = float(np.abs(rate(grid[0], grid[1], grid[2], points, speed)[1]).max())
+        own_rate = copy.rate / self._analysis.scale.size + fades
+        for face, keys in piece.faces:
+            own = next((key for key in keys if key.body == self.name), None)
+            if own_rate:
+                form = self._form(own, centre, changes, own_rate)
+                total += face_integrals(face, centre, form)[5:]
+            if own is None and (copy.rate or moving.copy(keys[0].body).rate):
+                form = self._ahead(keys[0], moving, centre)
+                total += face_integrals(face, centre, form)[5:]
+        return total
+
+    def _form(self, own: SideKey | None, centre: Array, weights: Weights, rate: float) -> Form:
+        """Return the flux of what weights sum up to, which are at most `rate` of the density's."""
+
         def columns(points: Array, normals: Array) -> Array:
             place = self._place
-            before = (points + centre - place.offset) @ place.turn
-            local = self._local(before, own)
+            local = self._local(points, centre, own)
             across = (self._tangent(local) * (normals @ place.turn)).sum(axis=1)
             parts = range(0, len(local), CHUNK)
-            sums = np.concatenate([self._sums(local[k : k + CHUNK], centre) for k in parts])
+            sums = np.concatenate([self._sums(local[k : k + CHUNK], weights) for k in parts])
             return np.asarray(sums * across[:, None])
 
-        size = self._analysis.scale.size
+        return Form(columns, self._most(rate * self._analysis.scale.size))
+
+    def _ahead(self, key: SideKey, moving: Moving, centre: Array) -> Form:
+        """Return the density's moments times (W - V)·n on a face where another body cuts."""
+        copy, at = moving.copy(self.name), moving.copy(key.body).side(key)
+
+        def columns(points: Array, normals: Array) -> Array:
+            local = self._local(points, centre, None)
+            before = self._analysis.map.points(*local.T)
+            speed = copy.placed(before, copy.velocity.frame(*local.T)[0])
+            ahead = ((at(points + centre)[0] - speed) * normals).sum(axis=1)
+            density = self._field.at(local[:, 0], local[:, 1], local[:, 2], before)[..., 0]
+            return np.asarray((density * ahead)[:, None] * _moments(points))
+
+        return Form(columns, self._most(copy.rate + moving.copy(key.body).rate))
+
+    def _most(self, height: float) -> Callable[[float], Array]:
+        """Return what columns are at most, for a density of so much height."""
 
         def most(reach: float) -> Array:
-            return self._largest * size * np.repeat([1.0, reach, reach * reach], [1, 3, 6])
+            return self._largest * height * np.repeat([1.0, reach, reach * reach], [1, 3, 6])
 
-        return Form(columns, most)
+        return most
 
-    def _local(self, points: Array, own: SideKey | None) -> Array:
+    def _local(self, about: Array, centre: Array, own: SideKey | None) -> Array:
         """Return where places of a face lie in the box, on a side of the body or inside."""
+        points = (about + centre - self._place.offset) @ self._place.turn
         if own is not None:
             if own not in self._sides:
                 patches = self._body.patches(unplaced(own))
@@ -115,11 +163,11 @@ class Graded:
         along = tangents[self._direction]
         return np.divide(along, det, out=np.zeros_like(along), where=det != 0)
 
-    def _sums(self, local: Array, centre: Array) -> Array:
-        """Return ∫ ρ (1, r, r r) det J from the start to places, (n, columns)."""
+    def _sums(self, local: Array, weights: Weights) -> Array:
+        """Return the integrals of weights from the start to places, (n, columns)."""
         d = self._direction
         cuts = sorted({0.0, 1.0, *self._field.breaks[d], *self._inner(d)})
-        found = [self._rule(local, centre, cuts, count) for count in (NODES, FEWER)]
+        found = [self._rule(local, weights, cuts, count) for count in (NODES, FEWER)]
         largest = float(np.abs(found[0][:, 0]).max(initial=0.0))
         if largest:
             gap = float(np.abs(found[0][:, 0] - found[1][:, 0]).max()) / largest
@@ -129,24 +177,60 @@ class Graded:
     def _inner(self, d: int) -> list[float]:
         return [b.position for b in self._analysis.breaks[d] if 0 < b.position < 1]
 
-    def _rule(self, local: Array, centre: Array, cuts: list[float], count: int) -> Array:
-        x, weights = gauss(count)
+    def _rule(self, local: Array, weights: Weights, cuts: list[float], count: int) -> Array:
+        x, shares = gauss(count)
         total = np.zeros((len(local), COLUMNS))
         for low, high in itertools.pairwise(cuts):
             start = np.clip(self._start, low, high)
             half = (np.clip(local[:, self._direction], low, high) - start) / 2
             places = np.repeat(local[:, None], count, axis=1)
             places[..., self._direction] = start + half[:, None] * (1 + x)
+            total += np.einsum("nk,nkc->nc", half[:, None] * shares, weights(places))
+        return total
+
+    def _weights(self, centre: Array) -> Weights:
+        """Return what gives ρ (1, r, r r) det J at places."""
+
+        def at(places: Array) -> Array:
             u, v, w = np.moveaxis(places, -1, 0)
             points, *tangents = self._analysis.map.frame(u, v, w)
-            density = self._field.at(u, v, w, points)[..., 0]
-            r = points @ self._place.turn.T + self._place.offset - centre
-            dm = density * _det(tangents) * weights * half[:, None]
-            total[:, 0] += dm.sum(axis=1)
-            total[:, 1:4] += (dm[..., None] * r).sum(axis=1)
-            for k, (i, j) in enumerate(PAIRS):
-                total[:, 4 + k] += (dm * r[..., i] * r[..., j]).sum(axis=1)
-        return total
+            dm = self._field.at(u, v, w, points)[..., 0] * _det(tangents)
+            return dm[..., None] * _moments(self._there(points) - centre)
+
+        return at
+
+    def _changes(self, centre: Array, moving: Moving, rate: FieldRate) -> Weights:
+        """Return what gives the derivative of that at places of the box."""
+        copy = moving.copy(self.name)
+
+        def at(places: Array) -> Array:
+            u, v, w = np.moveaxis(places, -1, 0)
+            points, *tangents = self._analysis.map.frame(u, v, w)
+            speed, *speeds = copy.velocity.frame(u, v, w)
+            density, fade = (self._largest * x for x in rate(u, v, w, points, speed))
+            a, b, c = tangents
+            terms = (speeds[0], b, c), (a, speeds[1], c), (a, b, speeds[2])
+            det = _det(tangents)
+            dm, change = density * det, fade * det + density * sum(_det([*t]) for t in terms)
+            r, moved = self._there(points) - centre, copy.placed(points, speed)
+            turned = _moments(r, moved)
+            return np.asarray(change[..., None] * _moments(r) + dm[..., None] * turned)
+
+        return at
+
+    def _there(self, points: Array) -> Array:
+        return np.asarray(points @ self._place.turn.T + self._place.offset)
+
+
+def _moments(r: Array, moved: Array | None = None) -> Array:
+    """Return 1, r and r r of places (…, 3), or how these change as the places move, (…, 10)."""
+    if moved is None:
+        rows = [np.ones(r.shape[:-1])[..., None], r]
+        second = [r[..., i] * r[..., j] for i, j in PAIRS]
+    else:
+        rows = [np.zeros(r.shape[:-1])[..., None], moved]
+        second = [moved[..., i] * r[..., j] + r[..., i] * moved[..., j] for i, j in PAIRS]
+    return np.concatenate((*rows, np.stack(second, axis=-1)), axis=-1)
 
 
 def _det(tangents: list[Array]) -> Array:

@@ -75,12 +75,17 @@ class Moving:
         lying = dict(places(result))
         drifts, doubt = _drifts(result, placed_at, name, first.value, lying)
         self._bodies = {
-            copy: _Copy(bases[original(copy)], place, drifts[copy]) for copy, place in lying.items()
+            copy: MovingCopy(bases[original(copy)], place, drifts[copy])
+            for copy, place in lying.items()
         }
         #: of the fastest point
         self.rate = max(one.rate for one in self._bodies.values())
         #: estimate of the velocities' error, relative to that
         self.doubt = max(doubt, *(base.doubt for base in bases.values()))
+
+    def copy(self, name: str) -> MovingCopy:
+        """Return one body or copy by its name."""
+        return self._bodies[name]
 
     def form(self, key: SideKey, centre: Array) -> Form | None:
         """Return V·n with its moments about a centre, and div V, on a side; None: it stays."""
@@ -159,14 +164,14 @@ class _Base:
 
     def __init__(self, body: Body, name: str) -> None:
         self.body = body
-        variation = body.equation.variation(name)
-        self.value = variation.value
-        self._velocity = velocity(body.checked.analysis, variation)
+        self.variation = body.equation.variation(name)
+        self.value = self.variation.value
+        self.velocity = velocity(body.checked.analysis, self.variation)
         grid = np.ix_(LOOK, LOOK, LOOK)
-        speed = self._velocity.frame(*grid)[0]
+        speed = self.velocity.frame(*grid)[0]
         #: of its fastest point
         self.rate = float(np.nanmax(np.abs(speed), initial=0.0))
-        self.doubt = self._velocity.doubt() if self.rate else 0.0
+        self.doubt = self.velocity.doubt() if self.rate else 0.0
         #: how far its points are from the origin
         self.far = float(np.abs(body.checked.analysis.map.points(*grid)).max())
         self._places: dict[SideKey, SidePlaces] = {}
@@ -178,7 +183,7 @@ class _Base:
         local = self._places[key](points)
         s, t = directions_of(self.body.patches(key)[0])
         _, *tangents = self.body.checked.analysis.map.frame(*local.T)
-        speed, *speeds = self._velocity.frame(*local.T)
+        speed, *speeds = self.velocity.frame(*local.T)
         normal = np.cross(tangents[s], tangents[t])
         change = np.cross(speeds[s], tangents[t]) + np.cross(tangents[s], speeds[t])
         square = (normal * normal).sum(axis=1)
@@ -197,7 +202,7 @@ class _Drift:
     offset: Array
 
 
-class _Copy:
+class MovingCopy:
     """A body where it lies, as the parameter changes."""
 
     def __init__(self, base: _Base, place: Placement, drift: _Drift) -> None:
@@ -205,18 +210,24 @@ class _Copy:
         moved = np.abs(drift.turn).sum(axis=1).max() * base.far + np.abs(drift.offset).max()
         self.rate = base.rate + float(moved)
         self.size = base.body.checked.analysis.scale.size
+        #: its equation, and V of it where it does not lie elsewhere
+        self.variation, self.velocity = base.variation, base.velocity
 
     def side(self, key: SideKey) -> Callable[[Array], tuple[Array, Array]]:
         """Return the function that gives V and its divergence at points (n, 3) of a side."""
-        place, drift = self._place, self._drift
-        own = unplaced(key)
+        place, own = self._place, unplaced(key)
 
         def at(points: Array) -> tuple[Array, Array]:
             before = (points - place.offset) @ place.turn
             speed, spread = self._base.at(own, before)
-            return speed @ place.turn.T + before @ drift.turn.T + drift.offset, spread
+            return self.placed(before, speed), spread
 
         return at
+
+    def placed(self, before: Array, speed: Array) -> Array:
+        """Return V (…, 3) where the body lies, for places of the body itself and V there."""
+        moved = before @ self._drift.turn.T + self._drift.offset
+        return np.asarray(speed @ self._place.turn.T + moved)
 
 
 def places(

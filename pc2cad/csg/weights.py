@@ -115,18 +115,13 @@ class Joined:
 
     def _by_pieces(self, given: Mapping[str, float | str]) -> Mass:
         found: dict[str, list[Mass]] = {}
-        graded: dict[str, Graded] = {}
         for piece in self._pieces:
             body, rho = _told_by(given, piece)
             whole = solid_integrals(piece.solid)
             values = second_moments(piece.solid, np.array(whole.centroid))
             error = self._error(float(np.trace(values)))
             if isinstance(rho, str):
-                if body not in graded:
-                    place = dict(places(self.result))[body]
-                    part = self.parts[original(body)]
-                    graded[body] = Graded(part, body, rho, place)
-                own = graded[body].mass(piece, error)
+                own = self._graded(body, rho).mass(piece, error)
             else:
                 own = made(rho * whole.volume, whole.centroid, rho * values, error, SOURCE, rho)
             found.setdefault(piece.name, []).append(own)
@@ -134,6 +129,16 @@ class Joined:
         volume = sum(row.mass / row.density for row in layers.values())
         off = abs(volume / self.report.solid.volume - 1)
         return joined(layers, volume, off)
+
+    def _graded(self, body: str, field: str) -> Graded:
+        if (body, field) not in self._known:
+            place = dict(places(self.result))[body]
+            self._known[body, field] = Graded(self.parts[original(body)], body, field, place)
+        return self._known[body, field]
+
+    @cached_property
+    def _known(self) -> dict[tuple[str, str], Graded]:
+        return {}
 
     def sensitivity(
         self, name: str, density: float | str | Mapping[str, float] | None
@@ -150,13 +155,13 @@ class Joined:
         if given is not None:
             weighed = np.zeros(COLUMNS)
             for piece in self._pieces:
-                rho = _told_by(given, piece)[1]
+                body, rho = _told_by(given, piece)
                 if isinstance(rho, str):
-                    raise InputError(
-                        "of several bodies, mass is derived for densities that are numbers: give "
-                        "each body one"
-                    )
-                weighed += rho * self._flux(piece.faces, moving, centre)
+                    shared = [(face, keys) for face, keys in piece.faces if len(keys) > 1]
+                    self._flux(shared, moving, centre)  # which part, and have no derivative
+                    weighed[:10] += self._graded(body, rho).change(piece, moving, centre)
+                else:
+                    weighed += rho * self._flux(piece.faces, moving, centre)
         else:
             weighed = mass.density * total
         way = np.subtract(whole.centroid, centre)

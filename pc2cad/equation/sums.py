@@ -20,12 +20,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from itertools import combinations, product
 from math import hypot, isfinite
 
 from pc2cad.equation.point_equation import Expectations, PointEquation, Written
 from pc2cad.equation.unit_box import (
     Trees,
+    Turn,
     at_end,
     common_sides,
     minus,
@@ -37,6 +39,8 @@ from pc2cad.equation.unit_box import (
     size_of,
     turned,
 )
+from pc2cad.equation.variation import Variation
+from pc2cad.errors import InputError
 from pc2cad.expression.identity import Verdict, is_zero
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
@@ -72,12 +76,57 @@ def sums(first: PointEquation, second: PointEquation) -> Iterator[Sum]:
     flawed = []
     for p, end in product(range(3), range(2)):
         for turn, _ in common_sides(one, other, p, end, opposite=True):
-            found = _examined(first, (one, turned(other, turn)), p, end, parity(turn))
+            way = _Way(p, end, turn)
+            found = way.sum(first, second)
             if found.unmet:
                 flawed.append(found)
-            else:
+            elif first.freer is None or second.freer is None:
                 yield found
+            else:
+                freer = partial(way.freed, first, second)
+                yield replace(found, equation=replace(found.equation, freer=freer))
     yield from flawed
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How two equations are summed up: the side of the first that is the core, and the turn."""
+
+    p: int
+    end: int
+    #: of the second's parameters into those of the first
+    turn: Turn
+
+    def sum(self, first: PointEquation, second: PointEquation) -> Sum:
+        """Return the sum, examined."""
+        maps = over_unit_box(first), turned(over_unit_box(second), self.turn)
+        return _examined(first, maps, self.p, self.end, parity(self.turn))
+
+    def freed(self, first: PointEquation, second: PointEquation, name: str) -> Variation:
+        """Return how the sum changes with a parameter; InputError where it is none beside."""
+        one, other = first.variation(name), second.variation(name)
+
+        def at(value: Expr) -> PointEquation:
+            found = self.sum(one.at(value), other.at(value))
+            if found.unmet:
+                raise InputError(
+                    f"{first.name} less {second.name} is one equation at {name} = {one.value:.6g} "
+                    f"and not beside it: {found.unmet}; write cut(a, b) in the place of "
+                    "difference(a, b)"
+                )
+            return found.equation
+
+        at(number(Fraction(one.value) * (1 + Fraction(1, 64)) or 1))
+        trees: Trees | None = None
+        if one.coordinates is not None and other.coordinates is not None:
+            trees = _summed(one.coordinates, turned(other.coordinates, self.turn), self.p, self.end)
+        return Variation(name, one.bound, trees, at, one.domain)
+
+
+def _summed(one: Trees, other: Trees, p: int, end: int) -> Trees:
+    core = at_end(one, p, end)
+    x, y, z = (a + b - k for a, b, k in zip(one, other, core, strict=True))
+    return x, y, z
 
 
 def as_written(equation: PointEquation, form: Written) -> Sum:
@@ -104,11 +153,10 @@ def _examined(
     """Return the sum of two maps over the unit box, the first of which begins in the core."""
     one, other = maps
     core = at_end(one, p, end)
-    x, y, z = (a + b - k for a, b, k in zip(one, other, core, strict=True))
     names = tuple(f"{PARAMETERS[p]}={(end, 1 - end)[k]}" for k in range(2))
     made = replace(
-        equation, coordinates=over_own_box(equation, (x, y, z)), layers=(), depth=None,
-        guide=None, frame="", fields=(), written=(), mover=None, freer=None,
+        equation, coordinates=over_own_box(equation, _summed(one, other, p, end)), layers=(),
+        depth=None, guide=None, frame="", fields=(), written=(), mover=None, freer=None,
         expectations=Expectations(),
     )  # fmt: skip
     size = size_of(one)
