@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.expression.alike import with_tables
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, walk
@@ -30,6 +31,9 @@ _Timed = tuple[int, _Run, tuple[int, ...], list[int]]
 _Located = tuple[Value, Value, int, int]
 #: the first and the last piece in which there are places
 _Range = tuple[int, int]
+
+#: of each piece: which of the operands its coefficients are
+_Rows = list[tuple[int, ...]]
 
 #: plans of one program that are remembered
 MOST_PLANS = 2048
@@ -48,6 +52,7 @@ class Program:
     """
 
     def __init__(self, roots: tuple[Expr, ...]) -> None:
+        roots = with_tables(roots)
         below = {node: _operands(node) for node in walk(roots, _operands)}
         nodes = list(below)
         index = {node: i for i, node in enumerate(nodes)}
@@ -56,8 +61,8 @@ class Program:
         self._constants: list[Value] = [None] * len(nodes)
         self._symbols: list[tuple[int, str]] = []
         self._steps: list[_Step] = []
-        #: of functions in pieces that are functions: coefficients per piece
-        self._widths: dict[int, int] = {}
+        #: of functions in pieces that are functions: which operands the coefficients are
+        self._rows: dict[int, _Rows] = {}
         located: dict[object, int] = {}
         with np.errstate(all="ignore"):
             for i, node in enumerate(nodes):
@@ -74,9 +79,9 @@ class Program:
                         knots = np.array([float(b) for b in breaks])
                         run = partial(_located, knots, closed)
                         self._steps.append((located[key], run, before[:1]))
-                    self._steps.append((i, _step(node), (located[key], *before[1:])))
                     if len(before) > 1:
-                        self._widths[i] = width
+                        self._rows[i], before = _rows(before, width)
+                    self._steps.append((i, _step(node), (located[key], *before[1:])))
                 elif node.symbols:
                     self._steps.append((i, _step(node), before))
                 elif node.op == "number":
@@ -85,14 +90,12 @@ class Program:
                     self._constants[i] = _step(node)(*(self._constants[k] for k in before))
         #: where places are located, and in how many pieces
         self._located = {
-            before[0]: (len(before) - 1) // self._widths[i]
-            for i, _, before in self._steps
-            if i in self._widths
+            before[0]: len(self._rows[i]) for i, _, before in self._steps if i in self._rows
         }
         self._position, self._fixed = self._places()
         needed = self._needed(self._located, {})
         self._first: list[_Timed] = [
-            (i, partial(run, 0) if i in self._widths else run, before, [])
+            (i, partial(run, self._rows[i], 0) if i in self._rows else run, before, [])
             for i, run, before in self._steps
             if i in needed
         ]
@@ -134,16 +137,17 @@ class Program:
                 continue
             needed.add(i)
             before = self._steps[self._position[i]][2]
-            chosen = ranges and i in self._widths
-            stack += self._chosen(i, before, ranges) if chosen else before
+            chosen = ranges and i in self._rows
+            stack += self._chosen(i, before, ranges)[1] if chosen else before
         return needed
 
     def _chosen(
         self, slot: int, before: tuple[int, ...], ranges: Mapping[int, _Range]
-    ) -> tuple[int, ...]:
-        """Return the operands of a function in pieces that are needed."""
-        width, (first, last) = self._widths[slot], ranges[before[0]]
-        return (before[0], *before[1 + first * width : 1 + (last + 1) * width])
+    ) -> tuple[_Rows, tuple[int, ...]]:
+        """Return the rows of a function in pieces that are needed, and its operands."""
+        first, last = ranges[before[0]]
+        rows, kept = _numbered(self._rows[slot][first : last + 1])
+        return rows, (before[0], *(before[1 + k] for k in kept))
 
     def _plan(self, ranges: tuple[_Range, ...]) -> list[_Timed]:
         """Return the steps that are left where places are in ranges of pieces."""
@@ -155,9 +159,9 @@ class Program:
         plan: list[_Timed] = []
         for k in sorted(needed, reverse=True):
             i, run, before = self._steps[k]
-            if i in self._widths:
-                run = partial(run, among[before[0]][0])
-                before = self._chosen(i, before, among)
+            if i in self._rows:
+                rows, chosen = self._chosen(i, before, among)
+                run, before = partial(run, rows, among[before[0]][0]), chosen
             last = []
             for x in before:
                 if x not in kept:
@@ -287,27 +291,45 @@ def _pieces_step(node: Expr) -> _Run:
         constant = np.float64(evaluate(node, {}))
         return lambda *_: constant
     if len(operands(node)) > 1:
-        return partial(_from_rows, width)
+        return _from_rows
     table = [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
     return partial(_from_table, np.array(table).reshape(-1, width))
 
 
+def _rows(before: tuple[int, ...], width: int) -> tuple[_Rows, tuple[int, ...]]:
+    """Return the rows of a function in pieces, and its operands, each taken once."""
+    flat = before[1:]
+    rows, kept = _numbered([flat[i : i + width] for i in range(0, len(flat), width)])
+    return rows, (before[0], *kept)
+
+
+def _numbered(rows: _Rows) -> tuple[_Rows, tuple[int, ...]]:
+    """Return rows of places in a list of what they hold, and that list."""
+    kept = {k: i for i, k in enumerate(dict.fromkeys(k for row in rows for k in row))}
+    return [tuple([kept[k] for k in row]) for row in rows], tuple(kept)
+
+
 def _from_table(table: Array, located: _Located) -> Value:
     index, local, first, last = located
-    value: Value = 0.0
+    value: Value = None
     for k in reversed(range(table.shape[1])):
         coefficient = table[first, k] if first == last else table[index, k]
-        value = value * local + coefficient
-    return value
+        value = coefficient if value is None else value * local + coefficient
+    return value if table.shape[1] > 1 or first != last else np.full(np.shape(local), value)
 
 
-def _from_rows(width: int, start: int, located: _Located, *flat: Value) -> Value:
+def _from_rows(rows: _Rows, start: int, located: _Located, *values: Value) -> Value:
     """Return the values from coefficients of the pieces from `start` on."""
     index, local, first, last = located
-    value: Value = 0.0
-    for k in reversed(range(width)):
-        coefficient = flat[(first - start) * width + k]
-        for i in range(first + 1, last + 1):
-            coefficient = np.where(index == i, flat[(i - start) * width + k], coefficient)
-        value = value * local + coefficient
-    return value
+    value: Value = None
+    for k in reversed(range(len(rows[0]))):
+        column = [row[k] for row in rows[first - start : last - start + 1]]
+        coefficient = values[column[0]]
+        if any(which != column[0] for which in column):
+            here = np.array(column)[index - first]
+            for which in dict.fromkeys(column):
+                if which != column[0]:
+                    coefficient = np.where(here == which, values[which], coefficient)
+        value = coefficient if value is None else value * local + coefficient
+    # what is constant in one piece has the shape of the place as well
+    return value if len(rows[0]) > 1 else value + np.zeros(np.shape(local))
