@@ -548,3 +548,15 @@ def test_faces_that_go_round_are_whole_wherever_their_seams_run(twist, turns):
 def test_faces_that_go_round_more_than_once_are_no_rectangle(twist, turns):
     with pytest.raises(NotASolidError):
         pc.compile_part(tube(twist, turns))
+
+
+@pytest.mark.parametrize("angle", ["0.07", "0.02"])
+def test_the_depth_that_is_told_is_one_that_is_there(angle):
+    """The end of a ring reaches this angle into its beginning, of radii from 3 to 4."""
+    reach = Fraction("0.3") + Fraction(angle)
+    bump = pc.exp(-((V - Fraction("0.3711")) ** 2) * 400)
+    t = (2 * pc.pi - Fraction("0.3") + reach * bump) * U
+    with pytest.raises(OverlappingMapError) as caught:
+        pc.compile_part(((3 + W) * pc.cos(t), (3 + W) * pc.sin(t), 2 * V))
+    told = float(re.search(r"itself, ([\d.e-]+) mm deep or more", str(caught.value))[1])
+    assert 2.5 * float(angle) < told <= 4 * float(angle)

@@ -24,8 +24,8 @@ _Place = tuple[int, Array]
 #: samples of every face along both of its parameters, and about where it meets another
 _PLACES = 41
 _ABOUT = np.concatenate(([0.0], *[(x, -x) for x in np.geomspace(1e-4, 0.2, 8)]), axis=None)
-#: faces from whose samples the nearest place is sought, and steps of a search
-_NEAREST, _FEW = 3, 12
+#: steps of a search
+_FEW = 12
 #: first steps away from the contact, and how often the step of the deepest of them is halved
 _STEPS, _HALVINGS = (1e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.2), 6
 #: how far in the box the second place of a point may be from that of the point before
@@ -112,9 +112,9 @@ class _Boundary:
                 starts.append((near, (each.face, np.array([each.nodes[0][i], each.nodes[1][j]]))))
         starts.sort(key=lambda each: each[0])
         best = np.inf
-        for near, (index, start) in [(0.0, known), *starts[:_NEAREST]]:
+        for near, (index, start) in [(0.0, known), *starts]:
             if near > best:
-                continue
+                break
             function = self.functions[index]
 
             def gap_at(x: Array, function: RestrictedMap = function) -> Array:
