@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from math import pi
 from operator import attrgetter
 
@@ -19,7 +20,7 @@ from pc2cad.csg.bodies import (
     SeveralPiecesError,
     VolumesDisagreeError,
 )
-from pc2cad.errors import InputError, NotASolidError, ToleranceNotReachedError
+from pc2cad.errors import InputError, KernelError, NotASolidError, ToleranceNotReachedError
 from pc2cad.export.colours import body_colour
 from pc2cad.part import Part
 from pc2cad.report import SeveralBodiesError
@@ -451,3 +452,23 @@ def test_a_variant_of_bodies(tmp_path):
     assert outcome.status == BUILT, outcome.reason
     assert outcome.figures["volume"] == pytest.approx(7.5)
     assert (outcome.figures["evidence"], outcome.figures["faces"]) == ("exact", 11)
+
+
+def test_a_refusal_names_two_faces_a_place_and_what_to_try(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that does not read back: of nothing else is known that it would not."""
+
+    def not_back(*_: object) -> bytes:
+        raise KernelError("the STEP text reads back as two")
+
+    monkeypatch.setattr("pc2cad.csg.bodies.encode", not_back)
+    equation = pc.read_template("common_of_pipes").bind()
+    with pytest.raises(KernelError) as error:
+        pc.compile_equation(equation)
+    said = str(error.value)
+    assert said.startswith("the STEP text reads back as two; the edge ")
+    pattern = r"the edge (\S+) / (\S+) is the farthest off its faces, \S+ mm near \("
+    found = re.search(pattern, said)
+    assert found
+    assert {name.partition(":")[0] for name in found.groups()} == {"along_x", "along_z"}
+    assert "move one of the bodies a little" in said
+    assert "in halves: the STEP text reads back as two" in said

@@ -33,6 +33,7 @@ from pc2cad.csg.arithmetic import Reduced
 from pc2cad.csg.contacts import check_contacts, check_merged
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
+from pc2cad.csg.refusals import placed
 from pc2cad.csg.regions import Told
 from pc2cad.csg.volumes import EMPTY, Relation, relation, sentence
 from pc2cad.csg.weights import Joined
@@ -90,23 +91,24 @@ def join_bodies(
     start = time.perf_counter()
     parts = made.parts
     joining = _Joining(made)
-    joined = joining.join(made.result)
-    times["combine"] = time.perf_counter() - start
-    tell("validate")
-    start = time.perf_counter()
-    edges = tuple(edges_between(joined.shape))
-    report = _report(bodies, joining, joined, edges)
-    order = list(parts)
-    faces = tuple(
-        NamedFace(label(names), face, body_colour(order.index(original(names[0].body))))
-        for face, names in joined.shape.faces
-    )
-    told = Told(report.name, report.units, report.solid.volume, joining.one)
-    part = Part(
-        parts, joined.shape.solids[0], faces, report, edges, bodies.about,
-        Joined(made.result, parts, told, joined.shape, report, bodies.placed_at),
-    )  # fmt: skip
-    encode(part.exportable(), ExportOptions())  # it has to read back as it is
+    with placed(lambda: joining.last, InvalidResultError, bodies.units):
+        joined = joining.join(made.result)
+        times["combine"] = time.perf_counter() - start
+        tell("validate")
+        start = time.perf_counter()
+        edges = tuple(edges_between(joined.shape))
+        report = _report(bodies, joining, joined, edges)
+        order = list(parts)
+        faces = tuple(
+            NamedFace(label(names), face, body_colour(order.index(original(names[0].body))))
+            for face, names in joined.shape.faces
+        )
+        told = Told(report.name, report.units, report.solid.volume, joining.one)
+        part = Part(
+            parts, joined.shape.solids[0], faces, report, edges, bodies.about,
+            Joined(made.result, parts, told, joined.shape, report, bodies.placed_at),
+        )  # fmt: skip
+        encode(part.exportable(), ExportOptions())  # it has to read back as it is
     times["validate"] = time.perf_counter() - start
     return part, times
 
@@ -129,6 +131,8 @@ class _Joining:
         self._reasons = made.reasons
         #: steps that change nothing
         self.idle: list[str] = []
+        #: what the last Boolean made
+        self.last: NamedShape | None = None
         #: faces that a Boolean leaves as they are, integrated once
         self._known = KnownFaces()
         #: where copies of bodies lie, by their names
@@ -222,6 +226,7 @@ class _Joining:
         name = f"{kind}({first.name}, {second.name})"
         held_against: Kind = "cut" if kind == "intersect" else "intersect"
         result, other = combine([kind, held_against], first.shape, second.shape, self.one)
+        self.last = result
         found, held = self._integrals(result.shape), self._integrals(other.shape).volume
         a, b = first.integrals.volume, second.integrals.volume
         gap = a - held - found.volume + (b if kind == "union" else 0.0)
@@ -364,8 +369,7 @@ def _check(findings: KernelFindings, size: float, units: str) -> None:
     if findings.largest_tolerance > LOOSEST * size:
         raise KernelTooLooseError(
             f"the CAD kernel joined the bodies within {findings.largest_tolerance:.2g} {units} "
-            f"only, of a part of {size:.2g}: it has lost where they meet; move one of them a "
-            "little, or turn its seam away"
+            f"only, of a part of {size:.2g}: it has lost where they meet"
         )
     if not findings.valid or findings.free_edges:
         what = (

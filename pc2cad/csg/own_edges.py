@@ -9,7 +9,7 @@ these are nearer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +98,12 @@ def _coarse(shape: NamedShape, target: float) -> tuple[list[_Coarse], Array]:
         for edge, function in zip(edges, functions, strict=True)
     ]
     return [row for row in found if row.off > target], origin
+
+
+def distances_between(shape: NamedShape) -> Iterator[tuple[NamedEdge, float, Array]]:
+    """Yield each edge between bodies, how far off its faces it is at most, and where, (3,)."""
+    for row in _coarse(shape, 0.0)[0]:
+        yield row.named, row.off, farthest_place(shape, row.named)
 
 
 def _bodies(edge: NamedEdge, side: int) -> set[str]:

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.csg.arithmetic import Reduced, reduced
 from pc2cad.csg.bodies import InvalidResultError, join_bodies, known_within
+from pc2cad.csg.refusals import with_notes
 from pc2cad.errors import KernelError, ToleranceNotReachedError, named
 from pc2cad.part import Body, Part, part_of
 from pc2cad.templates.bodies import Bodies
@@ -103,8 +104,8 @@ def _in_halves(
         part, times = join_bodies(bodies, made, tell)
     except _MENDED as error:
         if error is why:
-            raise
-        raise type(why)(f"{why}; {HALVED}: {error}") from error
+            raise type(why)(with_notes(why)) from why
+        raise type(why)(f"{with_notes(why)}; {HALVED}: {error}") from error
     times["combine"] += cut
     return _Joined(made, part, times, (f"the bodies are joined {HALVED}; as they are: {why}",))
 
