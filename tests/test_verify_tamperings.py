@@ -236,6 +236,28 @@ def solid_twice(text: str) -> str | None:
     ).replace("DATA;", f"DATA;#999999 = {body(text, solid_of(text))[1]};", 1)
 
 
+def below(text: str, ref: str) -> set[str]:
+    """Return all instances that one refers to, itself included."""
+    found, stack = set[str](), [ref]
+    while stack:
+        if (one := stack.pop()) not in found:
+            found.add(one)
+            stack += inside(text, one)
+    return found
+
+
+def void_moved(text: str) -> str | None:
+    """Move a void until it crosses the shell around it."""
+    solids = all_of(text, "BREP_WITH_VOIDS")
+    if not solids:
+        return None
+    outer, void, *_ = inside(text, solids[0])
+    for ref in below(text, void) - below(text, outer):
+        if body(text, ref)[1].startswith("CARTESIAN_POINT"):
+            text = scaled(text, ref, 0, 1.0, 1.5)
+    return text
+
+
 def solid_of(text: str) -> str:
     found = all_of(text, "MANIFOLD_SOLID_BREP") + all_of(text, "BREP_WITH_VOIDS")
     return found[0]
@@ -274,6 +296,7 @@ KINDS: dict[str, Change] = {
     "void turned": first("ORIENTED_CLOSED_SHELL", r"\.([TF])\.", ".@."),
     "void left out": whole(r"BREP_WITH_VOIDS\('([^']*)',(#\d+),\([^)]*\)\)",
                            r"MANIFOLD_SOLID_BREP('\1',\2)"),
+    "void moved into its shell": void_moved,
     # words and figures
     "names swapped": names_swapped,
     "name of no side": whole(r"ADVANCED_FACE\('[^']*'", "ADVANCED_FACE('lid'"),
