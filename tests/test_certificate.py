@@ -175,6 +175,18 @@ def test_factors_prove_the_sign(name):
     assert sign_from_factors(mapped(tuple(reversed(map_)))) == -sign
 
 
+@pytest.mark.parametrize("exponent", [Fraction(1, 2), Fraction(2, 3), Fraction(3, 4)])
+def test_roots_are_proved_in_parameters_that_run_evenly(exponent):
+    """As it is written: every term of det J has the same sign by itself."""
+    a, b = PI * U / 2, PI * V / 2
+    x, y = (W * f(a) ** exponent * pc.cos(b) ** exponent for f in (pc.cos, pc.sin))
+    mapping = mapped((x, y, W * pc.sin(b) ** exponent))
+    assert mapping.even
+    assert sign_from_factors(mapping) == 0
+    assert proved_sign(mapping) == 1
+    assert proved_sign(mapped((y, x, W * pc.sin(b) ** exponent))) == -1
+
+
 #: integrals of what det J is to be
 NO_SIGN = {
     "a parameter beyond its limit": U**2 / 2 - Fraction(9, 20) * U,

@@ -8,7 +8,7 @@ parameter is evaluated once per value of that parameter.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise, product
@@ -55,6 +55,9 @@ class Mapping3:
     parameters: tuple[Expr, Expr, Expr]
     #: where parts of it meet, per direction, ascending in ]0, 1[
     joints: tuple[tuple[Fraction, ...], ...] = ((), (), ())
+    #: M in parameters that run evenly, where those of the coordinates are slowed down at limits: as
+    #: the latter rise with the former, det J has the same sign in both
+    even: tuple[Expr, Expr, Expr] | tuple[()] = ()
     _programs: dict[tuple[str, ...], Program] = field(
         default_factory=dict, compare=False, repr=False
     )
@@ -159,7 +162,13 @@ def local_map(equation: PointEquation) -> Mapping3:
     whole = _Part.of(equation, ((ZERO, ONE),) * 3)
     places = inner_roots(whole.mapping.coordinates)
     if not any(places) or prod(len(row) + 1 for row in places) > _MOST_PARTS:
-        return _slowed({(0, 0, 0): whole})[0, 0, 0]
+        slowed = _slowed({(0, 0, 0): whole})[0, 0, 0]
+        if slowed.parameters == whole.mapping.parameters:
+            return slowed
+        # as they are written, zeros in roots included: what is left of them is no formula
+        evenly = dict(zip(PARAMETERS, whole.mapping.parameters, strict=True))
+        x, y, z = substitute(equation.coordinates, evenly)
+        return replace(slowed, even=(x, y, z))
     spans = [list(pairwise((ZERO, *map(number, row), ONE))) for row in places]
     parts = {}
     for cell in product(*(range(len(row)) for row in spans)):

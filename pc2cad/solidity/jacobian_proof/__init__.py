@@ -16,6 +16,7 @@ def proved_sign(mapping: Mapping3, open_places: list[Array] | None = None) -> in
     left = [] if open_places is None else open_places
     return (
         sign_by_algebra(mapping)
+        or (mapping.even and sign_from_factors(Mapping3(mapping.even, mapping.parameters)))
         or sign_from_products(mapping, left)
         or sign_from_enclosures(mapping, left)
     )

@@ -59,6 +59,8 @@ def sign_from_factors(mapping: Mapping3) -> int:
     if not form:
         return 0
     sign, rest = _without_factors(form)
+    if of_terms := _sign_of_terms(rest):
+        return sign * of_terms
     atoms = sorted({atom for monomial in rest for atom, _ in monomial}, key=repr)
     powers = np.array([[dict(m).get(atom, 0) for atom in atoms] for m in rest], dtype=int)
     powers = powers.reshape(len(rest), len(atoms))
@@ -102,6 +104,20 @@ def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
         left = ((atom, n - taken.get(atom, 0)) for atom, n in row.items())
         rest[tuple((atom, n) for atom, n in left if n)] = coefficient
     return sign, rest
+
+
+def _sign_of_terms(form: NormalForm) -> int:
+    """Return the sign that every term has by itself inside the box, 0 where there is none."""
+    signs = set()
+    for monomial, coefficient in form.items():
+        sign = 1 if coefficient > 0 else -1
+        for atom, exponent in monomial:
+            even = exponent % 2 == 0 and _spreads(atom)
+            sign *= 1 if even else _sign_inside(atom) ** (exponent % 2 or 2)
+        signs.add(sign)
+        if len(signs) > 1 or 0 in signs:
+            return 0
+    return signs.pop()
 
 
 def _sign_inside(atom: Expr) -> int:
