@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from math import pi
 from pathlib import Path
 
@@ -60,6 +61,15 @@ def test_the_least_area_of_a_volume() -> None:
     found = block(("volume=8",), "area", a=(0.5, 9), b=(0.5, 9), c=(0.5, 9))
     assert found.parameters == pytest.approx({"a": 2, "b": 2, "c": 2}, rel=1e-7)
     assert found.figures["area"] == pytest.approx(24, rel=1e-12)
+
+
+def test_the_cone_of_least_area_is_found_in_few_evaluations() -> None:
+    """Of a volume: h = 2√2 r, from a cone of a fifth of it."""
+    found = pc.adjust("cone", {"r": (0.2, 8), "h": (0.2, 30)}, ["volume=200"], minimise="area")
+    r = (600 / (2 * math.sqrt(2) * math.pi)) ** (1 / 3)
+    wanted = {"r": r, "h": 2 * math.sqrt(2) * r}
+    assert found.parameters == pytest.approx(wanted, rel=1e-10)
+    assert found.evaluations < 15
 
 
 def test_what_is_met_already_is_left_and_limits_are_told() -> None:

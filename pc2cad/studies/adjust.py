@@ -36,6 +36,8 @@ SOLVED: Final = 1e-13
 SHORTEST: Final = 1e-4
 #: what SciPy wants limits to be apart
 TINY: Final = 1e-12
+#: share of the ranges that the first step towards the least of a figure takes at most
+FIRST: Final = 0.1
 #: maps that are looked at before it is given up
 MOST_EVALUATIONS: Final = 200
 _GOAL: Final = re.compile(r"\s*(\w+)\s*(<=|>=|=)(.*)\Z", re.S)
@@ -316,10 +318,12 @@ def _least(problem: _Problem, wanted: str, sign: float, start: Array) -> Array |
     """Return the place with the least figure that meets the goals, or None: no solid at first."""
     from scipy.optimize import minimize
 
-    first = problem.figures(start)
-    if first is None:
+    near = _root(problem, start) if problem.goals else start
+    first = None if near is None else problem.figures(near)
+    if near is None or first is None:
         return None
-    size = abs(first[0][wanted]) or 1.0
+    # SLSQP begins with a step as long as the slope: a part of the ranges, and no more
+    size = max(abs(first[0][wanted]), float(np.abs(first[1][wanted]).max()) / FIRST) or 1.0
 
     def figure(share: Array) -> float:
         found = problem.figures(share)
@@ -331,7 +335,7 @@ def _least(problem: _Problem, wanted: str, sign: float, start: Array) -> Array |
 
     conditions = [_condition(problem, goal) for goal in problem.goals]
     done = minimize(
-        figure, start, jac=slope, method="SLSQP", bounds=[(0.0, 1.0)] * len(start),
+        figure, near, jac=slope, method="SLSQP", bounds=[(0.0, 1.0)] * len(near),
         constraints=conditions, options={"ftol": 1e-14, "maxiter": 60},
     )  # fmt: skip
     share: Array = np.clip(done.x, 0.0, 1.0)
