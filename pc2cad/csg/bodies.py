@@ -198,7 +198,7 @@ class _Joining:
         """
         if len(copies) == 1:
             return copies[0], each, 0.0
-        shape = fuse(copies, self.one)
+        self.last = shape = fuse(copies, self.one)
         found = self._integrals(shape.shape)
         total, area = len(copies) * each.volume, len(copies) * each.area
         gap = total - found.volume
