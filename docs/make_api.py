@@ -17,6 +17,7 @@ from pc2cad.integrals.inertia import Mass
 from pc2cad.integrals.sensitivity import Sensitivity
 from pc2cad.templates.bodies import BodiesTemplate
 from pc2cad.templates.template import Template
+from pc2cad.verify.against import verify_file
 
 FILE = Path(__file__).parent / "api.md"
 CLASSES = (
@@ -36,7 +37,7 @@ def _lines() -> Iterator[str]:
     yield from ("# Python API", "", "Made from the docstrings by `python docs/make_api.py`.", "")
     yield from ("## `import pc2cad as pc`", "")
     for name in dir(pc2cad):
-        thing = getattr(pc2cad, name)
+        thing = verify_file if name == "verify" else getattr(pc2cad, name)
         if inspect.isfunction(thing):
             yield from _entry(name, thing)
     yield from (

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from pc2cad.templates.importers.kinds import import_template as import_template
     from pc2cad.templates.importers.net import import_points as import_points
     from pc2cad.templates.importers.vmec import import_vmec as import_vmec
-    from pc2cad.verify.against import verify_file as verify_file
+    from pc2cad.verify.against import verify_file as verify
     from pc2cad.verify.receipt import receipt as receipt
 
 _HOMES = {
@@ -68,7 +68,6 @@ _HOMES = {
     "spline_part": "pc2cad.compiler",
     "study": "pc2cad.studies.study",
     "to_sympy": "pc2cad.expression.sympy_bridge",
-    "verify_file": "pc2cad.verify.against",
     "write_deck": "pc2cad.export.deck",
     "write_mesh": "pc2cad.export.mesh_files",
     "write_points": "pc2cad.export.point_files",
@@ -81,6 +80,8 @@ def __getattr__(name: str) -> "Any":
 
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
+    if name == "verify":  # a room, and a function
+        return import_module("pc2cad.verify")
     if name == "__all__":  # what help(pc2cad) shows
         return __dir__()
     if not name.startswith("_"):
@@ -93,4 +94,4 @@ def __getattr__(name: str) -> "Any":
 def __dir__() -> list[str]:
     from importlib import import_module
 
-    return sorted(["__version__", *_HOMES, *import_module("pc2cad.api").__all__])
+    return sorted(["__version__", "verify", *_HOMES, *import_module("pc2cad.api").__all__])
