@@ -286,7 +286,10 @@ def test_axes_and_moves_that_cannot_be_are_refused(
 
 @needs_ccx
 @pytest.mark.interop
-@pytest.mark.parametrize(("element", "most"), [("C3D20R", 2e-5), ("C3D20", 2e-5), ("C3D8I", 2e-2)])
+@pytest.mark.parametrize(
+    ("element", "most"),
+    [("C3D20R", 2e-5), ("C3D20", 2e-5), ("C3D8I", 2e-2), ("C3D10", 3e-3), ("C3D4", 8e-2)],
+)
 def test_a_thick_tube_widens_as_lame_says(here: Path, element: str, most: float) -> None:
     """Timoshenko and Goodier, section 28: plane strain, inner pressure 1, radii 1 and 2."""
     found = solved(

@@ -14,6 +14,7 @@ import vtk
 from shipped import checked_of
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
+import pc2cad as pc
 from pc2cad.checked import check_map
 from pc2cad.cli.main import main
 from pc2cad.compiler import mesh_equation
@@ -327,9 +328,18 @@ def test_tetrahedra_have_the_same_names_and_nearly_the_same_measures(
         assert side.area == pytest.approx(side.equation_area, rel=5e-3)
 
 
-def test_tetrahedra_are_told_by_size_only() -> None:
-    with pytest.raises(InputError, match="size of cells"):
-        MeshOptions(cells=(2, 2, 2), shape="tetrahedra")
+@pytest.mark.interop
+def test_numbers_of_cells_are_a_size_of_tetrahedra() -> None:
+    """Of a block of 2 x 3 x 4 those of cubes: 1/2."""
+    u, v, w = pc.parameters()
+    block = pc.compile_equation((2 * u, 3 * v, 4 * w))
+    by_cells, by_size = (
+        block.mesh(shape="tetrahedra", **given) for given in ({"cells": (2, 6, 16)}, {"size": 0.5})
+    )
+    assert len(by_cells.points) > 300
+    np.testing.assert_array_equal(by_cells.points, by_size.points)
+    with pytest.raises(InputError, match="at least one cell along u, v and w, not 0"):
+        block.mesh(shape="tetrahedra", cells=(1, 0, 1))
 
 
 def test_a_package_that_is_missing_is_named_with_its_extra() -> None:

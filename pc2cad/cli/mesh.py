@@ -40,7 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(gmsh), .vtk, .med (repeatable)",
     )  # fmt: skip
     cells = parser.add_mutually_exclusive_group()
-    cells.add_argument("--cells", metavar="NxNxN", help="cells along u, v and w, e.g. 40x24x3")
+    cells.add_argument(
+        "--cells", metavar="NxNxN", help="cells along u, v and w, e.g. 40x24x3; tetrahedra get "
+        "the size of as many cubes that fill the volume",
+    )  # fmt: skip
     cells.add_argument(
         "--size", metavar="LENGTH",
         help="length of the longest cells, in model units (default: a tenth of the cube root of "

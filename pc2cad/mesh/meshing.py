@@ -6,6 +6,7 @@ Input: CheckedMap (no kernel is loaded), or a compiled part. Output: VolumeMesh 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import prod
 from typing import TYPE_CHECKING, Literal
 
 from pc2cad.checked import CheckedMap, Stages
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 class MeshOptions:
     """What is asked of a mesh; lengths in model units."""
 
-    #: cells along u, v and w
+    #: cells along u, v and w; of tetrahedra, cubes of their size that fill the volume
     cells: tuple[int, int, int] | None = None
     #: or the length that no cell exceeds by much
     size: float | None = None
@@ -44,8 +45,6 @@ class MeshOptions:
             raise InputError("give the cells of a mesh or their size, not both")
         if self.size is not None and not 0 < self.size < float("inf"):
             raise InputError(f"the size of cells must be a positive length, not {self.size}")
-        if self.shape == "tetrahedra" and self.cells is not None:
-            raise InputError("tetrahedra have a size of cells, not numbers of them along u, v, w")
         if self.shape == "tetrahedra" and self.core == "ogrid":
             raise InputError("tetrahedra have no core; an O-grid is one of hexahedra")
         if self.shape == "tetrahedra" and any(g.ratio != 1 for g in self.grading):
@@ -96,7 +95,7 @@ def mesh_solid(
     from pc2cad.mesh.tetrahedra import tetrahedra
 
     options, run = options or MeshOptions(shape="tetrahedra"), stages or Stages()
-    size = options.size or float(part.volume ** (1 / 3)) / 10
+    size = options.size or _size(part.volume, options.cells, checked is None)
     mesh = run("mesh", lambda: tetrahedra(part, size, options.order))
     if checked is not None:
         mesh = replace(mesh, columns=Columns(checked, mesh, FoundPlaces(checked, mesh)))
@@ -104,3 +103,14 @@ def mesh_solid(
     check_whole(mesh, quality.volume)
     volumes = (part.volume, list(part.layers.values()))
     return mesh, report_on(mesh, quality, volumes, part.areas, None, run.times)
+
+
+def _size(volume: float, cells: tuple[int, int, int] | None, several: bool) -> float:
+    """Return the edge of the cubes, as many as there are cells, that fill a volume."""
+    if cells is None:
+        return float(volume ** (1 / 3)) / 10
+    if several:
+        raise InputError("several bodies have a size of cells, not numbers of them along u, v, w")
+    if min(cells) < 1:
+        raise InputError(f"there is at least one cell along u, v and w, not {min(cells)}")
+    return float((volume / prod(cells)) ** (1 / 3))

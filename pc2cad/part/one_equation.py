@@ -110,11 +110,11 @@ class OfOneEquation(ABC):
         """Return structured hexahedra of the equation's own (u,v,w) grid, or gmsh's tetrahedra.
 
         Tetrahedra are of the compiled solid, with its tolerance and its splines.
-        `cells` along u, v and w, or the `size` of the longest ones in model units. The `core` at an
-        axis is the grid's own, with wedges and pyramids, or an O-grid of hexahedra. Cells grow by
-        the `grading`, ``{"w": 4}`` (last over first) or ``{"w": (4, "both")}`` (middle over both
-        ends). Raises InputError, UnsuitableGridError, or InvertedElementError where the cells are
-        too coarse.
+        `cells` along u, v and w (tetrahedra get the size of as many cubes that fill the volume), or
+        the `size` of the longest ones in model units. The `core` at an axis is the grid's own, with
+        wedges and pyramids, or an O-grid of hexahedra. Cells grow by the `grading`, ``{"w": 4}``
+        (last over first) or ``{"w": (4, "both")}`` (middle over both ends). Raises InputError,
+        UnsuitableGridError, or InvertedElementError where the cells are too coarse.
         """
         from pc2cad.mesh.grid import gradings
         from pc2cad.mesh.meshing import MeshOptions
