@@ -45,8 +45,10 @@ if TYPE_CHECKING:
     from pc2cad.templates.importers.kinds import import_template as import_template
     from pc2cad.templates.importers.net import import_points as import_points
     from pc2cad.templates.importers.vmec import import_vmec as import_vmec
-    from pc2cad.verify.against import verify_file as verify
+    from pc2cad.verify.against import verify_file
     from pc2cad.verify.receipt import receipt as receipt
+
+    verify = verify_file
 
 _HOMES = {
     "Deck": "pc2cad.export.deck",

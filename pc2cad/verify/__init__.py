@@ -3,7 +3,7 @@
 `receipt` reads a file of anybody's; `verification` holds it against a point equation. Everything is
 read and computed here, from the file's own text: no module that makes such files is imported.
 
-The room is called like what it does, and can be called: ``pc.verify("part.step", "template.toml")``.
+The room is called like what it does, and can be called: ``pc.verify("part.step", "part.toml")``.
 """
 
 from __future__ import annotations
