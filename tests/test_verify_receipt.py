@@ -15,8 +15,10 @@ from consumers.step_edits import read_instances
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
 from OCP.gp import gp_Ax2, gp_Dir, gp_Parab, gp_Pnt
 from plain_step import box
+from shipped import part_of
 
 import pc2cad as pc
+from pc2cad.brep.integrals import solid_integrals
 from pc2cad.cli.main import main
 from pc2cad.verify.receipt import describe, parse_step, receipt
 
@@ -237,3 +239,18 @@ def test_a_file_of_a_loose_tolerance_states_the_solid_that_it_holds(tmp_path: Pa
     false = re.sub(r"VOLUME_MEASURE\([^)]*\)", f"VOLUME_MEASURE({own * 1.000003!r})", text)
     assert false != text
     assert "states the volume" in describe(parse_step(false.encode()))["defects"][0]
+
+
+def test_a_closed_surface_with_a_hole_keeps_its_area_wherever_its_seams_are_followed(
+    tmp_path: Path,
+) -> None:
+    """Along seams that are followed to the other side the edges run round the whole torus."""
+    torus = cq.Workplane(cq.Shape.cast(part_of("simplex_torus").body.shape))
+    place = (-2.2982, -0.8822, 2.3514)
+    file = str(tmp_path / "torus.step")
+    torus.cut(cq.Workplane().sphere(1.6).translate(place)).val().exportStep(file)
+    found = receipt(file)
+    assert found["sound"] is True
+    (of_file,) = found["solids"]
+    again = cq.importers.importStep(file).val()
+    assert of_file["volume"] == pytest.approx(solid_integrals(again.wrapped).volume, rel=1e-9)

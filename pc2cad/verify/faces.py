@@ -37,6 +37,8 @@ from pc2cad.verify.surfaces import Round, Spun, Surface, read_surface
 
 #: relative residual of the theorem of Stokes that rounding and quadrature explain
 STOKES = 1e-9
+#: how often all of a closed surface may be missing from what edges run round
+MOST_WHOLE = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,9 +261,11 @@ def judge_trimmed(surface: Surface, face: Face, origin: Array, limit: float) -> 
     for inner in (*levels, (0, float(np.mean(u)))):
         moments = trimmed_moments(edges, inner, origin, corner)
         moments = replace(moments, area=sign * moments.area)
-        if moments.area <= 0.0 and whole is not None:
-            # the edges run round what the face leaves of a closed surface
-            moments = moments.plus(whole.times(sign))
+        for _ in range(MOST_WHOLE):
+            if moments.area <= 0.0 and whole is not None:
+                # the edges run round what the face leaves of a closed surface, and its seams
+                # round the whole of it once more where they are followed to the other side
+                moments = moments.plus(whole.times(sign))
         if moments.area <= 0.0:
             continue
         residual = _residual(face, moments, corner, moments.area**0.5)
