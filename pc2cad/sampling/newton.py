@@ -39,6 +39,8 @@ FARTHEST = 0.5
 SHARES = (1.0, 0.5, 0.125)
 #: how near to sides it is looked; nearer to poles parameters are what rounding makes of them
 NEAREST = 1e-4
+#: det J vanishes at a pole with some power of the distance from it: with less than this one
+STEEPEST = 6
 #: how far seeds stay from a collapsed side, as a share of the box
 RING = 0.1
 #: what one step leaves of that distance at least
@@ -149,9 +151,10 @@ class Inversion:
         return writer.made(**dict(zip(COORDINATES, made, strict=True)))
 
     def _tiny(self) -> float:
+        """Return what det J is taken for where it is less: steps are cut to length anyway."""
         a, b, c = self._analysis.map.frame(*self.places().T)[1:]
         det = np.abs((a * np.cross(b, c)).sum(axis=-1))
-        return 1e-12 * float(np.nanmax(det))
+        return NEAREST**STEEPEST * float(np.nanmax(det))
 
     def places(self) -> Array:
         """Return places of the box, many of them near its sides."""
