@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -123,14 +124,35 @@ class Writer:
         """Write trees whose symbols are steps; raise NoFormulaError."""
         known: dict[Expr, int] = {}
         roots = tuple(_plain(root) for root in roots)
-        for node in walk(roots):  # operands first: long sums are deep
-            if node.symbols and node.op != "pieces":
+        for node in walk(roots, _operands):  # operands first: long sums are deep
+            if _is_table(node):
+                (known[node],) = self.call(_table(node), known[node.args[0]])
+            elif node.symbols and node.op != "pieces":
                 known[node] = self._made(node, names, known)
             elif node.symbols:
-                known[node] = self._pieces(node, known)
+                known[node] = self.pieces(node, known)
             else:
                 known[node] = self.constant(evaluate(node, {}))
         return [known[root] for root in roots]
+
+    def pieces(self, tree: Expr, known: Mapping[Expr, int]) -> int:
+        """Write a polynomial in pieces: its start and coefficients by the breaks, then its sum."""
+        layout: Layout = tree.payload
+        breaks, place = [float(b) for b in layout.breaks], known[tree.args[0]]
+        if layout.closed:
+            period = self.constant(breaks[-1] - breaks[0])
+            past = self.add("subtract", place, self.constant(breaks[0]))
+            turns = self.add("floor", self.add("divide", past, period))
+            place = self.add("subtract", place, self.add("multiply", turns, period))
+        rows = piece_rows(tree)
+        starts = self._chosen(place, breaks, [self.constant(b) for b in breaks[:-1]])
+        along, total = self.add("subtract", place, starts), self.constant(0.0)
+        for k in reversed(range(layout.width)):
+            own = self._chosen(place, breaks, [known[row[k]] for row in rows])
+            total = own if k == layout.width - 1 else self.add(
+                "add", self.add("multiply", total, along), own
+            )  # fmt: skip
+        return total
 
     def _put(self, step: Step) -> int:
         if len(self._steps) >= MOST_STEPS:
@@ -172,25 +194,6 @@ class Writer:
         assert product is not None
         return self.add("divide", self.constant(1.0), product) if power < 0 else product
 
-    def _pieces(self, tree: Expr, known: Mapping[Expr, int]) -> int:
-        """Write a polynomial in pieces: its start and coefficients by the breaks, then its sum."""
-        layout: Layout = tree.payload
-        breaks, place = [float(b) for b in layout.breaks], known[tree.args[0]]
-        if layout.closed:
-            period = self.constant(breaks[-1] - breaks[0])
-            past = self.add("subtract", place, self.constant(breaks[0]))
-            turns = self.add("floor", self.add("divide", past, period))
-            place = self.add("subtract", place, self.add("multiply", turns, period))
-        rows = piece_rows(tree)
-        starts = self._chosen(place, breaks, [self.constant(b) for b in breaks[:-1]])
-        along, total = self.add("subtract", place, starts), self.constant(0.0)
-        for k in reversed(range(layout.width)):
-            own = self._chosen(place, breaks, [known[row[k]] for row in rows])
-            total = own if k == layout.width - 1 else self.add(
-                "add", self.add("multiply", total, along), own
-            )  # fmt: skip
-        return total
-
     def _chosen(self, place: int, breaks: Sequence[float], values: Sequence[int]) -> int:
         """Return the one of some values that is in force at a place, by halves."""
         if len({*values}) == 1:
@@ -199,6 +202,22 @@ class Writer:
         below = self._chosen(place, breaks[: half + 1], values[:half])
         above = self._chosen(place, breaks[half:], values[half:])
         return self.add("select", place, self.constant(breaks[half]), below, above)
+
+
+def _is_table(tree: Expr) -> bool:
+    return tree.op == "pieces" and bool(tree.symbols) and not any(c.symbols for c in tree.args[1:])
+
+
+def _operands(tree: Expr) -> tuple[Expr, ...]:
+    return tree.args[:1] if _is_table(tree) else tree.args
+
+
+@lru_cache(maxsize=1024)  # M, its steps and fields look up the same ones
+def _table(tree: Expr) -> Formula:
+    """Return a polynomial in pieces whose coefficients are numbers, of its argument."""
+    writer = Writer("table", ("place",))
+    known = {c: writer.constant(evaluate(c, {})) for c in tree.args[1:]}
+    return writer.made(value=writer.pieces(tree, {**known, tree.args[0]: 0}))
 
 
 def _plain(root: Expr) -> Expr:
