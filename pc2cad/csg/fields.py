@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -29,6 +30,8 @@ class _Leaf:
     body: Body
     place: Placement
     known: Inversions
+    #: how many leaves are copies of the same body: places that are looked at are shared out
+    copies: int
 
     def there(self, writer: Writer) -> list[int]:
         """Write the place as the body itself has it."""
@@ -40,7 +43,7 @@ class _Leaf:
 
     def samples(self) -> tuple[Array, Array]:
         """Return points in space, and the parameters of the unit box that they have."""
-        local = self.known.inverse.places()
+        local = self.known.inverse.places()[:: self.copies]
         points = self.body.checked.map.points(*local.T)
         return points @ self.place.turn.T + self.place.offset, local
 
@@ -57,10 +60,11 @@ def field_formulas(
     fields differ, and where M is not inverted so.
     """
     known = {name: Inversions(body.checked.analysis) for name, body in parts.items()}
-    lying = dict(places(result))
+    lying, kept = dict(places(result)), [*_kept(result)]
+    copies = Counter(original(name) for name in kept)
     leaves = [
-        _Leaf(name, parts[original(name)], lying[name], known[original(name)])
-        for name in _kept(result)
+        _Leaf(name, parts[body], lying[name], known[body], copies[body])
+        for name, body in zip(kept, map(original, kept), strict=True)
     ]
     try:
         return {name: _field(name, leaves, pieces) for name in names}
