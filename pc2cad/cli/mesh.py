@@ -65,7 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--grade", metavar="DIRECTION=RATIO", action="append", default=[],
-        help="let cells grow along u, v or w: last over first (w=4), or middle over both ends "
+        help="let cells grow along u, v or w: length at the end over that at the start (w=4; of n "
+        "cells the last is 4^((n-1)/n) times the first), or in the middle over both ends "
         "(w=4,both) (repeatable)",
     )  # fmt: skip
     add_velocity(parser, "nodes and cells")

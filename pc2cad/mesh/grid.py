@@ -39,7 +39,11 @@ class UnsuitableGridError(InputError):
 
 @dataclass(frozen=True)
 class Grading:
-    """How cell lengths change along a direction: last over first, or middle over ends."""
+    """How cell lengths change along a direction: at its end over at its start, or middle over ends.
+
+    They change steadily and however many cells there are: n cells have ratio^((n - 1)/n), last over
+    first.
+    """
 
     ratio: float = 1.0
     #: True: the cells grow towards the middle and shrink again
@@ -72,7 +76,7 @@ class Grading:
         return t if growth == 0 else np.asarray(np.log1p(t * (self.ratio - 1)) / growth)
 
 
-#: last cell over first, or with "both" the middle one over those at both ends
+#: length of cells at the end over that at the start, or with "both" in the middle over both ends
 Growth = float | tuple[float, Literal["both"]]
 
 

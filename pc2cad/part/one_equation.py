@@ -113,7 +113,8 @@ class OfOneEquation(ABC):
         `cells` along u, v and w (tetrahedra get the size of as many cubes that fill the volume), or
         the `size` of the longest ones in model units. The `core` at an axis is the grid's own, with
         wedges and pyramids, or an O-grid of hexahedra. Cells grow by the `grading`, ``{"w": 4}``
-        (last over first) or ``{"w": (4, "both")}`` (middle over both ends). Raises InputError,
+        (length at the end over that at the start: of n cells the last is 4^((n - 1)/n) times the
+        first) or ``{"w": (4, "both")}`` (in the middle over both ends). Raises InputError,
         UnsuitableGridError, or InvertedElementError where the cells are too coarse.
         """
         from pc2cad.mesh.grid import gradings
