@@ -15,8 +15,10 @@ from plain_step import box, cut_ball
 from shipped import part_of
 
 from pc2cad.cli.main import main
+from pc2cad.compiler import compile_solid
 from pc2cad.domain.analysis import analyse
 from pc2cad.integrals.mass_properties import integrate
+from pc2cad.options import CompileOptions
 from pc2cad.templates.bodies import Bodies, BodiesTemplate
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import bodies_paths
@@ -265,3 +267,14 @@ def test_a_block_with_a_duct_and_what_is_done_to_it(tmp_path: Path) -> None:
         assert changed != text
         assert held(changed, equations).differences != ()
     assert held(text, cooled_block(r=0.8001)).differences != ()
+
+
+@pytest.mark.slow
+def test_whole_turns_of_a_thread_count_along_their_own_normal(tmp_path: Path) -> None:
+    """Their normal's integral vanishes: which way they face shows in its moments."""
+    bolt = read_template(bodies_paths()["bolt"]).bind()
+    part = compile_solid(bolt, CompileOptions(profile="cubic"))
+    part.write(tmp_path / "bolt.step")
+    found = held(read_instances(tmp_path / "bolt.step"), bolt)
+    assert found.differences == ()
+    assert found.mass.volume == pytest.approx(part.report.solid.volume, rel=1e-8)

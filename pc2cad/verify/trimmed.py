@@ -204,9 +204,16 @@ def moments_on(match: Match, sides: Sides, origin: Array) -> Moments | None:
                 return None
         part = patch_moments(own, own.limits, origin, corner)
         total = part if total is None else total.plus(part)
-    if total is not None and total.vector @ face.moments.vector < 0.0:
-        total = total.times(-1.0)
-    return total
+    return total if total is None or _agree(total, face.moments) else total.times(-1.0)
+
+
+def _agree(one: Moments, other: Moments) -> bool:
+    """Say whether integrals over the same places are along the same normal.
+
+    The normal's own vanishes where it goes round: of whole turns of a thread.
+    """
+    alone = float(one.vector @ other.vector)
+    return alone + float((one.first * other.first).sum()) / max(other.area, 1e-300) > 0.0
 
 
 def _same_sense(side: SideSurface, face: JudgedFace) -> bool:
