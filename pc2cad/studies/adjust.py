@@ -2,7 +2,7 @@
 
 Figures and their exact derivatives come from the equation (`studies.figures`), or from the joined
 solid of several bodies. Goals alone are met by damped Newton steps within the ranges, the least or
-most of a figure under goals by sequential quadratic programming (SciPy's SLSQP).
+most of a figure under goals as `studies.least` says.
 
 *Source:* J. Nocedal, S. Wright, Numerical Optimization (2006), chapters 10 and 18.
 """
@@ -24,6 +24,7 @@ from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import InputError, KernelError, NotASolidError
 from pc2cad.integrals.weighing import Density
 from pc2cad.studies.figures import FIGURES, figures_of, figures_of_map
+from pc2cad.studies.least import FINE, Logarithms, descended, find_least
 from pc2cad.templates.bodies import Bodies, BodiesTemplate
 from pc2cad.templates.file import read_template
 from pc2cad.templates.ranges import RangeError, read_axis, read_number, split_setting
@@ -36,8 +37,6 @@ SOLVED: Final = 1e-13
 SHORTEST: Final = 1e-4
 #: what SciPy wants limits to be apart
 TINY: Final = 1e-12
-#: share of the ranges that the first step towards the least of a figure takes at most
-FIRST: Final = 0.1
 #: maps that are looked at before it is given up
 MOST_EVALUATIONS: Final = 200
 _GOAL: Final = re.compile(r"\s*(\w+)\s*(<=|>=|=)(.*)\Z", re.S)
@@ -237,6 +236,11 @@ class _Problem:
         seen = [abs(known[0][goal.figure]) for known in self._known.values() if known is not None]
         return abs(goal.value) or max(seen, default=1.0) or 1.0
 
+    @property
+    def aims(self) -> tuple[Goal, ...]:
+        """What is asked for."""
+        return self.goals
+
     def misses(self, share: Array) -> float:
         """Return the largest relative miss of a goal."""
         found = self.figures(share)
@@ -316,42 +320,13 @@ def _root(problem: _Problem, start: Array) -> Array | None:
 
 def _least(problem: _Problem, wanted: str, sign: float, start: Array) -> Array | None:
     """Return the place with the least figure that meets the goals, or None: no solid at first."""
-    from scipy.optimize import minimize
-
+    share = find_least(problem, wanted, sign, start)
+    if share is not None and problem.misses(share) <= problem.near:
+        return share
+    # from a place that meets the goals, and as far as it goes
     near = _root(problem, start) if problem.goals else start
-    first = None if near is None else problem.figures(near)
-    if near is None or first is None:
+    if near is None:
         return None
-    # SLSQP begins with a step as long as the slope: a part of the ranges, and no more
-    size = max(abs(first[0][wanted]), float(np.abs(first[1][wanted]).max()) / FIRST) or 1.0
-
-    def figure(share: Array) -> float:
-        found = problem.figures(share)
-        return float("inf") if found is None else sign * found[0][wanted] / size
-
-    def slope(share: Array) -> Array:
-        found = problem.figures(share)
-        return np.zeros(len(share)) if found is None else sign * found[1][wanted] / size
-
-    conditions = [_condition(problem, goal) for goal in problem.goals]
-    done = minimize(
-        figure, near, jac=slope, method="SLSQP", bounds=[(0.0, 1.0)] * len(near),
-        constraints=conditions, options={"ftol": 1e-14, "maxiter": 60},
-    )  # fmt: skip
-    share: Array = np.clip(done.x, 0.0, 1.0)
-    return share
-
-
-def _condition(problem: _Problem, goal: Goal) -> dict[str, Any]:
-    """Return a goal as SLSQP takes it: what is to vanish, or not to be negative."""
-    size, turn = problem.scale(goal), -1.0 if goal.relation == "<=" else 1.0
-
-    def gap(share: Array) -> float:
-        found = problem.figures(share)
-        return -1.0 if found is None else turn * (found[0][goal.figure] - goal.value) / size
-
-    def slope(share: Array) -> Array:
-        found = problem.figures(share)
-        return np.zeros(len(share)) if found is None else turn * found[1][goal.figure] / size
-
-    return {"type": "eq" if goal.relation == "=" else "ineq", "fun": gap, "jac": slope}
+    space = Logarithms.of(problem, wanted, sign, near)
+    place = descended(space, near, FINE)
+    return None if place is None else space.share(place)
