@@ -11,10 +11,11 @@ import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.BRepTools import BRepTools
-from OCP.gp import gp_Pnt2d
+from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.IntTools import IntTools_FClass2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT, TopAbs_ShapeEnum, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_IN, TopAbs_OUT, TopAbs_ShapeEnum, TopAbs_VERTEX
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 from scipy.spatial import cKDTree
@@ -117,6 +118,25 @@ def pieces_of(shape: NamedShape) -> Pieces:
         for i, names in at_vertex.items()
     }
     return Pieces(tuple(faces), lines, corners)
+
+
+def cross(first: NamedShape, second: NamedShape, depth: float) -> bool:
+    """Say whether a place that is looked at, on faces of one shape, is so deep inside the other.
+
+    Where the kernel fails it may find nothing that two bodies have in common, and be consistent.
+    """
+    return _reaches_into(first, second, depth) or _reaches_into(second, first, depth)
+
+
+def _reaches_into(shape: NamedShape, other: NamedShape, depth: float) -> bool:
+    for solid in other.solids:
+        inside = BRepClass3d_SolidClassifier(solid)
+        for face in pieces_of(shape).faces:
+            for point in face.jet(face.places)[0].tolist():
+                inside.Perform(gp_Pnt(*point), depth)
+                if inside.State() == TopAbs_IN:
+                    return True
+    return False
 
 
 def _box(shape: TopoDS_Shape) -> Array:

@@ -29,6 +29,7 @@ from pc2cad.brep.booleans import (
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
+from pc2cad.brep.pieces import cross
 from pc2cad.csg.arithmetic import Reduced
 from pc2cad.csg.contacts import check_contacts, check_merged
 from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
@@ -245,10 +246,10 @@ class _Joining:
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {EMPTY[kind]}")
         exactly = abs(gap) + ADD_UP * (a + b)
-        if kind == "cut" and not other.solids and abs(gap) <= ADD_UP * (a + b):
-            result = first.shape  # the kernel may have left a mark where the bodies touch
-        else:
-            result = with_own_edges(result, self._near)
+        nothing = kind == "cut" and not other.solids and abs(gap) <= ADD_UP * (a + b)
+        if nothing and not cross(first.shape, second.shape, 10 * self._reach):
+            result = first.shape  # the kernel may have left a mark where they touch
+        result = result if result is first.shape else with_own_edges(result, self._near)
         found = self._integrals(result.shape)
         common = found.volume if kind == "intersect" else held
         lie = relation(a, b, common, exactly)

@@ -69,6 +69,12 @@ class Moving:
         name: str,
     ) -> None:
         self.name = name
+        for body in parts:
+            if "(" in body:  # its sides lie where two bodies meet, and where these cross they jump
+                raise InputError(
+                    f"how {body} changes with {name} is not known: within other Booleans its faces "
+                    "are not followed; write cut(a, b) in the place of difference(a, b)"
+                )
         bases = {body: _Base(part, name) for body, part in parts.items()}
         first = next(iter(bases.values()))
         self.value = first.value

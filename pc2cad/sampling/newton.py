@@ -191,7 +191,7 @@ class Inversion:
         if len(self._seeds) > MOST_SEEDS:
             shown = self._analysis.map.shown(missed[0])
             raise NoFormulaError(
-                f"Newton's steps from {len(self._seeds)} seeds do not arrive at {shown}"
+                f"the steps of Newton from {len(self._seeds)} seeds do not arrive at {shown}"
             )
 
     def _grids(self) -> tuple[Array, bool]:
