@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
@@ -30,6 +31,9 @@ _FEW = 12
 _STEPS, _HALVINGS = (1e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.2), 6
 #: how far in the box the second place of a point may be from that of the point before
 _REACH = 0.3
+#: places along each parameter of the box whose images are looked at beside samples of the faces
+#: (every fifth), how many of the nearest, and how far in the box a second place has to be
+_INNER, _FIFTH, _CLOSE, _FAR = 12, 5, 40, 0.25
 _WAYS = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
 
 
@@ -96,10 +100,10 @@ class _Boundary:
         steps = np.abs(one - other)
         return np.asarray(np.where(self.closed, np.minimum(steps, 1 - steps), steps).max(axis=-1))
 
-    def depth(self, from_: Array, point: Array, away: float, known: _Place) -> float:
+    def depth(self, from_: Array, point: Array, away: float, known: Sequence[_Place] = ()) -> float:
         """Return how far a point is from the boundary further than `away` from a place of the box.
 
-        `known` is a first guess.
+        `known` are first guesses.
         """
         starts: list[tuple[float, _Place]] = []
         for each in self.samples:
@@ -112,7 +116,7 @@ class _Boundary:
                 starts.append((near, (each.face, np.array([each.nodes[0][i], each.nodes[1][j]]))))
         starts.sort(key=lambda each: each[0])
         best = np.inf
-        for near, (index, start) in [(0.0, known), *starts]:
+        for near, (index, start) in [*((0.0, each) for each in known), *starts]:
             if near > best:
                 break
             function = self.functions[index]
@@ -159,7 +163,27 @@ def overlap_depth(
     if away == 0:
         return 0.0
     deepest = max(_followed(boundary, contact[k], contact[1 - k], away) for k in (0, 1))
+    if deepest <= analysis.scale.same_point:
+        deepest = _elsewhere(boundary)  # ends may touch there, and turns lie in one another
     return deepest if deepest > analysis.scale.same_point else 0.0
+
+
+def _elsewhere(boundary: _Boundary) -> float:
+    """Return how deep samples of the faces lie that have a second place far from their own."""
+    nodes = (np.arange(_INNER) + 0.5) / _INNER
+    inner = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
+    images = boundary.analysis.map.points(*inner.T)
+    tree, deepest = cKDTree(images), 0.0
+    for each in boundary.samples[: len(boundary.functions)]:
+        points, places = (x[::_FIFTH, ::_FIFTH].reshape(-1, 3) for x in (each.points, each.boxed))
+        near = tree.query(points, k=_CLOSE)[1]
+        for point, place, row in zip(points, places, near, strict=True):
+            far = row[boundary.apart(inner[row], place) >= _FAR]
+            second = boundary.inside(point, inner[far[0]]) if len(far) else None
+            away = 0.0 if second is None else float(boundary.apart(second, place)) / 2
+            if away >= _FAR / 2:
+                deepest = max(deepest, boundary.depth(place, point, away))
+    return deepest
 
 
 def told_depth(depth: float, analysis: Analysis) -> str:
@@ -186,7 +210,7 @@ def _followed(boundary: _Boundary, start: _Place, other: _Place, away: float) ->
             second = boundary.inside(point, twin)
             if second is None or boundary.apart(second, here) < away:
                 continue
-            found = boundary.depth(here, point, away, other)
+            found = boundary.depth(here, point, away, [other])
             if found > best:
                 best, place, twin, step = found, tried, second, reach
 
