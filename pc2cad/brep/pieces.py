@@ -129,13 +129,13 @@ def cross(first: NamedShape, second: NamedShape, depth: float) -> bool:
 
 
 def _reaches_into(shape: NamedShape, other: NamedShape, depth: float) -> bool:
+    points = np.concatenate([face.jet(face.places)[0] for face in pieces_of(shape).faces])
     for solid in other.solids:
         inside = BRepClass3d_SolidClassifier(solid)
-        for face in pieces_of(shape).faces:
-            for point in face.jet(face.places)[0].tolist():
-                inside.Perform(gp_Pnt(*point), depth)
-                if inside.State() == TopAbs_IN:
-                    return True
+        for point in points.tolist():
+            inside.Perform(gp_Pnt(*point), depth)
+            if inside.State() == TopAbs_IN:
+                return True
     return False
 
 

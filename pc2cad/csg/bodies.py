@@ -245,14 +245,14 @@ class _Joining:
             check_merged((first.shape, second.shape), self.one, known, about)
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {EMPTY[kind]}")
-        exactly = abs(gap) + ADD_UP * (a + b)
         nothing = kind == "cut" and not other.solids and abs(gap) <= ADD_UP * (a + b)
         if nothing and not cross(first.shape, second.shape, 10 * self._reach):
             result = first.shape  # the kernel may have left a mark where they touch
-        result = result if result is first.shape else with_own_edges(result, self._near)
+        else:
+            result = with_own_edges(result, self._near)
         found = self._integrals(result.shape)
         common = found.volume if kind == "intersect" else held
-        lie = relation(a, b, common, exactly)
+        lie = relation(a, b, common, abs(gap) + ADD_UP * (a + b))
         if kind == "cut" and lie is Relation.APART:
             self.idle.append(name)
         words = sentence(kind, lie, a, b, common, found.volume)

@@ -236,11 +236,6 @@ class _Problem:
         seen = [abs(known[0][goal.figure]) for known in self._known.values() if known is not None]
         return abs(goal.value) or max(seen, default=1.0) or 1.0
 
-    @property
-    def aims(self) -> tuple[Goal, ...]:
-        """What is asked for."""
-        return self.goals
-
     def misses(self, share: Array) -> float:
         """Return the largest relative miss of a goal."""
         found = self.figures(share)

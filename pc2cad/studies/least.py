@@ -56,7 +56,7 @@ class Problem(Protocol):
     near: float
 
     @property
-    def aims(self) -> Sequence[Goal]:
+    def goals(self) -> Sequence[Goal]:
         """What is asked for."""
 
     def figures(self, share: Array) -> tuple[dict[str, float], dict[str, Array]] | None:
@@ -165,7 +165,7 @@ def descended(space: Logarithms, start: Array, enough: float) -> Array | None:
 
     still = np.zeros(len(place))
     conditions = []
-    for goal in space.problem.aims:
+    for goal in space.problem.goals:
         look, turn = _looking(space, goal), -1.0 if goal.relation == "<=" else 1.0
         conditions.append({
             "type": "eq" if goal.relation == "=" else "ineq",
@@ -197,14 +197,15 @@ def _polished(space: Logarithms, place: Array) -> Array | None:
     """Return the place at which Newton's steps arrive, or None where it is not a least one."""
     place = np.where(place <= TOUCHED, 0.0, np.where(place >= 1 - TOUCHED, 1.0, place))
     free = np.asarray((place > 0) & (place < 1))
-    goals = [goal for goal in space.problem.aims if _is_met(space, place, goal)]
+    goals = [goal for goal in space.problem.goals if _is_met(space, place, goal)]
     first = here = _seen(space, place, goals)
     if first is None or here is None:
         return None
     weights = _weights(first, free)
     bend = _bend(space, place, goals, free, first, weights)
-    for _ in range(0 if bend is None else MOST_STEPS):
-        assert bend is not None
+    if bend is None:
+        return None
+    for _ in range(MOST_STEPS):
         step = _step(here, bend, free)
         if np.abs(step).max(initial=0.0) <= 0.1 * space.problem.near:
             lost = float(np.abs(weights) @ np.abs(first.gaps))
@@ -279,7 +280,7 @@ def _is_least(
     turns = np.array([{"<=": -1.0, ">=": 1.0, "=": 0.0}[goal.relation] for goal in goals])
     rest = here.slope - here.rows.T @ weights
     held = np.where(place < 0.5, rest, -rest)[~free]
-    others = [g for g in space.problem.aims if g not in goals]
+    others = [g for g in space.problem.goals if g not in goals]
     looks = [(g, space.look(place, g.figure, g.value)) for g in others]
     open_ = all(
         found is not None and (found[0] <= 0) == (goal.relation == "<=") for goal, found in looks
