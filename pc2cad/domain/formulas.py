@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.expression.evaluation import operands
 from pc2cad.expression.functions import FUNCTIONS as KNOWN
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, Expr, Layout, call, number, piece_rows, rewrite, walk
@@ -124,7 +125,7 @@ class Writer:
         """Write trees whose symbols are steps; raise NoFormulaError."""
         known: dict[Expr, int] = {}
         roots = tuple(_plain(root) for root in roots)
-        for node in walk(roots, _operands):  # operands first: long sums are deep
+        for node in walk(roots, operands):  # operands first: long sums are deep
             if _is_table(node):
                 (known[node],) = self.call(_table(node), known[node.args[0]])
             elif node.symbols and node.op != "pieces":
@@ -205,11 +206,7 @@ class Writer:
 
 
 def _is_table(tree: Expr) -> bool:
-    return tree.op == "pieces" and bool(tree.symbols) and not any(c.symbols for c in tree.args[1:])
-
-
-def _operands(tree: Expr) -> tuple[Expr, ...]:
-    return tree.args[:1] if _is_table(tree) else tree.args
+    return tree.op == "pieces" and bool(tree.symbols) and len(operands(tree)) == 1
 
 
 @lru_cache(maxsize=1024)  # M, its steps and fields look up the same ones
