@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
@@ -170,6 +169,8 @@ def overlap_depth(
 
 def _elsewhere(boundary: _Boundary) -> float:
     """Return how deep samples of the faces lie that have a second place far from their own."""
+    from scipy.spatial import cKDTree  # late: only what is refused needs it
+
     nodes = (np.arange(_INNER) + 0.5) / _INNER
     inner = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
     images = boundary.analysis.map.points(*inner.T)
