@@ -146,9 +146,11 @@ class RestrictedMap:
 
         It is exact algebra, and dear: ask `may_be_exact` or `may_be_swept` first.
         """
+        from pc2cad.expression.magnitudes import spread
         from pc2cad.geometry.recognition.separable_form import separate
 
-        return separate(*self.trees)
+        places = (SECTIONS[::2],) * len(self.pieces)
+        return separate(*self.trees, spread(self(*places).reshape(-1, 3)))
 
     def may_be_exact(self, axis: int) -> bool:
         """Say whether powers or waves alone may hold an axis: no other operation meets it."""

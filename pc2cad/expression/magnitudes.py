@@ -84,7 +84,11 @@ def _sizes(root: Expr) -> tuple[Array, Array]:
 
 def extent(roots: Sequence[Expr], names: Sequence[str]) -> float:
     """Return how far apart values of a point are that are seen: a lower bound of its extent."""
-    values = _samples(roots, names)
+    return spread(_samples(roots, names))
+
+
+def spread(values: Array) -> float:
+    """Return how far apart points (n, d) are, those aside that are not finite."""
     finite = values[np.isfinite(values).all(axis=1)]
     return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 0.0
 

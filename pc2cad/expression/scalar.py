@@ -7,7 +7,7 @@ out of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from pc2cad.expression.tree import Expr, walk
 
@@ -34,9 +34,14 @@ def evaluate(root: Expr, values: Mapping[str, float]) -> float:
 
 def evaluate_all(roots: tuple[Expr, ...], values: Mapping[str, float]) -> dict[Expr, float]:
     """Return the values of the trees and of nodes below them (see `evaluate`)."""
-    store: dict[Expr, float] = {}
     # constants keep their values: definitions that use one another are looked at one by one
-    for node in walk(roots, lambda n: () if n.value is not None else n.args):
+    return values_of(walk(roots, lambda n: () if n.value is not None else n.args), values)
+
+
+def values_of(nodes: Iterable[Expr], values: Mapping[str, float]) -> dict[Expr, float]:
+    """Return the values of nodes, operands first (see `evaluate`)."""
+    store: dict[Expr, float] = {}
+    for node in nodes:
         if node.value is not None:
             store[node] = node.value
             continue

@@ -18,7 +18,7 @@ from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
-from pc2cad.expression.scalar import evaluate, evaluate_all
+from pc2cad.expression.scalar import evaluate, values_of
 from pc2cad.expression.separable_sums import product_of, products
 from pc2cad.expression.sign_changes import sign_changes
 from pc2cad.expression.tree import (
@@ -70,9 +70,10 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """
     names = sorted(frozenset().union(*(root.symbols for root in roots)))
     places = ({n: x + 0.11 * i for i, n in enumerate(names)} for x in (0.13, 0.37, 0.58))
-    tables = [evaluate_all(roots, place) for place in places]
+    nodes = list(walk(roots))
+    tables = [values_of(nodes, place) for place in places]
     done: dict[Expr, Expr] = {}
-    for node in walk(roots):
+    for node in nodes:
         args = tuple(done[arg] for arg in node.args)
         done[node] = node if args == node.args else rebuild(node, args)
         if node.op != "add" or not done[node].symbols:

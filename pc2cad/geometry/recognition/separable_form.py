@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import prod
 from typing import Final, Literal
 
 import numpy as np
@@ -26,6 +27,7 @@ from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite
 
 #: normal forms of a coordinate that are larger are not looked at
 LARGEST_FORM = 400
+_WAVES: Final = frozenset(("sin", "cos"))
 #: waves of a higher order than this are no rational carrier any more
 LARGEST_ORDER = 12
 
@@ -55,13 +57,9 @@ class Axis:
     #: of waves: the angle θ as a tree without constant part, in radians
     angle: Expr = ZERO
 
-    @cached_property
-    def _turns(self) -> Program:
-        return Program((self.angle,))
-
     def turn(self, multiple: int, t: Array) -> Array:
         """Return a multiple of the angle θ at parameters t."""
-        values = self._turns({self.name: t})[0]
+        values = _angles(self.angle)({self.name: t})[0]
         return np.asarray(multiple * np.broadcast_to(values, np.shape(t)))
 
     def values(self, term: Term, t: Array) -> Array:
@@ -113,8 +111,19 @@ class Separation:
         return max((term.order for term in self.terms(axis)), default=0)
 
 
-def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
-    """Return the trees as a sum of products of functions of one parameter each, or None."""
+@lru_cache(maxsize=64)
+def _angles(angle: Expr) -> Program:
+    """Return the program of an angle: cells side by side often turn alike."""
+    return Program((angle,))
+
+
+def separate(
+    roots: Sequence[Expr], names: Sequence[str], seen: float | None = None
+) -> Separation | None:
+    """Return the trees as a sum of products of functions of one parameter each, or None.
+
+    `seen` is how far apart points are that were seen, where somebody has looked at some.
+    """
     trees = _parted(tuple(roots))
     mixed = walk(trees, lambda n: n.args if len(n.symbols) > 1 else ())
     if any(len(node.symbols) > 1 and not _is_sum_of_products(node) for node in mixed):
@@ -127,14 +136,16 @@ def separate(roots: Sequence[Expr], names: Sequence[str]) -> Separation | None:
         forms.append(form)
     axes = tuple(_axis(forms, name) for name in names)
     vectors: dict[tuple[Term, ...], Array] = {}
+    known: _Known = {}
     for column, form in enumerate(forms):
         for monomial, coefficient in form.items():
-            for terms, value in _products(monomial, float(coefficient), axes):
+            for terms, value in _products(monomial, float(coefficient), axes, known):
                 vectors.setdefault(terms, np.zeros(len(forms)))[column] += value
     sizes = {key: float(np.linalg.norm(v)) for key, v in vectors.items() if _moves(key)}
     if not np.isfinite(list(sizes.values())).all():
         return None  # of what has no bound nothing is rounding
-    slack = rounding(extent(roots, names), max(sizes.values(), default=0.0))
+    seen = extent(roots, names) if seen is None else seen
+    slack = rounding(seen, max(sizes.values(), default=0.0))
     left = 0.0
     for key, size in sorted(sizes.items(), key=lambda item: item[1]):
         left += size
@@ -185,7 +196,7 @@ def is_planar(roots: Sequence[Expr], names: Sequence[str]) -> bool:
 
 def _constants(monomial: Monomial) -> float:
     """Return the value of a monomial's atoms without symbols."""
-    return float(np.prod([evaluate(a, {}) ** e for a, e in monomial if not a.symbols]))
+    return prod([evaluate(a, {}) ** e for a, e in monomial if not a.symbols], start=1.0)
 
 
 def _is_constant(node: Expr) -> bool:
@@ -205,6 +216,9 @@ def _is_sum_of_products(node: Expr) -> bool:
 
 def _parted(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return the trees with sines and cosines of sums written out, parameter by parameter."""
+    waves = (n for n in walk(roots, lambda n: () if _WAVES.isdisjoint(n.ops) else n.args))
+    if all(node.op not in _WAVES or _sum_apart(node) is node for node in waves):
+        return roots
     return rewrite(rewrite(roots, "sin", _sum_apart), "cos", _sum_apart)
 
 
@@ -259,13 +273,19 @@ def _axis(forms: Iterable[NormalForm], name: str) -> Axis:
 # -- monomials as products of terms ----------------------------------------------------------------
 
 
+#: terms of what is a function of one parameter, by axis and factor
+_Known = dict[tuple[str, Monomial], list[tuple[Term, float]]]
+
+
 def _products(
-    monomial: Monomial, value: float, axes: tuple[Axis, ...]
+    monomial: Monomial, value: float, axes: tuple[Axis, ...], known: _Known
 ) -> list[tuple[tuple[Term, ...], float]]:
     result: list[tuple[tuple[Term, ...], float]] = [((), value * _constants(monomial))]
     for axis in axes:
-        factor = tuple((a, e) for a, e in monomial if axis.name in a.symbols)
-        along = _terms(factor, axis)
+        factor = tuple([(a, e) for a, e in monomial if axis.name in a.symbols])
+        along = known.get((axis.name, factor))
+        if along is None:
+            along = known[axis.name, factor] = _terms(factor, axis)
         result = [((*terms, t), v * w) for terms, v in result for t, w in along]
     return result
 
