@@ -23,6 +23,8 @@ from pc2cad.arrays.scatter import scattered
 SCATTER: Final = 2048
 MOST_FEATURES: Final = 8
 APART: Final = 0.1
+#: boxes that are looked at together
+TOGETHER: Final = 4
 #: reach of the steps with which a feature's top is climbed
 CLIMB: Final = (0.05, 0.01, 0.002, 0.0004)
 #: what is left of the integrand, against its largest value, that rounding may explain
@@ -44,18 +46,38 @@ def find_features(
     What is left on a feature is more than so many times that in half of all places.
     """
     none = np.empty((0, 3))
-    moving = tuple(int(d) for d in np.flatnonzero(spans[:, 1] > spans[:, 0]))
+    moving = _moving(spans)
     share = _scatter()
     with np.errstate(all="ignore"):
-        fitted = _fit(values, spans, share, moving, peaked)
-        if fitted is None:
+        fitted, (rest,) = _explained(values(_places(spans, share))[None], moving, peaked)
+        if rest is None:
             return none
-        surface, rest = fitted
+        surface = _Surface(values, spans, moving, fitted[:, 0])
         found: list[Array] = []
         while rest.any() and len(found) < most:
             found.append(share[int(rest.argmax())])
             rest[(np.abs(share - found[-1])[:, moving] <= APART).all(axis=1)] = 0.0
         return surface.climb(np.array(found)) if found else none
+
+
+def stand_out(values: Callable[[Array], Array], boxes: Array) -> list[bool]:
+    """Say of boxes (n, 3, 2) that extend along the same directions what has features.
+
+    `values` takes places (n, k, 3) to the integrand (n, k); see `find_features`.
+    """
+    moving, share = _moving(boxes[0]), _scatter()
+    out: list[bool] = []
+    with np.errstate(all="ignore"):
+        for start in range(0, len(boxes), TOGETHER):
+            several = boxes[start : start + TOGETHER]
+            low, high = several[:, None, :, 0], several[:, None, :, 1]
+            rests = _explained(values(low + (high - low) * share), moving, PEAKED)[1]
+            out += [rest is not None and bool(rest.any()) for rest in rests]
+    return out
+
+
+def _moving(spans: Array) -> tuple[int, ...]:
+    return tuple(int(d) for d in np.flatnonzero(spans[:, 1] > spans[:, 0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,27 +108,32 @@ class _Surface:
         return _places(self.spans, share)
 
 
-def _fit(
-    values: Callable[[Array], Array],
-    spans: Array,
-    share: Array,
-    moving: tuple[int, ...],
-    peaked: float,
-) -> tuple[_Surface, Array] | None:
-    """Return the polynomial, and what it leaves where that is more than rounding."""
-    found = values(_places(spans, share))
-    good = np.isfinite(found)
-    if good.sum() < len(share) // 2:
-        return None
+def _explained(
+    several: Array, moving: tuple[int, ...], peaked: float
+) -> tuple[Array, list[Array | None]]:
+    """Return the polynomials through rows of values at the scattered places, and their rests.
+
+    Coefficients are (m, n) for n rows. What a polynomial leaves is 0 where that may be rounding;
+    None where hardly any value is finite.
+    """
     columns, inverse = _fitting(moving)
-    if good.all():
-        coefficients: Array = vectors(inverse, found)
-    else:
-        coefficients = np.asarray(np.linalg.lstsq(columns[good], found[good], rcond=None)[0])
-    surface = _Surface(values, spans, moving, coefficients)
-    rest = np.where(good, np.abs(found - vectors(columns, coefficients)), 0.0)
-    least = max(ROUNDING * float(np.abs(found[good]).max()), peaked * ranked(rest, 0.5))
-    return surface, np.where(rest > least, rest, 0.0)
+    coefficients = product(inverse, several.T)
+    finite = np.isfinite(several)
+    for k in np.flatnonzero(~finite.all(axis=1)):
+        good = finite[k]
+        if 2 * good.sum() >= len(good):
+            coefficients[:, k] = np.linalg.lstsq(columns[good], several[k][good], rcond=None)[0]
+    left = np.where(finite, np.abs(several - product(columns, coefficients).T), 0.0)
+    rests: list[Array | None] = []
+    for found, good, rest in zip(several, finite, left, strict=True):
+        if 2 * good.sum() < len(good):
+            rests.append(None)
+            continue
+        least = ROUNDING * float(np.abs(found[good]).max())
+        if rest.max() > least:
+            least = max(least, peaked * ranked(rest, 0.5))
+        rests.append(np.where(rest > least, rest, 0.0))
+    return coefficients, rests
 
 
 @lru_cache(maxsize=1)

@@ -7,6 +7,7 @@ such rules and with finer ones, and the difference is the error estimate.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,7 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.integrals.features import MOST_FEATURES, PEAKED, find_features
+from pc2cad.integrals.features import MOST_FEATURES, PEAKED, find_features, stand_out
 from pc2cad.integrals.quadrature import Panels, Samples, resolve
 from pc2cad.topology.cells import Cell
 
@@ -61,36 +62,45 @@ def features_in(
     density: Density, spans: Array, peaked: float = PEAKED, most: int = MOST_FEATURES
 ) -> Array:
     """Return places (m, 3) where a density stands out of its surroundings in a box (3, 2)."""
-    still = spans[:, 0] == spans[:, 1]
     all_in_one = in_one(density, spans)
+    return find_features(lambda x: all_in_one(*_columns(x, spans)), spans, peaked, most)
 
-    def values(places: Array) -> Array:
-        # a parameter that is fixed is looked at once
-        columns = [x[:1] if fixed else x for x, fixed in zip(places.T, still, strict=True)]
-        return all_in_one(*columns)
 
-    return find_features(values, spans, peaked, most)
+def any_features(density: Density, boxes: Array) -> list[bool]:
+    """Say of boxes (n, 3, 2) whether a density of one integrand stands out of its surroundings.
+
+    The boxes extend along the same directions.
+    """
+    return stand_out(lambda x: density(*_columns(x, boxes[0])).values[..., 0], boxes)
+
+
+def _columns(places: Array, spans: Array) -> list[Array]:
+    """Return u, v and w of places (..., n, 3): a parameter that is fixed is looked at once."""
+    still = spans[:, 0] == spans[:, 1]
+    return [places[..., : 1 if still[d] else None, d] for d in range(3)]
 
 
 def in_one(density: Density, spans: Array) -> Callable[[Array, Array, Array], Array]:
     """Return a sum of all integrands of a density, each by its size in a box (3, 2).
 
     What stands out of one of them, and be it a moment of a solid without a feature of det J, stands
-    out of the sum: its factors are irrational to one another.
+    out of the sum: its factors are irrational to one another. One alone is taken as it is.
     """
-    places = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * scattered(_SIZED, 3).T
-    with np.errstate(all="ignore"):
-        seen = np.abs(density(*places).values)
-        sizes = np.where(np.isfinite(seen), seen, 0.0).max(axis=0)
-    known = sizes > 0
-    factors = np.where(known, (0.5 + scattered(len(sizes), 1)[:, 0]) / np.where(known, sizes, 1), 0)
+
+    @cache
+    def factors() -> Array:
+        places = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * scattered(_SIZED, 3).T
+        with np.errstate(all="ignore"):
+            seen = np.abs(density(*places).values)
+            sizes = np.where(np.isfinite(seen), seen, 0.0).max(axis=0)
+        known = sizes > 0
+        by_size = (0.5 + scattered(len(sizes), 1)[:, 0]) / np.where(known, sizes, 1)
+        return np.where(known, by_size, 0)
 
     def one(u: Array, v: Array, w: Array) -> Array:
         values = density(u, v, w).values
         return np.asarray(
-            values[..., 0] * factors[0]
-            if len(factors) == 1
-            else np.einsum("...k,k->...", values, factors)
+            values[..., 0] if values.shape[-1] == 1 else np.einsum("...k,k->...", values, factors())
         )
 
     return one

@@ -21,8 +21,7 @@ from pc2cad.integrals.rules import (
     DOUBTFUL,
     EXACT,
     Density,
-    features_of,
-    limits_of,
+    any_features,
     panels_for,
 )
 from pc2cad.topology.cells import Cell, directions_of
@@ -57,7 +56,8 @@ def areas_of_side(
     `whole` are the rules of the volume: where it needed panels, areas may well need them.
     """
     first, last = min(side), max(side)
-    plain = [p for p in side if not len(features_of(density, limits_of(analysis, p)))]
+    boxes = np.array([[analysis.span(d, p[d]) for d in range(3)] for p in side])
+    plain = [p for p, out in zip(side, any_features(density, boxes), strict=True) if not out]
     if len(plain) < MANY:
         return {}
     limits = []
