@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.solidity.face_mesh import FaceMesh
+from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 from pc2cad.topology.cells import normal_direction
 
 #: unit axes (…, k, 3) and how far a tangent is from them at most (…, k)
@@ -68,10 +68,7 @@ def opposite_faces(face_meshes: Sequence[FaceMesh]) -> Integers:
 
 def build_levels(face_meshes: Sequence[FaceMesh], opposite: Integers) -> list[Level]:
     """Return the levels from cells to whole faces."""
-    groups: dict[tuple[int, int], list[int]] = {}
-    for f, face_mesh in enumerate(face_meshes):
-        groups.setdefault(face_mesh.shape, []).append(f)
-    faces = list(groups.values())
+    faces = by_shape(face_meshes)
     stacks = [_leaves(face_meshes, group, opposite) for group in faces]
     levels = [_level(stacks, faces, [(1, 1)] * len(stacks))]
     while max(max(stack[0].shape[1:3]) for stack in stacks) > 1:
@@ -94,7 +91,10 @@ def _level(stacks: list[_Stack], faces: list[list[int]], factors: list[tuple[int
         np.concatenate([stack[k].reshape(-1, *stack[k].shape[3:]) for stack in stacks])
         for k in range(4)
     )
-    place = np.concatenate([np.indices(shape).reshape(2, -1).T for shape in shapes])
+    place = np.concatenate([
+        np.tile(np.indices(stack[0].shape[1:3]).reshape(2, -1).T, (count, 1))
+        for stack, count in zip(stacks, counts, strict=True)
+    ])  # fmt: skip
     start, shape, factor = np.empty_like(order), np.empty_like(shapes), np.empty_like(shapes)
     start[order] = np.cumsum(sizes) - sizes
     shape[order] = shapes

@@ -15,12 +15,14 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.domain.analysis import Analysis
 from pc2cad.errors import NotASolidError
-from pc2cad.solidity.face_mesh import FaceMesh
+from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 
 #: a step is looked into where it exceeds both steps beside it by this factor; so many per direction
 STEEP, MOST = 4.0, 4
 #: halvings, down to neighbouring numbers, and the share of the step that they leave at a jump
 HALVINGS, LEFT = 52, 0.25
+#: faces that are looked at together
+TOGETHER = 16
 #: steps below this share of the part's size are left to the comparison with the tolerance
 SMALLEST = 1e-6
 
@@ -31,23 +33,36 @@ class DiscontinuousMapError(NotASolidError):
 
 def check_continuous(analysis: Analysis, face_meshes: Sequence[FaceMesh]) -> None:
     """Raise DiscontinuousMapError where the map jumps on a side."""
-    for face_mesh in face_meshes:
-        for axis in (0, 1):
-            places = _steep(face_mesh.samples, axis, SMALLEST * analysis.size)
-            if len(places):
-                _check(face_mesh, axis, places)
+    for faces in by_shape(face_meshes):
+        for start in range(0, len(faces), TOGETHER):
+            several = [face_meshes[f] for f in faces[start : start + TOGETHER]]
+            samples = np.array([face_mesh.samples for face_mesh in several])
+            for axis in (0, 1):
+                found = _steep(samples, axis, SMALLEST * analysis.size)
+                for face_mesh, places in zip(several, found, strict=True):
+                    if len(places):
+                        _check(face_mesh, axis, places)
 
 
-def _steep(samples: Array, axis: int, smallest: float) -> Integers:
-    """Return indices (k, 2) of the steps along an axis that exceed their neighbours by far."""
-    gap = np.diff(samples, axis=axis)
-    steps = np.moveaxis(np.sqrt(np.einsum("...i,...i->...", gap, gap)), axis, 0)
+def _steep(samples: Array, axis: int, smallest: float) -> list[Integers]:
+    """Return indices (k, 2) of the steps along an axis that exceed their neighbours by far.
+
+    There is a row of them for each of several faces (n, …).
+    """
+    gap = np.diff(samples, axis=1 + axis)
+    steps = np.moveaxis(_lengths(gap), 1 + axis, 1)
     beside = np.zeros_like(steps)
-    beside[1:] = steps[:-1]
-    beside[:-1] = np.maximum(beside[:-1], steps[1:])
-    found = np.argwhere(steps > STEEP * beside + smallest)
-    found = found[np.argsort(-steps[tuple(found.T)])[:MOST]]
-    return found if axis == 0 else found[:, ::-1]
+    beside[:, 1:] = steps[:, :-1]
+    beside[:, :-1] = np.maximum(beside[:, :-1], steps[:, 1:])
+    steep = steps > STEEP * beside + smallest
+    if not steep.any():
+        return [np.empty((0, 2), dtype=np.int64)] * len(samples)
+    rows: list[Integers] = []
+    for row, of_row in zip(steps, steep, strict=True):
+        found = np.argwhere(of_row)
+        found = found[np.argsort(-row[tuple(found.T)])[:MOST]]
+        rows.append(found if axis == 0 else found[:, ::-1])
+    return rows
 
 
 def _check(face_mesh: FaceMesh, axis: int, places: Integers) -> None:

@@ -8,19 +8,18 @@ chords of its cells and how far it turns within one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
+from itertools import groupby, islice
 
 import numpy as np
 
-from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays import Array, Integers
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap, sampled
 from pc2cad.expression.tree import walk
 from pc2cad.geometry.carriers import fit_plane
-from pc2cad.solidity.winding_number import ray_frame
 from pc2cad.topology.cells import outward_sign
 
 #: largest distance of a face from the chords of its cells, as a share of the part's size
@@ -32,6 +31,8 @@ FEWEST, MOST = 4, 2048
 #: map, and of a polynomial of low degree, which has no waves
 _STEP, _PLACES, _FEW_PLACES = 1e-3, 24, 7
 _LOW_DEGREE = 8
+#: faces that are looked at together
+TOGETHER = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,51 +53,13 @@ class FaceMesh:
         """Number of cells along s and t."""
         return self.nodes.shape[0] - 1, self.nodes.shape[1] - 1
 
-    def boxes(self, seed: int) -> tuple[Array, Array]:
-        """Return limits of each cell across the rays of a direction, (cells, 2) each."""
-        return self._boxes if seed == 0 else self._boxes_across(seed)
-
-    @cached_property
-    def _boxes(self) -> tuple[Array, Array]:
-        return self._boxes_across(0)
-
-    def _boxes_across(self, seed: int) -> tuple[Array, Array]:
-        corners = (self.cells().reshape(-1, 4, 3) @ ray_frame(seed))[..., :2]
-        return corners.min(axis=1), corners.max(axis=1)
-
     def cells(self) -> Array:
         """Return the corners of all cells, (cells, 2, 2, 3)."""
-        g = self.samples[::2, ::2]
-        pairs = np.stack((np.stack((g[:-1, :-1], g[:-1, 1:]), 2),
-                          np.stack((g[1:, :-1], g[1:, 1:]), 2)), 2)  # fmt: skip
-        return pairs.reshape(-1, 2, 2, 3)
-
-    def beside(self, places: Array) -> Booleans:
-        """Say which cells (n, m) hold a parameter of some places of the box (k, 3)."""
-        found = np.zeros(self.shape, dtype=bool)
-        for axis, (d, piece) in enumerate(self.function.pieces):
-            low, high = self.function.analysis.span(d, piece)
-            share = (places[:, d] - low) / (high - low)
-            share = share[(share >= 0) & (share <= 1)]
-            rows = np.minimum((share * self.shape[axis]).astype(int), self.shape[axis] - 1)
-            np.moveaxis(found, axis, 0)[rows] = True
-        return found
-
-    def refined(self, chosen: Integers, count: int) -> Array:
-        """Return the corners of the count² parts of some cells, (cells·count², 2, 2, 3)."""
-        n, m = self.shape
-        inner = np.linspace(0.0, 1.0, count + 1)
-        s = ((chosen // m)[:, None, None] + inner[:, None]) / n
-        t = ((chosen % m)[:, None, None] + inner) / m
-        g = self.function.at(s, t)
-        pairs = np.stack((np.stack((g[:, :-1, :-1], g[:, :-1, 1:]), 3),
-                          np.stack((g[:, 1:, :-1], g[:, 1:, 1:]), 3)), 3)  # fmt: skip
-        return pairs.reshape(-1, 2, 2, 3)
+        return corners_of(self.samples)
 
     def halves(self, cells: Array, sign: int) -> Array:
         """Return two outward triangles per cell, (2·cells, 3, 3); `sign` is that of det J."""
-        a, b, c, d = cells[:, 0, 0], cells[:, 1, 0], cells[:, 1, 1], cells[:, 0, 1]
-        both = np.concatenate((np.stack((a, b, c), 1), np.stack((a, c, d), 1)))
+        both = halves(cells)
         return both[:, ::-1] if outward_sign(self.function.cell) * sign < 0 else both
 
     @cached_property
@@ -108,6 +71,28 @@ class FaceMesh:
         across = g[::2, 1::2] - (corners[:, :-1] + corners[:, 1:]) / 2
         amid = g[1::2, 1::2] - (corners[:-1, :-1] + corners[1:, 1:]) / 2
         return max(float(np.sqrt((gap * gap).sum(axis=-1).max())) for gap in (along, across, amid))
+
+
+def by_shape(face_meshes: Sequence[FaceMesh]) -> list[list[int]]:
+    """Return the numbers of faces with as many cells along s and along t, shape by shape."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for f, face_mesh in enumerate(face_meshes):
+        groups.setdefault(face_mesh.shape, []).append(f)
+    return list(groups.values())
+
+
+def corners_of(samples: Array) -> Array:
+    """Return the corners of all cells of samples (..., 2n+1, 2m+1, 3), (cells, 2, 2, 3)."""
+    g = samples[..., ::2, ::2, :]
+    pairs = np.stack((np.stack((g[..., :-1, :-1, :], g[..., :-1, 1:, :]), -2),
+                      np.stack((g[..., 1:, :-1, :], g[..., 1:, 1:, :]), -2)), -3)  # fmt: skip
+    return pairs.reshape(-1, 2, 2, 3)
+
+
+def halves(cells: Array) -> Array:
+    """Return two triangles per cell, (2·cells, 3, 3), the first ones of all cells first."""
+    a, b, c, d = cells[:, 0, 0], cells[:, 1, 0], cells[:, 1, 1], cells[:, 0, 1]
+    return np.concatenate((np.stack((a, b, c), 1), np.stack((a, c, d), 1)))
 
 
 def cut(analysis: Analysis) -> tuple[FaceMesh, ...]:
@@ -139,8 +124,13 @@ def _counts(analysis: Analysis, functions: list[RestrictedMap]) -> dict[Piece, i
     wanted = dict.fromkeys(pieces, float(FEWEST))
     twists = []
     nodes = _uneven(_FEW_PLACES if _is_plain(analysis) else _PLACES)
-    for function, points in zip(functions, sampled(functions, nodes, nodes), strict=True):
-        along_s, along_t, twist = _wanted(points, CHORD * analysis.size)
+    points = sampled(functions, nodes, nodes)
+    rows = [
+        row
+        for several in iter(lambda: [*islice(points, TOGETHER)], [])
+        for row in _wanted(np.array(several), CHORD * analysis.size).tolist()
+    ]
+    for function, (along_s, along_t, twist) in zip(functions, rows, strict=True):
         s, t = (classes.owner(piece) for piece in function.pieces)
         wanted[s], wanted[t] = max(wanted[s], along_s), max(wanted[t], along_t)
         twists.append((s, t, twist))
@@ -171,50 +161,57 @@ def _uneven(count: int) -> Array:
     return np.asarray((places[:, None] + _STEP * np.array([-1.0, 0.0, 1.0])).ravel())
 
 
-def _wanted(points: Array, bound: float) -> tuple[float, float, float]:
-    """Return how many cells a face wants along s, along t, and as the product of both.
+def _wanted(points: Array, bound: float) -> Array:
+    """Return how many cells faces want along s, along t, and as the product of both, (n, 3).
 
-    Only the offset across the face counts: uneven speed moves points within it.
+    `points` are (n, 3k, 3k, 3). Only the offset across a face counts: uneven speed moves points
+    within it.
     """
-    count = len(points) // 3
-    g = points.reshape(count, 3, count, 3, 3)
-    along_s = (g[:, 2, :, 1] - g[:, 0, :, 1]) / (2 * _STEP)
-    along_t = (g[:, 1, :, 2] - g[:, 1, :, 0]) / (2 * _STEP)
+    count = points.shape[1] // 3
+    g = points.reshape(-1, count, 3, count, 3, 3)
+    along_s = (g[:, :, 2, :, 1] - g[:, :, 0, :, 1]) / (2 * _STEP)
+    along_t = (g[:, :, 1, :, 2] - g[:, :, 1, :, 0]) / (2 * _STEP)
     normal = np.cross(along_s, along_t)
-    length = np.sqrt(np.einsum("...i,...i->...", normal, normal))
+    length = np.sqrt(_dot(normal, normal))
     normal /= np.where(length > 0, length, 1.0)[..., None]
-    middle = g[:, 1, :, 1]
+    middle = g[:, :, 1, :, 1]
     # what rounding leaves of second differences is no bow
-    noise = 8 * np.finfo(float).eps * float(np.abs(g).max()) / _STEP**2
+    noise = 8 * np.finfo(float).eps * np.abs(points).max(axis=(1, 2, 3))
+    noise = noise[:, None, None, None]
     ss, tt, st = (
-        np.where(np.abs(second) > noise * _STEP**2, second, 0.0) / _STEP**2
+        np.where(np.abs(second) > noise, second, 0.0) / _STEP**2
         for second in (
-            (g[:, 0, :, 1] - 2 * middle + g[:, 2, :, 1]),
-            (g[:, 1, :, 0] - 2 * middle + g[:, 1, :, 2]),
-            (g[:, 0, :, 0] - g[:, 0, :, 2] - g[:, 2, :, 0] + g[:, 2, :, 2]) / 4,
+            (g[:, :, 0, :, 1] - 2 * middle + g[:, :, 2, :, 1]),
+            (g[:, :, 1, :, 0] - 2 * middle + g[:, :, 1, :, 2]),
+            (g[:, :, 0, :, 0] - g[:, :, 0, :, 2] - g[:, :, 2, :, 0] + g[:, :, 2, :, 2]) / 4,
         )
     )
-    bows = [float(np.abs(np.einsum("...i,...i->...", x, normal)).max()) for x in (ss, tt, st)]
-    n, m = (bows[0] / (8 * bound)) ** 0.5, (bows[1] / (8 * bound)) ** 0.5
-    if max(bows) > 0:
-        turns = (
-            max(_turns(ss, along_s), _turns(st, along_t)),
-            max(_turns(tt, along_t), _turns(st, along_s)),
-        )
-        ease = min(1.0, (MOST_FOR_TURN / (max(turns[0], FEWEST) * max(turns[1], FEWEST))) ** 0.5)
-        n, m = max(n, turns[0] * ease), max(m, turns[1] * ease)
-    return n, m, bows[2] / (4 * bound)
+    bows = np.array([np.abs(_dot(x, normal)).max(axis=(1, 2)) for x in (ss, tt, st)])
+    turns = np.array([
+        np.maximum(_turns(ss, along_s), _turns(st, along_t)),
+        np.maximum(_turns(tt, along_t), _turns(st, along_s)),
+    ])  # fmt: skip
+    cells = np.maximum(turns, FEWEST).prod(axis=0)
+    turns *= np.minimum(1.0, np.sqrt(MOST_FOR_TURN / cells)) * (bows.max(axis=0) > 0)
+    along = np.maximum(np.sqrt(bows[:2] / (8 * bound)), turns)
+    return np.column_stack((*along, bows[2] / (4 * bound)))
 
 
-def _turns(second: Array, tangents: Array) -> float:
-    """Return how many cells it takes so that tangents turn by no more than TURN in one."""
-    speed = np.einsum("...i,...i->...", tangents, tangents)
-    along = np.einsum("...i,...i->...", second, tangents)
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def _turns(second: Array, tangents: Array) -> Array:
+    """Return how many cells it takes so that tangents of faces (n, k, k, 3) turn by TURN in one."""
+    speed = _dot(tangents, tangents)
+    along = _dot(second, tangents)
     # |a × b|² = |a|²|b|² - (a·b)²
-    square = np.einsum("...i,...i->...", second, second) * speed - along * along
+    square = _dot(second, second) * speed - along * along
     turn = np.sqrt(np.maximum(square, 0.0))
-    moving = speed > 1e-18 * speed.max()
-    return float((turn[moving] / speed[moving]).max(initial=0.0)) / TURN
+    moving = speed > 1e-18 * speed.max(axis=(1, 2), keepdims=True)
+    return np.asarray(
+        (np.where(moving, turn, 0.0) / np.where(moving, speed, 1.0)).max(axis=(1, 2)) / TURN
+    )
 
 
 def _numbers(analysis: Analysis, counts: dict[Piece, int]) -> list[Integers]:

@@ -26,11 +26,12 @@ from pc2cad.expression.normal_form import split_turns
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
+from pc2cad.solidity.cell_table import CellTable
 from pc2cad.solidity.continuity import check_continuous
 from pc2cad.solidity.face_mesh import FaceMesh, cut
 from pc2cad.solidity.overlap_depth import overlap_depth, told_depth
 from pc2cad.solidity.self_intersection import MOST_PAIRS, Clearance, Contact, find_contact
-from pc2cad.solidity.winding_number import ray_frame, winding_numbers
+from pc2cad.solidity.winding_number import winding_numbers
 
 #: subdivisions of a contradicting cell before the contradiction is believed, and points at a time
 REFINEMENTS = ((4, 60), (16, 12), (64, 2))
@@ -88,7 +89,7 @@ def _check_images(analysis: Analysis, mesh: _Mesh) -> int:
     nodes = [_inner_nodes(mesh.face_meshes, d) for d in range(3)]
     images = analysis.map.points(*open_grid(*nodes))
     flat = images.reshape(-1, 3)
-    doubtful = np.flatnonzero(winding_numbers(flat, mesh.triangles) != 1)
+    doubtful = np.flatnonzero(winding_numbers(flat, mesh.table.triangles) != 1)
     # a wall thinner than the mesh is good for makes every image doubtful: look into some
     some = doubtful[:: -(-len(doubtful) // MOST_DOUBTS) or 1]
     where = np.unravel_index(some, images.shape[:3])
@@ -121,15 +122,8 @@ class _Mesh:
     sign: int
 
     @cached_property
-    def triangles(self) -> Array:
-        return np.concatenate(
-            [face_mesh.halves(face_mesh.cells(), self.sign) for face_mesh in self.face_meshes]
-        )
-
-    @cached_property
-    def error(self) -> float:
-        """Largest distance seen between the mesh and the faces."""
-        return max(face_mesh.error for face_mesh in self.face_meshes)
+    def table(self) -> CellTable:
+        return CellTable(self.face_meshes, self.sign)
 
     def first_contradiction(
         self, points: Array, expected: int, places: Array | None = None
@@ -159,7 +153,8 @@ class _Mesh:
         for start in range(0, len(points), batch):
             rows = slice(start, start + batch)
             part = points[rows]
-            numbers = winding_numbers(part, self._local(part, places[rows], count, seed), seed)
+            near = self.table.near(part, places[rows], seed)
+            numbers = winding_numbers(part, self.table.refined(near, count), seed)
             left = np.flatnonzero(numbers != expected)
             if len(left) == 0:
                 continue
@@ -169,28 +164,6 @@ class _Mesh:
             if deeper is not None:
                 return start + int(left[deeper[0]]), deeper[1]
         return None
-
-    def _local(self, points: Array, places: Array, count: int, seed: int) -> Array:
-        """Return triangles of the refined cells that lie near the points' rays.
-
-        An image outside the mesh is the sign of a needle or a ridge that no cell's corners show:
-        all cells are taken that have a parameter of such a point's place.
-        """
-        across = (points @ ray_frame(seed))[:, :2]
-        result = []
-        for face_mesh in self.face_meshes:
-            low, high = face_mesh.boxes(seed)
-            # a face may leave the box of its corners: by the mesh's error, or within itself
-            pad = 2 * self.error + 0.25 * (high - low)
-            low, high = low - pad, high + pad
-            met = np.zeros(len(low), dtype=bool)
-            for x, y in across:
-                met |= (low[:, 0] <= x) & (x <= high[:, 0]) & (low[:, 1] <= y) & (y <= high[:, 1])
-            met |= face_mesh.beside(places).ravel()
-            chosen = np.flatnonzero(met)
-            if len(chosen):
-                result.append(face_mesh.halves(face_mesh.refined(chosen, count), self.sign))
-        return np.concatenate(result) if result else np.empty((0, 3, 3))
 
 
 def _met(analysis: Analysis, face_meshes: Sequence[FaceMesh], contact: Contact) -> str:
@@ -356,7 +329,7 @@ def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
         np.concatenate([s.halves(s.cells(), mesh.sign) for s in mesh.face_meshes if s.shell == i])
         for i in range(count)
     ]
-    centre = mesh.triangles.mean(axis=(0, 1))
+    centre = mesh.table.triangles.mean(axis=(0, 1))
     volumes = [float(np.linalg.det(part - centre).sum()) for part in parts]
     outer = [i for i, volume in enumerate(volumes) if volume > 0]
     if len(outer) != 1:
@@ -368,7 +341,7 @@ def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
     for i, part in enumerate(parts):
         places = part[:: max(1, len(part) // 50), 0]
         if i != outer[0]:
-            doubtful = places[winding_numbers(places, hull.triangles) != 1]
+            doubtful = places[winding_numbers(places, hull.table.triangles) != 1]
             if hull.first_contradiction(doubtful, 1) is not None:
                 outside = ShellsNotNestedError("a void is not inside the outer shell")
                 raise pinch_of(analysis) or outside
