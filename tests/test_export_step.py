@@ -30,11 +30,12 @@ from OCP.XCAFDoc import XCAFDoc_Area, XCAFDoc_Centroid, XCAFDoc_DocumentTool, XC
 from steputils import p21
 from test_export_shapes import SHAPES, exportable, faces_of, spline_poles
 
-from pc2cad import __version__
+from pc2cad import __version__, compile_equation, read_template
 from pc2cad.brep.kernel import LabelSequence, as_solid
 from pc2cad.errors import InputError, KernelError
 from pc2cad.export import part21, step
 from pc2cad.export.model import UNITS_IN_MM, ExportOptions, GeometricProperties, NamedFace
+from pc2cad.templates.shipped import template_paths
 
 FIXED = ExportOptions(timestamp="2026-01-31T12:00:00Z")
 
@@ -396,6 +397,26 @@ def test_a_damaged_text_is_refused(monkeypatch, damage, message):
     monkeypatch.setattr(part21, "finish", lambda *args: finish(*args).replace(*damage, 1))
     with pytest.raises(KernelError, match=message):
         step.encode(exportable("box"), FIXED)
+
+
+def test_an_edge_that_crosses_itself_is_refused(monkeypatch):
+    # the reader is told not to look for such edges: the checker does
+    part = compile_equation(read_template(template_paths()["channel_ellipse"]).bind())
+
+    def crossed(*args):
+        text = finish(*args)
+        curve = text[text.index(b"B_SPLINE_CURVE_WITH_KNOTS(") :]
+        poles = re.findall(rb"#\d+", curve[: curve.index(b")")])
+        one, other = (
+            re.search(pole + rb" = CARTESIAN_POINT\('',(\([^)]*\))", text).group(1)
+            for pole in (poles[5], poles[19])
+        )
+        return text.replace(one, b"@").replace(other, one).replace(b"@", other)
+
+    finish = part21.finish
+    monkeypatch.setattr(part21, "finish", crossed)
+    with pytest.raises(KernelError, match="not valid"):
+        step.encode(part.exportable(), FIXED)
 
 
 def test_a_bad_source_date_epoch_is_named(monkeypatch):

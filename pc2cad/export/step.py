@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import io
 
+from OCP.DE import DE_ShapeFixParameters
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Standard import Standard_Failure
 from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_Reader, STEPControl_StepModelType
 from OCP.StepData import StepData_StepWriter
+from OCP.TCollection import TCollection_AsciiString
 
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
@@ -161,7 +163,22 @@ def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) ->
     if reader.ReadStream("check", io.BytesIO(text)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise KernelError("the kernel cannot read the STEP text that it wrote")
     reader.SetSystemLengthUnit(unit_in_mm)
+    _leave_loops_to_the_checker(reader)
     reader.TransferRoots()
     if reader.NbShapes() != 1:
         raise KernelError(f"the STEP text reads back as {reader.NbShapes()} shapes, not as one")
     check_read_back(reader.OneShape(), originals, "STEP text")
+
+
+def _leave_loops_to_the_checker(reader: STEPControl_Reader) -> None:
+    """Have the reader mend everything but single edges that cross themselves.
+
+    The kernel's checker, which looks at what was read, makes the same search on the same curves at
+    the same tolerance (``BRepCheck_Wire::SelfIntersect``, ``ShapeAnalysis_Wire``'s
+    ``CheckSelfIntersectingEdge``), and refuses what would have been mended here.
+    """
+    reader.SetShapeFixParameters(DE_ShapeFixParameters())
+    parameters = reader.GetShapeFixParameters()
+    mode, off = map(TCollection_AsciiString, ("FixShape.FixSelfIntersectingEdgeMode", "0"))
+    parameters.Bind(mode, off)
+    reader.SetShapeFixParameters(parameters)
