@@ -20,6 +20,7 @@ from itertools import product
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.boxes import Near
 from pc2cad.domain.cusps import with_cusps, with_joints
 from pc2cad.domain.map import Mapping3, local_map, open_grid
 from pc2cad.domain.pieces import in_piece, piece_at
@@ -371,16 +372,16 @@ class MapQuestions:
     def places(self, corners: Sequence[Cell]) -> list[list[Cell]]:
         """See Questions.places."""
         points = np.array([self._at(corner) for corner in corners]).reshape(-1, 3)
-        first, groups = np.empty_like(points), list[list[Cell]]()
+        near, first, groups = Near(1000 * self._one), list[Array](), list[list[Cell]]()
         for corner, point in zip(corners, points, strict=True):
-            away = np.abs(first[: len(groups)] - point).max(axis=1)
-            for k in np.flatnonzero(~(away >= 1000 * self._one)).tolist():
+            for k in near.of(point.tolist()):
                 of = groups[k][0]
-                if self._equal(first[None, k], point[None], "the corners {} and {}", of, corner):
+                if self._equal(first[k][None], point[None], "the corners {} and {}", of, corner):
                     groups[k].append(corner)
                     break
             else:
-                first[len(groups)] = point
+                near.add(point.tolist())
+                first.append(point)
                 groups.append([corner])
         return groups
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 from pc2cad.arrays import Array
@@ -78,7 +79,7 @@ class ModelFace:
         edges = [use.edge for use in self.uses if use.edge is not None]
         if self.wires:
             edges = [edge for wire in self.wires for edge, _ in wire]
-        return {edge for edge in edges if edges.count(edge) == 1}
+        return {edge for edge, times in Counter(edges).items() if times == 1}
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ face: the edges between them are dropped, as seams are.
 
 from __future__ import annotations
 
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -101,11 +102,11 @@ def plane_face(
     """
     uses = tuple(use for index in group for use in boundary.faces[index].uses)
     key = _key(group, boundary)
-    counts = [use.edge for use in uses]
+    counts = Counter(use.edge for use in uses)
     walk = [
         (use.edge, use.forward != inward)
         for use in uses
-        if use.edge is not None and counts.count(use.edge) == 1
+        if use.edge is not None and counts[use.edge] == 1
     ]
     carrier, evidence = plane
     against = _against(carrier, walk, edges)
@@ -210,14 +211,17 @@ def _chains(
 ) -> tuple[Wire, ...]:
     """Chain directed edges into closed walks, the outer one first."""
     wires: list[Wire] = []
-    while walk:
-        chain = [walk.pop(0)]
-        first = _ends(boundary, chain[0])[0]
-        while _ends(boundary, chain[-1])[1] != first:
+    left = dict.fromkeys(walk)
+    leaving: dict[int, deque[tuple[int, bool]]] = {}
+    for item in left:
+        leaving.setdefault(_ends(boundary, item)[0], deque()).append(item)
+    while left:
+        chain: list[tuple[int, bool]] = []
+        first = here = _ends(boundary, next(iter(left)))[0]
+        while not chain or here != first:
+            chain.append(leaving[here].popleft())
+            del left[chain[-1]]
             here = _ends(boundary, chain[-1])[1]
-            step = next(item for item in walk if _ends(boundary, item)[0] == here)
-            walk.remove(step)
-            chain.append(step)
         wires.append(tuple(chain))
     return tuple(sorted(wires, key=lambda wire: -_extent(wire, edges)))
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.boxes import meeting
 from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
 from pc2cad.solidity.bounding_volumes import (
@@ -87,13 +88,12 @@ def find_contact(
     top = levels[-1].start
     # a plane face is injective where its edges are, and those belong to other faces too
     flat = np.array([face_mesh.flat for face_mesh in face_meshes])
-    first, second = np.triu_indices(len(face_meshes))
-    kept = (first != second) | ~flat[first]
-    pairs = np.column_stack((top[first[kept]], top[second[kept]]))
+    faces = meeting(levels[-1].low[top], levels[-1].high[top])
+    pairs = top[faces[(faces[:, 0] != faces[:, 1]) | ~flat[faces[:, 0]]]]
     for level, coarser in zip(reversed(levels), [None, *reversed(levels)], strict=False):
         if coarser is not None:
             pairs = children(level, coarser, pairs)
-        pairs = pairs[meet(level, pairs)]
+            pairs = pairs[meet(level, pairs)]
         pairs = pairs[~cannot_return(level, pairs, opposite)]
     leaf = levels[0]
     pairs = pairs[~adjoining(face_meshes, leaf, pairs)]

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.boxes import meeting
 from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.sheets import Patches, projected
 from pc2cad.solidity.embedding.holds import hold
@@ -29,7 +30,8 @@ def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
     With them comes the number of blocks that were looked at.
     """
     search = _Search(surfaces, noise)
-    pairs: Integers = np.stack(np.triu_indices(len(surfaces.sheets)), axis=1)
+    # the largest blocks are whole sheets
+    pairs = meeting(search.levels[-1].low, search.levels[-1].high, 2 * noise)
     # what lies in one plane does not meet itself where its edges do not
     for row in (surfaces.plane, np.array([sheet.region for sheet in surfaces.sheets])):
         pairs = pairs[(row[pairs[:, 0]] < 0) | (row[pairs[:, 0]] != row[pairs[:, 1]])]
@@ -187,7 +189,8 @@ class _Search:
     def left(self, depth: int, pairs: Integers) -> Integers:
         """Return the pairs of blocks that are not parted."""
         level = self.levels[depth]
-        pairs = pairs[self._meet(level, pairs)]
+        if depth + 1 < len(self.levels):
+            pairs = pairs[self._meet(level, pairs)]
         rows, *corners = self._rectangles(level, pairs)
         if depth == 0:
             looked = distinct(np.concatenate((pairs.ravel(), *(c.ravel() for c in corners))))
