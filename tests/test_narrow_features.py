@@ -12,7 +12,7 @@ import pc2cad as pc
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.expression.tree import symbol
-from pc2cad.representation.tightening import DENSEST, TRIES, UNSEEN, Aim, Attempt, tighten
+from pc2cad.representation.tightening import DENSER, DENSEST, TRIES, UNSEEN, Aim, Attempt, tighten
 
 U, V, W = pc.parameters()
 
@@ -109,6 +109,14 @@ def test_what_a_fit_did_not_see_never_lowers_its_aim():
     assert 1 < second.density <= DENSEST
     little = aim.after(1.1e-7, 1e-7, worst)
     assert (little.target, little.focus) == (pytest.approx(0.8e-8 / 1.1), {})
+
+
+def test_what_a_fit_saw_in_too_few_sections_lowers_its_aim_only_after_more():
+    worst = {(0, 1): 0.3711}
+    first = Aim(1e-8).after(1.6e-7, 4e-8, worst)
+    assert (first.target, first.focus, first.density) == (1e-8, {}, DENSER)
+    second = first.after(1.6e-7, 4e-8, worst)
+    assert (second.target, second.density) == (pytest.approx(0.2e-8), DENSER)
 
 
 def test_no_aim_is_ever_far_below_what_was_asked():
