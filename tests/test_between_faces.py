@@ -16,7 +16,7 @@ from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.expression.tree import as_expr
 from pc2cad.options import CompileOptions
 from pc2cad.representation import boundary
-from pc2cad.representation.between_faces import lies_between
+from pc2cad.representation.between_faces import between_others, lies_between
 from pc2cad.representation.boundary import represent, spline_profile
 from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
 from pc2cad.representation.plan import Cells
@@ -87,6 +87,14 @@ def test_walls_between_layers_follow_from_two_proofs(
         ).max()
         assert seen <= face.deviation <= TOLERANCE
         assert face.deviation <= 2 * max(seen, face.sampled)
+
+
+def test_fits_of_walls_that_lie_between_are_no_further_off(even: list[Wall]) -> None:
+    functions = [function for _, function in even]
+    assert between_others(functions) == {1: (0, 3), 2: (0, 3)}
+    assert between_others(functions[:2]) == {}
+    sampled = [face.sampled for face, _ in even]
+    assert max(sampled[1:3]) <= max(sampled[0], sampled[3]) * (1 + 1e-6)
 
 
 def spline_values(surface: object, places: np.ndarray) -> np.ndarray:

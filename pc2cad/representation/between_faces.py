@@ -3,6 +3,8 @@
 Where M_k = (1 - λ) M_a + λ M_b, by algebra, and the faces' splines have the same space and so the
 poles P_k = (1 - λ) P_a + λ P_b but for rounding, what is proved of a and b holds for k:
 |M_k - S_k| ≤ (1 - λ) |M_a - S_a| + λ |M_b - S_b| + |P_k - (1 - λ) P_a - λ P_b|.
+As fits are linear, k is no further off than a or b is at the same place: spaces are chosen, and
+first fits are judged, by the outermost alone.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.restrictions import RestrictedMap
+from pc2cad.domain.restrictions import Piece, RestrictedMap
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.geometry.carriers import SplineSurface
 from pc2cad.representation.boundary_model import ModelFace
@@ -24,6 +26,21 @@ ROUNDINGS = 32
 
 #: a face and the function that it carries
 Carried = tuple[ModelFace, RestrictedMap]
+
+
+def between_others(faces: Sequence[RestrictedMap]) -> dict[int, tuple[int, int]]:
+    """Return the faces that lie between two others, as equations, and which two."""
+    rows: dict[tuple[Piece, ...], list[int]] = {}
+    for i, function in enumerate(faces):
+        if len(function.pieces) == 2:
+            rows.setdefault(function.pieces, []).append(i)
+    found = {}
+    for row in (row for row in rows.values() if len(row) > 2):
+        first, *inner, last = sorted(row, key=lambda i: faces[i].cell)
+        for i in inner:
+            if _share(faces[i], faces[first], faces[last]) is not None:
+                found[i] = first, last
+    return found
 
 
 def extremes_first(faces: Sequence[Carried]) -> list[list[int]]:

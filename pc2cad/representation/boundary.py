@@ -152,16 +152,22 @@ def _attempt(work: _Work, plan: Plan, aim: Aim) -> Attempt[_Carriers | int]:
     fits = _Fits(work, plan, plan.parametrisations.resolved(aim, work.rounding))
     boundary, planes = work.cells.boundary, work.cells.planes
     edges = [fits.edge(i) for i in range(len(boundary.edges))]
-    faces = []
-    for group in coplanar_groups(work.cells.analysis, [p and p[0] for p in planes]):
-        face = fits.face(group, edges)
-        if face is None:
-            return Attempt(group[0], 0.0, 0.0)
-        faces.append(face)
+    groups = coplanar_groups(work.cells.analysis, [p and p[0] for p in planes])
+    made: dict[tuple[int, ...], ModelFace] = {}
     share = SAMPLED_SHARE * work.tolerance
-    seen = _judged(work, edges, faces, share)
-    if seen.deviation > share or not work.prove:
-        return seen
+    for late in (False, True):
+        for group in groups:
+            if (group[0] in work.cells.between) is late:
+                face = fits.face(group, edges)
+                if face is None:
+                    return Attempt(group[0], 0.0, 0.0)
+                made[group] = face
+        seen = _judged(work, edges, list(made.values()), share)
+        if seen.deviation > share:
+            return seen
+    faces = [made[group] for group in groups]
+    if not work.prove:
+        return replace(seen, result=(edges, faces))
     edges, faces = fits.proved(edges, faces)
     proved = _judged(work, edges, faces, share)
     return replace(proved, allowed=work.tolerance) if proved.deviation <= work.tolerance else proved

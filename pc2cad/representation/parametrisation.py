@@ -54,6 +54,8 @@ class FaceDirection:
     bound: bool = True
     #: True for a face on an analytic surface (along the axis of its spline), and for an edge of one
     on_surface: bool = False
+    #: two others that a face is no further from its fit than, where both are fitted alike
+    between: tuple[RestrictedMap, ...] = ()
 
     @property
     def piece(self) -> Piece:
@@ -174,7 +176,9 @@ class Parametrisations:
                 users.setdefault(self._owner(direction), []).append(direction)
         result = copy(self)
         result._spaces = {}
-        for owner, directions in users.items():
+        for owner, same in users.items():
+            fitted = {direction.function for direction in same}
+            directions = [d for d in same if not (d.between and fitted.issuperset(d.between))]
             column = beside([result._column(direction, aim) for direction in directions])
             limits = np.concatenate(
                 [closer(self._focus(owner, aim)), *map(self._narrow, directions)]

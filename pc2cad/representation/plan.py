@@ -16,6 +16,7 @@ from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, Evidence, Pl
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.spline_profile import SplineProfile
+from pc2cad.representation.between_faces import between_others
 from pc2cad.representation.face_carriers import (
     look_at,
     on_line,
@@ -55,6 +56,11 @@ class Cells:
         self.planes: list[tuple[Plane, Evidence] | None] = [
             plane_of(function, self.sign(function.cell), self._slack) for function in self.faces
         ]
+
+    @cached_property
+    def between(self) -> dict[int, tuple[int, int]]:
+        """The faces that are no further from their fits than two others are, and which two."""
+        return between_others(self.faces)
 
     def sign(self, patch: Cell) -> int:
         """Return +1 where M_s × M_t points out of the solid on a side, -1 where it points in."""
@@ -185,7 +191,12 @@ class Plan:
             if self.bound[i] or cells.simple(i) is None
         ]
         return edges + [
-            FaceDirection(function, axis, on_surface=self.placements[face] is not None)
+            FaceDirection(
+                function,
+                axis,
+                on_surface=self.placements[face] is not None,
+                between=tuple(cells.faces[i] for i in cells.between.get(face, ())),
+            )
             for face, function in enumerate(cells.faces)
             for axis in (0, 1)
             if self._is_parametric(face, axis)
