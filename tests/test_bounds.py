@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from shipped import checked_of
 
+import pc2cad as pc
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import Place
@@ -293,6 +294,22 @@ def test_mixed_faces_are_bounded_in_the_parameter_of_their_arcs() -> None:
     seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
     assert 0 < seen <= face.deviation <= 2 * seen
     assert {e.evidence for e in part.model.edges} <= {"exact", "bounded"}
+
+
+def test_models_on_pairs_of_boxes_are_those_of_their_product():
+    first, second = np.array([0.1, 0.4, 0.6, 0.9]), np.array([0.3, 0.8, 0.2, 0.5])
+    along, across = (Place(x, np.full(4, 0.02), np.full(4, 0.05)) for x in (first, second))
+    pairs = along.spread(0), across.spread(1)
+    pairs = pairs[0], Place(*(x.T for x in (pairs[1].centre, pairs[1].half, pairs[1].radius)))
+    limits = Fraction(0), Fraction(1, 2), Fraction(1)
+    halves = pieces(V, limits, ((number(1), number(2)), (number(2), number(3))), -1)
+    tree = call("sin", U * V) / (2 + U) + halves * pc.fourier([(0, 1, 2), (1, 1, 1)])(U, V)
+    (product,) = enclose([tree], ["u", "v"], [along, across], 4)
+    (model,) = enclose([tree], ["u", "v"], pairs, 4)
+    each = np.arange(4)
+    np.testing.assert_allclose(model.terms[..., 0], product.terms[..., each, each], atol=1e-15)
+    np.testing.assert_allclose(model.radius[:, 0], product.radius[each, each], rtol=1e-9)
+    assert np.isfinite(model.radius).tolist() == [[True], [True], [True], [False]]
 
 
 def test_tanh_is_level_on_wide_discs_far_from_0():

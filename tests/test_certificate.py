@@ -19,7 +19,7 @@ from pc2cad.domain.map import local_map
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.intervals import interval
-from pc2cad.solidity.jacobian_proof import proved_sign
+from pc2cad.solidity.jacobian_proof import proved_sign, separable
 from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
 from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
 from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
@@ -333,6 +333,24 @@ def bent(reach):
 def test_a_channel_is_proved_up_to_its_bend(reach, sign):
     mapping = mapped(bent(reach), {"u": (0, pc.pi)})
     assert sign_from_products(mapping) == sign
+
+
+def test_only_boxes_without_a_sign_are_halved(monkeypatch):
+    boxes, enclose = [], separable.enclose
+
+    def counted(trees, names, places, order):
+        if len(places) == 2:
+            spread = [place.spread(axis) for axis, place in enumerate(places)]
+            boxes.append(np.broadcast(*(place.centre for place in spread)).size)
+        return enclose(trees, names, places, order)
+
+    monkeypatch.setattr(separable, "enclose", counted)
+    mapping = mapped((U / (1.02 + pc.sin(6 * V) * pc.cos(6 * W)), V, W))
+    assert sign_from_products(mapping) == 1
+    _, first, ends, *halves = boxes
+    assert (first, ends, len(halves)) == (128, 4, 3)
+    # equal boxes as small as the last ones are 8,192
+    assert sum(halves) < 1000
 
 
 @given(*[st.integers(-60, 60).map(lambda n: n / 40)] * 3, st.sampled_from("uvw"))

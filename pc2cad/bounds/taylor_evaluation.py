@@ -59,7 +59,7 @@ class Known:
     def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> Models:
         """Return the models known for the product of some places, to be added to."""
         keys = [
-            (order, axis, name, place.error,
+            (order, axis, name, place.error, place.centre.shape,
              *(x.tobytes() for x in (place.centre, place.half, place.radius)))
             for axis, (name, place) in enumerate(zip(names, places, strict=True))
         ]  # fmt: skip
@@ -67,7 +67,7 @@ class Known:
             name: self._stores.setdefault(key, {}) for name, key in zip(names, keys, strict=True)
         }
         grid: _Store = {}
-        if len(keys) > 1 and prod(len(place.centre) for place in places) <= MOST_BOXES:
+        if len(keys) > 1 and prod(place.centre.size for place in places) <= MOST_BOXES:
             # the walls of one piece are proved one after the other
             grid = self._grids.pop(tuple(keys), grid)
             self._grids[tuple(keys)] = grid
@@ -98,8 +98,9 @@ def enclose(
     order: int,
     known_models: Known | None = None,
 ) -> tuple[Model, ...]:
-    """Return models of the trees over the product of the places of one or two parameters.
+    """Return models of the trees over the places of one or two parameters.
 
+    These are the product of places with one entry per box, or what places (n, m) broadcast to.
     `order` is the degree of their polynomials, at least 1: that of a parameter itself.
     Where a function is not analytic, or could not be shown to be, the radius is infinite.
     """
@@ -177,9 +178,8 @@ def _pieces(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], ord
     half = np.zeros_like(middle)
     for name in node.args[0].symbols:
         # one parameter at most, and the argument is affine in it
-        place = where[name]
-        shape = (-1, 1) if argument.terms.shape[0] > 1 else (1, -1)
-        half = argument.reach * (place.half / place.radius).reshape(shape)
+        place = where[name].spread(0 if argument.terms.shape[0] > 1 else 1)
+        half = argument.reach * (place.half / place.radius)
     turn = np.floor((middle - knots[0]) / period) if closed else np.zeros_like(middle)
     index = np.clip(
         np.searchsorted(knots, middle - turn * period, side="right") - 1, 0, len(knots) - 2

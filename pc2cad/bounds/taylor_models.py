@@ -72,7 +72,7 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a parameter lies, one entry per box.
+    """Where a parameter lies, one entry per box along its own axis, or (n, m) entries.
 
     `half` is half the length of the real cell, `radius` (larger) that of the complex disc round its
     middle; `error` bounds how far a computed parameter may be from the intended one.
@@ -87,6 +87,14 @@ class Place:
         """Return some of the boxes."""
         return Place(self.centre[which], self.half[which], self.radius[which], self.error)
 
+    def spread(self, axis: int) -> Place:
+        """Return the same with (n, m) entries, those of one axis along it."""
+        if self.centre.ndim == 2:
+            return self
+        shape = (-1, 1) if axis == 0 else (1, -1)
+        centre, half, radius = (x.reshape(shape) for x in (self.centre, self.half, self.radius))
+        return Place(centre, half, radius, self.error)
+
 
 def constant(value: ArrayLike, error: ArrayLike = 0.0) -> Model:
     """Return the model of a number that is known to within `error`."""
@@ -96,11 +104,10 @@ def constant(value: ArrayLike, error: ArrayLike = 0.0) -> Model:
 
 def parameter(place: Place, axis: int) -> Model:
     """Return the model of a parameter itself."""
-    shape = (-1, 1) if axis == 0 else (1, -1)
+    place = place.spread(axis)
     terms = np.stack((place.centre, place.radius))
-    terms = terms[:, None, :, None] if axis == 0 else terms[None, :, None, :]
-    zero = np.zeros_like(place.centre).reshape(shape)
-    return Model(terms, zero, zero + place.error)
+    zero = np.zeros_like(place.centre)
+    return Model(terms[:, None] if axis == 0 else terms[None], zero, zero + place.error)
 
 
 def _pad(terms: Array, shape: tuple[int, ...]) -> Array:

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.bounds.taylor_evaluation import enclose
@@ -28,12 +28,23 @@ from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 
+#: boxes of two parameters
+_Boxes = tuple[Place, Place]
+#: middles and half widths of ranges, of as many boxes of the first parameter as rows
+_Ranges = tuple[Array, Array]
+
 #: more products than this are left to others
 MOST_PRODUCTS = 6
 #: terms of a function of one parameter of which powers are taken out
 MOST_TERMS = 60
-#: boxes per direction, if need be, and the least between two breaks
-BOXES = ((32, 1), (128, 4), (256, 16))
+#: boxes of the first parameter, if need be, and the least between two breaks; those of the others
+#: begin with as many, and are halved both ways where they have no sign
+BOXES = ((32, 1), (128, 4), (256, 16), (256, 16), (256, 16))
+#: how many times the first boxes of the others may be looked at in all: as often as if all of them
+#: were halved three times
+MOST_LOOKS = 1 + 4 + 16 + 64
+#: boxes of two parameters whose models are held at once
+MOST_BOXES = 2048
 #: boxes of w, in which walls are thin, are so many times fewer
 FEWER = 8
 ORDER = 3
@@ -105,16 +116,21 @@ class _Sum:
         """Return the sign of the sum where it is proved to be one, else 0."""
         if not self._terms:
             return 0
-        common = _refined(self._sign_of_common, self._names, breaks)
-        return common and common * _refined(self._sign_of_terms, self._names, breaks)
+        common, _ = _refined(self._common_in, self._names, breaks)
+        if not common:
+            return 0
+        sign, last = _refined(self._terms_in, self._names, breaks)
+        if not sign:
+            self._leave(*last)
+        return common * sign
 
-    def _sign_of_common(self, places: list[Place]) -> int:
-        middle, off = _enclosed([self._common], self._names[1:], places[1:])
-        return _one_sign(middle[0], off[0])
+    def _common_in(self, first: Place, others: _Boxes) -> _Ranges:
+        """Return the common factor in boxes of the others: middles and half widths, (1, boxes)."""
+        return _enclosed([self._common], self._names[1:], others)
 
-    def _sign_of_terms(self, places: list[Place]) -> int:
-        first, *others = places
-        a, da = _enclosed([x for x, _ in self._terms], self._names[:1], [first])
+    def _terms_in(self, first: Place, others: _Boxes) -> _Ranges:
+        """Return the same of the sum of the terms, (boxes of the first, those of the others)."""
+        a, da = _enclosed([x for x, _ in self._terms], self._names[:1], (first,))
         b, db = _enclosed([x for _, x in self._terms], self._names[1:], others)
         with np.errstate(all="ignore"):  # what is not bounded is nan, and of no sign
             size = product(np.abs(a).T, np.abs(b))
@@ -123,32 +139,65 @@ class _Sum:
                 + product(da.T, np.abs(b) + db)
                 + (len(a) + 4) * UNIT * size
             )
-            middle = product(a.T, b)
-            sign = _one_sign(middle, off)
-        if not sign:
-            self._leave(middle, off, places)
-        return sign
+            return product(a.T, b), off
 
-    def _leave(self, middle: Array, off: Array, places: list[Place]) -> None:
-        """Keep the worst boxes: a matrix of values that may have the other sign."""
+    def _leave(self, first: Place, others: _Boxes, ranges: _Ranges) -> None:
+        """Keep the worst boxes: those whose values may have the other sign."""
+        middle, off = ranges
         known = np.where(np.isfinite(middle) & np.isfinite(off), middle, 0.0)
         sign = 1.0 if known.sum() > 0 else -1.0
         worst = np.argsort((sign * known).ravel(), kind="stable")[:MOST_LEFT]
-        index = np.unravel_index(worst, [len(place.centre) for place in places])
-        self.left = np.stack([p.centre[i] for p, i in zip(places, index, strict=True)])
+        row, column = np.unravel_index(worst, middle.shape)
+        pairs = np.broadcast_arrays(*(place.centre for place in others))
+        self.left = np.stack([first.centre[row], *(x.ravel()[column] for x in pairs)])
 
 
 def _refined(
-    sign_in: Callable[[list[Place]], int], names: tuple[str, ...], breaks: list[tuple[float, ...]]
-) -> int:
-    """Return the sign that is proved on boxes, more and more of them; 0 where none is."""
-    for count, least in BOXES:
-        counts = [max(1, count // FEWER) if name == PARAMETERS[2] else count for name in names]
-        found = sign_in([_boxes(n, least, b) for n, b in zip(counts, breaks, strict=True)])
-        # where it vanishes on a side, no number of boxes is enough
-        if found or (least == 1 and not sign_in([_ends(b) for b in breaks])):
-            return found
-    return 0
+    ranges_in: Callable[[Place, _Boxes], _Ranges],
+    names: tuple[str, ...],
+    breaks: list[tuple[float, ...]],
+) -> tuple[int, tuple[Place, _Boxes, _Ranges]]:
+    """Return the sign that is proved on boxes, smaller ones where it is not at once; 0 for none.
+
+    With it come the boxes that were looked at last, and their ranges.
+    """
+    rows = [
+        [
+            _boxes(max(1, count // (FEWER if name == PARAMETERS[2] else 1)), least, b)
+            for count, least in BOXES
+        ]
+        for name, b in zip(names, breaks, strict=True)
+    ]
+    others = _grid(rows[1][0], rows[2][0])
+    room, sign = MOST_LOOKS * others[0].centre.size * others[1].centre.size, 0
+    for depth, first in enumerate(rows[0]):
+        middle, off = ranges_in(first, others)
+        sign, bad, both = _signs(middle, off, sign)
+        last = first, others, (middle, off)
+        if not bad.any():
+            return sign, last
+        if depth == 0:
+            # where it vanishes on a side, no number of boxes is enough
+            ends = _ends(breaks[0]), _grid(*map(_ends, breaks[1:]))
+            ranges = ranges_in(*ends)
+            if _signs(*ranges, 0)[1].any():
+                return 0, (*ends, ranges)
+        room -= len(bad)
+        if both or 4 * np.count_nonzero(bad) > room:
+            break
+        others = _halves(others, bad)
+    return 0, last
+
+
+def _signs(middle: Array, off: Array, sign: int) -> tuple[int, Booleans, bool]:
+    """Return a sign, in which columns not all ranges middle ± off have it, and if any has another.
+
+    It is the given one; where that is 0, that of more ranges.
+    """
+    above, below = (x > off * (1 + 1e-12) for x in (middle, -middle))
+    sign = sign or (1 if np.count_nonzero(above) >= np.count_nonzero(below) else -1)
+    own, other = (above, below) if sign > 0 else (below, above)
+    return sign, np.asarray(~own.all(axis=0)), bool(other.any())
 
 
 def _without_powers(tree: Expr, names: tuple[str, ...]) -> Expr:
@@ -198,20 +247,40 @@ def _boxes(count: int, least: int, breaks: tuple[float, ...]) -> Place:
     return Place((points[1:] + points[:-1]) / 2, half, half)
 
 
+def _grid(second: Place, third: Place) -> _Boxes:
+    """Return all pairs of boxes of two parameters."""
+    return second.spread(0), third.spread(1)
+
+
+def _halves(others: _Boxes, chosen: Booleans) -> _Boxes:
+    """Return some of the pairs of boxes, halved in both parameters, (pairs, 1)."""
+    shape = np.broadcast_shapes(*(place.centre.shape for place in others))
+    found = []
+    for place, sides in zip(others, ((-1, -1, 1, 1), (-1, 1, -1, 1)), strict=True):
+        centre, half = (
+            np.broadcast_to(x, shape).ravel()[chosen] for x in (place.centre, place.half)
+        )
+        centre = np.add.outer(centre, np.zeros(4)) + np.multiply.outer(half / 2, sides)
+        half = np.repeat(half / 2 * (1 + 1e-12) + 2 * UNIT, 4)[:, None]
+        found.append(Place(centre.reshape(-1, 1), half, half))
+    return found[0], found[1]
+
+
 def _enclosed(
-    trees: list[Expr], names: tuple[str, ...], places: list[Place]
+    trees: list[Expr], names: tuple[str, ...], places: tuple[Place, ...]
 ) -> tuple[Array, Array]:
     """Return middles and half widths of the trees' ranges, (trees, all boxes)."""
+    count = len(places[0].centre)
+    if len(places) > 1 and places[1].centre.shape == (count, 1) and count > MOST_BOXES:
+        starts = range(0, count, MOST_BOXES)
+        slices = (slice(start, start + MOST_BOXES) for start in starts)
+        parts = [_enclosed(trees, names, tuple(p.part(x) for p in places)) for x in slices]
+        middle, reach = (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
+        return middle, reach
     models = enclose(trees, names, places, ORDER)
-    shape = tuple(len(place.centre) for place in places) + (1,) * (2 - len(places))
+    shape = np.broadcast_shapes(*(p.spread(axis).centre.shape for axis, p in enumerate(places)))
     middle, reach = (
         np.stack([np.broadcast_to(x, shape).ravel() for x in values])
         for values in ([m.centre for m in models], [m.reach for m in models])
     )
     return middle, reach
-
-
-def _one_sign(middle: Array, off: Array) -> int:
-    """Return the sign that all ranges middle ± off have; 0 where they have none."""
-    sign = 1 if middle.flat[0] > 0 else -1
-    return sign if bool((sign * middle > off * (1 + 1e-12)).all()) else 0
