@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays.boxes import meeting
 from pc2cad.brep.booleans import NamedEdge, NamedShape, label
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.links import Branching, branchings
@@ -261,12 +262,10 @@ def _near(faces: Sequence[Piece], others: Sequence[Piece], far: float) -> list[t
     """Return the numbers of faces and others whose boxes come within a length of one another."""
     if not faces or not others:
         return []
-    boxes = np.array([other.box for other in others])
-    found = []
-    for i, face in enumerate(faces):
-        apart = np.maximum(face.box[0] - boxes[:, 1], boxes[:, 0] - face.box[1]).max(axis=1)
-        found += [(i, k) for k in np.flatnonzero(apart <= far).tolist()]
-    return found
+    boxes = np.array([piece.box for piece in (*faces, *others)])
+    i, k = meeting(boxes[:, 0], boxes[:, 1], far).T
+    mixed = (i < len(faces)) & (k >= len(faces))
+    return [*zip(i[mixed].tolist(), (k[mixed] - len(faces)).tolist(), strict=True)]
 
 
 def _descended(first: Piece, second: Piece, enough: float) -> tuple[Array, Array, Array]:
@@ -324,10 +323,10 @@ def _step(z: Array, gap: Array, slopes: Array, damping: Array, low: Array, high:
 
 def _shared(pieces: Pieces, first: Piece, second: Piece, points: Array, size: float) -> Booleans:
     """Say which points lie on edges and vertices that two pieces have in common."""
-    common = [pieces.edges[i] for i in first.edges & second.edges & set(pieces.edges)]
-    common += [pieces.vertices[i] for i in first.vertices & second.vertices]
+    edges = (pieces.edges[i] for i in first.edges & second.edges if i in pieces.edges)
+    vertices = (pieces.vertices[i] for i in first.vertices & second.vertices)
     found = np.zeros(len(points), dtype=bool)
-    for piece in common:
+    for piece in (*edges, *vertices):
         found |= _distances(points, piece) <= ON_SHARED * size
     return found
 

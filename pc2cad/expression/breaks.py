@@ -40,6 +40,7 @@ def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[
     argument is not an affine function of a single parameter.
     """
     found: tuple[dict[float, int], ...] = ({}, {}, {})
+    ordered: tuple[list[float], ...] = ([], [], [])
     for node in walk(roots):
         if node.op != "pieces":
             continue
@@ -56,8 +57,11 @@ def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[
         if smoothness == ANALYTIC and not analytic:
             continue
         for position in _positions(argument, name, [float(b) for b in breaks], closed):
-            table = found[PARAMETERS.index(name)]
-            same = next((p for p in table if abs(p - position) < SAME_POSITION), position)
+            table, places = found[PARAMETERS.index(name)], ordered[PARAMETERS.index(name)]
+            at = bisect_right(places, position - SAME_POSITION)
+            same = places[at] if at < len(places) else inf
+            if not abs(same - position) < SAME_POSITION:
+                places.insert(at, same := position)
             table[same] = max(0, min(table.get(same, smoothness), smoothness))
     return tuple(tuple(Break(p, s) for p, s in sorted(table.items())) for table in found)
 

@@ -6,9 +6,11 @@ such rules and with finer ones, and the difference is the error estimate.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
@@ -35,6 +37,8 @@ DOUBTFUL = 1e-12
 _LINES = scattered(8, 2)
 #: places at which the sizes of integrands are looked at
 _SIZED = 32
+#: where a break lies
+_POSITION = attrgetter("position")
 #: nodes and weights per direction
 _Rules = list[tuple[Array, Array]]
 #: u, v and w (broadcastable) to integrands (…, k) and the size of the first one's terms (…)
@@ -134,8 +138,10 @@ def limits_of(analysis: Analysis, patch: Cell | None = None) -> list[list[float]
     found = []
     for d in range(3):
         low, high = (0.0, 1.0) if patch is None else analysis.span(d, patch[d])
-        inner = [b.position for b in analysis.breaks[d] if low < b.position < high]
-        found.append([low, *inner, high])
+        breaks = analysis.breaks[d]
+        first = bisect_right(breaks, low, key=_POSITION)
+        last = bisect_left(breaks, high, first, key=_POSITION)
+        found.append([low, *map(_POSITION, breaks[first:last]), high])
     return found
 
 
