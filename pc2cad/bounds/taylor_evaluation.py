@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
 from math import prod
 
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.bounds.cells import Cells
 from pc2cad.bounds.taylor_functions import (
     FUNCTIONS,
@@ -27,6 +30,7 @@ from pc2cad.bounds.taylor_models import (
     known,
     mul,
     neg,
+    pad,
     parameter,
     shift,
 )
@@ -112,7 +116,7 @@ def enclose(
     def below(node: Expr) -> tuple[Expr, ...]:
         model = models.of(node).get(node)
         if model is None:
-            return node.args
+            return _operands(node)
         found[node] = model
         return ()
 
@@ -124,17 +128,22 @@ def enclose(
                 axis = names.index(node.payload)
                 model = parameter(places[axis], axis)
             else:
-                args = tuple(found[arg] for arg in node.args)
+                args = tuple([found[arg] for arg in _operands(node)])
                 model = known(_step(node, args, where, order))
             found[node] = models.of(node)[node] = model
     return tuple(found[root] for root in roots)
 
 
+def _operands(node: Expr) -> tuple[Expr, ...]:
+    """Return what models are needed of: no coefficients that are numbers."""
+    table = node.op == "pieces" and _table(node) is not None
+    return node.args[:1] if table else node.args
+
+
 def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order: int) -> Model:
     op = node.op
     if op == "number":
-        value = float(node.payload)
-        return constant(value, 0.0 if value == node.payload else UNIT * abs(value))
+        return constant(*_rounded(node.payload))
     if op == "constant":
         value = float(np.pi if node.payload == "pi" else np.e)
         return constant(value, UNIT * value)
@@ -153,6 +162,24 @@ def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order
     if op == "fourier":
         return model_of(node.payload, args[0], args[1], order)
     return FUNCTIONS[op](args[0], order)
+
+
+def _rounded(exact: Fraction) -> tuple[float, float]:
+    """Return a number in double precision, and how far it may be off."""
+    value = float(exact)
+    return value, 0.0 if value == exact else UNIT * abs(value)
+
+
+@lru_cache(maxsize=256)
+def _table(node: Expr) -> Array | None:
+    """Return what `_rounded` gives of the coefficients of pieces, (2, pieces, width).
+
+    None where some of them are no numbers.
+    """
+    flat = node.args[1:]
+    if any(c.op != "number" for c in flat):
+        return None
+    return np.array([_rounded(c.payload) for c in flat]).T.reshape(2, -1, node.payload.width)
 
 
 def _power(node: Expr, args: tuple[Model, ...], order: int) -> Model:
@@ -195,23 +222,26 @@ def _pieces(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], ord
     size = (np.abs(middle) + period + np.abs(knots).max()) * 8 * UNIT
     local = shift(argument, -start)
     local = Model(local.terms, local.radius + size, local.error + overlap + size)
-    value = constant(0.0)
+    value, table = constant(0.0), _table(node)
     for k in reversed(range(width)):
-        value = add(mul(value, local, order), _chosen(flat[k::width], index))
+        if table is None:
+            coefficient = _chosen(flat[k::width], index)
+        else:
+            terms, off = table[:, index, k]
+            coefficient = Model(terms[None, None], off, off)
+        value = add(mul(value, local, order), coefficient)
     return value
 
 
 def _chosen(column: tuple[Model, ...], index: Integers) -> Model:
     """Return, box by box, one of several models."""
-    i, j = (max(model.terms.shape[axis] for model in column) for axis in range(2))
-    terms: Array | None = None
-    radius = error = np.zeros((1, 1))
-    for k, model in enumerate(column):
-        here = index == k
-        wide = np.zeros((i, j, *model.terms.shape[2:]))
-        wide[: model.terms.shape[0], : model.terms.shape[1]] = model.terms
-        terms = wide if terms is None else np.where(here, wide, terms)
-        radius = model.radius if k == 0 else np.where(here, model.radius, radius)
-        error = model.error if k == 0 else np.where(here, model.error, error)
-    assert terms is not None
+    numbers = distinct(index).tolist()
+    i, j = (max(column[k].terms.shape[axis] for k in numbers) for axis in range(2))
+    first = column[numbers[0]]
+    terms, radius, error = pad(first.terms, (i, j)), first.radius, first.error
+    for k in numbers[1:]:
+        here, model = index == k, column[k]
+        terms = np.where(here, pad(model.terms, (i, j)), terms)
+        radius = np.where(here, model.radius, radius)
+        error = np.where(here, model.error, error)
     return Model(terms, radius, error)

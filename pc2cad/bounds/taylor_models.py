@@ -110,7 +110,8 @@ def parameter(place: Place, axis: int) -> Model:
     return Model(terms[:, None] if axis == 0 else terms[None], zero, zero + place.error)
 
 
-def _pad(terms: Array, shape: tuple[int, ...]) -> Array:
+def pad(terms: Array, shape: tuple[int, ...]) -> Array:
+    """Return terms (i, j, …) up to other degrees, those that are missing 0."""
     a, b = shape[:2]
     if terms.shape[:2] == (a, b):
         return terms
@@ -122,7 +123,7 @@ def _pad(terms: Array, shape: tuple[int, ...]) -> Array:
 def add(x: Model, y: Model) -> Model:
     """Return x + y."""
     shape = tuple(max(p, q) for p, q in zip(x.terms.shape[:2], y.terms.shape[:2], strict=True))
-    total = _pad(x.terms, shape) + _pad(y.terms, shape)
+    total = pad(x.terms, shape) + pad(y.terms, shape)
     size = np.abs(total).sum(axis=(0, 1)) * UNIT
     radius = (x.radius + y.radius + size) * SLACK + TINY
     return Model(total, radius, (x.error + y.error + size + UNIT * radius) * SLACK + TINY)
