@@ -10,15 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import groupby, islice
 
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.pieces import degree_in_piece, piece_at
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap, sampled
-from pc2cad.expression.tree import walk
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import Expr, walk
 from pc2cad.geometry.carriers import fit_plane
 from pc2cad.topology.cells import outward_sign
 
@@ -123,14 +125,7 @@ def _counts(analysis: Analysis, functions: list[RestrictedMap]) -> dict[Piece, i
     pieces = [(d, p) for d in range(3) for p in range(1, 2 * len(analysis.bounds[d]) - 1, 2)]
     wanted = dict.fromkeys(pieces, float(FEWEST))
     twists = []
-    nodes = _uneven(_FEW_PLACES if _is_plain(analysis) else _PLACES)
-    points = sampled(functions, nodes, nodes)
-    rows = [
-        row
-        for several in iter(lambda: [*islice(points, TOGETHER)], [])
-        for row in _wanted(np.array(several), CHORD * analysis.size).tolist()
-    ]
-    for function, (along_s, along_t, twist) in zip(functions, rows, strict=True):
+    for function, (along_s, along_t, twist) in zip(functions, _all_wanted(functions), strict=True):
         s, t = (classes.owner(piece) for piece in function.pieces)
         wanted[s], wanted[t] = max(wanted[s], along_s), max(wanted[t], along_t)
         twists.append((s, t, twist))
@@ -141,14 +136,42 @@ def _counts(analysis: Analysis, functions: list[RestrictedMap]) -> dict[Piece, i
     return {p: int(np.ceil(min(wanted[classes.owner(p)], MOST))) for p in pieces}
 
 
-def _is_plain(analysis: Analysis) -> bool:
+def _all_wanted(functions: Sequence[RestrictedMap]) -> list[list[float]]:
+    """Return what `_wanted` does of each face: places are few where it has no waves."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for k, function in enumerate(functions):
+        few = [_is_plain(function, axis) for axis in (0, 1)]
+        n, m = (_FEW_PLACES if one else _PLACES for one in few)
+        groups.setdefault((n, m), []).append(k)
+    rows: list[list[float]] = [[]] * len(functions)
+    for (n, m), group in groups.items():
+        points = sampled([functions[k] for k in group], _uneven(n), _uneven(m))
+        left = iter(group)
+        while several := [*islice(points, TOGETHER)]:
+            bound = CHORD * functions[0].analysis.size
+            for row in _wanted(np.array(several), bound).tolist():
+                rows[next(left)] = row
+    return rows
+
+
+def _is_plain(function: RestrictedMap, axis: int) -> bool:
+    """Say whether a face is a polynomial of low degree along an axis, or M of few operations."""
+    analysis = function.analysis
+    spans, _ = piece_at(function.cell, analysis.bounds)
+    direction = function.pieces[axis][0]
+    degree = degree_in_piece(analysis.map.coordinates, spans, PARAMETERS[direction])
+    return (degree is not None and degree <= _LOW_DEGREE) or _has_no_waves(analysis.map.coordinates)
+
+
+@lru_cache(maxsize=8)
+def _has_no_waves(coordinates: tuple[Expr, ...]) -> bool:
     """Say whether M is made of sums, products, quotients and low powers only."""
     return all(
         node.op in ("number", "constant", "symbol", "add", "mul", "neg", "div")
         or (
             node.op == "pow" and node.args[1].op == "number" and node.args[1].payload <= _LOW_DEGREE
         )
-        for node in walk(analysis.map.coordinates)
+        for node in walk(coordinates)
     )
 
 
@@ -164,11 +187,10 @@ def _uneven(count: int) -> Array:
 def _wanted(points: Array, bound: float) -> Array:
     """Return how many cells faces want along s, along t, and as the product of both, (n, 3).
 
-    `points` are (n, 3k, 3k, 3). Only the offset across a face counts: uneven speed moves points
+    `points` are (n, 3k, 3l, 3). Only the offset across a face counts: uneven speed moves points
     within it.
     """
-    count = points.shape[1] // 3
-    g = points.reshape(-1, count, 3, count, 3, 3)
+    g = points.reshape(-1, points.shape[1] // 3, 3, points.shape[2] // 3, 3, 3)
     along_s = (g[:, :, 2, :, 1] - g[:, :, 0, :, 1]) / (2 * _STEP)
     along_t = (g[:, :, 1, :, 2] - g[:, :, 1, :, 0]) / (2 * _STEP)
     normal = np.cross(along_s, along_t)
@@ -202,7 +224,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _turns(second: Array, tangents: Array) -> Array:
-    """Return how many cells it takes so that tangents of faces (n, k, k, 3) turn by TURN in one."""
+    """Return how many cells it takes so that tangents of faces (n, k, l, 3) turn by TURN in one."""
     speed = _dot(tangents, tangents)
     along = _dot(second, tangents)
     # |a × b|² = |a|²|b|² - (a·b)²
