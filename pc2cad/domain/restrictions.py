@@ -133,12 +133,7 @@ class RestrictedMap:
         """The coordinate trees in local parameters, and the names of those."""
         spans, limits = piece_at(self.cell, self.analysis.bounds)
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        trees, single = in_piece(self.analysis.map.coordinates, spans)
-        restricted = substitute(trees, limits)
-        # what one piece alone makes of a root or a quotient could not be seen before, nor what a
-        # side makes of a root
-        new = not single and (roots := _roots(restricted)) and not roots <= _roots(trees)
-        return (cancel(restricted) if single or new else restricted), names
+        return _restricted(self.analysis.map.coordinates, spans, tuple(limits.items())), names
 
     @cached_property
     def form(self) -> Separation | None:
@@ -176,6 +171,21 @@ class RestrictedMap:
             return _flat_rank(values[1:], values[:1]) < 2
         values = self(SECTIONS[::2], SECTIONS[::2])
         return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
+
+
+@lru_cache(maxsize=1024)
+def _restricted(
+    coordinates: tuple[Expr, ...],
+    spans: tuple[tuple[float, float], ...],
+    limits: tuple[tuple[str, Expr], ...],
+) -> tuple[Expr, ...]:
+    """Return the trees of a piece at some of its limits, without what cancels."""
+    trees, single = in_piece(coordinates, spans)
+    restricted = substitute(trees, dict(limits))
+    # what one piece alone makes of a root or a quotient could not be seen before, nor what a
+    # side makes of a root
+    new = not single and (roots := _roots(restricted)) and not roots <= _roots(trees)
+    return cancel(restricted) if single or new else restricted
 
 
 def sampled(functions: Sequence[RestrictedMap], *local: Array) -> Iterator[Array]:
