@@ -168,8 +168,13 @@ def _refined(
         ]
         for name, b in zip(names, breaks, strict=True)
     ]
+    room, sign = MOST_LOOKS * rows[1][0].centre.size * rows[2][0].centre.size, 0
+    if any(breaks):
+        # where breaks cut them anyway, half as many may do
+        for name, b, row in zip(names, breaks, rows, strict=True):
+            count = BOXES[0][0] // (FEWER if name == PARAMETERS[2] else 1)
+            row.insert(0, _boxes(max(1, count // 2), 1, b) if b else row[0])
     others = _grid(rows[1][0], rows[2][0])
-    room, sign = MOST_LOOKS * others[0].centre.size * others[1].centre.size, 0
     for depth, first in enumerate(rows[0]):
         middle, off = ranges_in(first, others)
         sign, bad, both = _signs(middle, off, sign)
