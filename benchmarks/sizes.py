@@ -1,4 +1,4 @@
-"""How time and memory grow with faces, modes of a Fourier series, layers and bodies.
+"""How time and memory grow with faces, poles, modes of a Fourier series, layers and bodies.
 
     python -m benchmarks.sizes [--quick] [--plot FILE.svg]
 
@@ -19,6 +19,7 @@ from pathlib import Path
 #: what grows -> its sizes; the last one is left out with --quick
 SIZES = {
     "faces": (10, 40, 160, 500, 2000),
+    "poles": (1_000, 10_000, 100_000, 1_000_000),
     "modes": (10, 30, 100, 300, 1000),
     "layers": (2, 5, 10, 20, 30),
     "bodies": (2, 6, 20, 60, 200),
@@ -32,6 +33,19 @@ def faces(count: int):
     u, v, w = pc.parameters()
     x, y = pc.regular_polygon((count - 2) // 2, 10, v)
     return pc.point(x * (1 + w / 5), y * (1 + w / 5), 20 * u)
+
+
+def poles(count: int):
+    """Return the shipped elliptic channel; see `_options` for how many poles it takes."""
+    from pc2cad.templates.file import read_template
+    from pc2cad.templates.shipped import find_template
+
+    return read_template(find_template("channel_ellipse")).bind()
+
+
+def _options(kind: str, size: int) -> dict[str, float]:
+    """Return the options: splines of degree 2 need about tolerance^(-2/3) poles, and many."""
+    return {"tolerance": 4.1e-8 * (1e6 / size) ** 1.5, "degree": 2} if kind == "poles" else {}
 
 
 def modes(count: int):
@@ -96,10 +110,13 @@ def one(kind: str, size: int) -> dict[str, float]:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     equation = globals()[kind](size)
     begun = time.process_time()
-    part = compile_part(equation)
+    part = compile_part(equation, **_options(kind, size))
     spent = time.process_time() - begun
     above = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024 - memory
-    return {"faces": len(part.report.faces), "s": spent, "MB": above}
+    found = part.report.faces
+    if kind == "poles":
+        size = sum(math.prod(face.poles) for face in found if face.poles)
+    return {"size": size, "faces": len(found), "s": spent, "MB": above}
 
 
 def main() -> None:
@@ -123,6 +140,7 @@ def main() -> None:
                 print(f"| {kind} | {size} | {reason.partition(':')[0][:60]} | - | - | - |")
                 continue
             row = json.loads(done.stdout)
+            size = row["size"]
             slope = "-"
             if rows:
                 known, before = rows[-1]
