@@ -170,6 +170,17 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class TopologyReport:
+    """Whether no edge is missing where built faces meet: proved, or `open` says what is not."""
+
+    evidence: str
+    open: str
+    #: pairs of cells looked at, and how far from an edge the equations' faces may meet at most
+    cells: int
+    within: float
+
+
+@dataclass(frozen=True)
 class StepReport:
     """One Boolean of two shapes: which volumes add up (model units)."""
 
@@ -186,6 +197,7 @@ class StepReport:
     gap: float
     #: which volumes add up, in words
     sentence: str
+    topology: TopologyReport | None = None
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,7 @@ from pc2cad.brep.spline_integrals import (
 )
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import CurveFunction, Jet, Sizes, SurfaceFunction
+from pc2cad.geometry.splines.bends import spline_bends
 
 NOWHERE = np.empty(0)
 
@@ -89,7 +90,7 @@ def conic_terms(curve: Geom_Curve | Geom2d_Curve, origin: Array | float = 0.0) -
 
     It is a place, and vectors times functions of the parameter: t, t**2, cos, sin, cosh, sinh.
     """
-    if isinstance(curve, Geom_TrimmedCurve):
+    if isinstance(curve, Geom_TrimmedCurve | Geom2d_TrimmedCurve):
         return conic_terms(curve.BasisCurve(), origin)
     if isinstance(curve, Geom_Line | Geom2d_Line):
         place = curve.Position()
@@ -271,16 +272,26 @@ def surface_function(surface: Geom_Surface, origin: Array) -> SurfaceFunction:
                 radius_b * out + height_b * axes[2])  # fmt: skip
 
     breaks = (None, None if bend else NOWHERE)
+
+    def bends(low: Array, high: Array) -> Array:
+        # the radius changes by no more than its slope, which is at most the meridian's
+        middle, half = (low[:, 1] + high[:, 1]) / 2, (high[:, 1] - low[:, 1]) / 2
+        radius, _, slope, _ = profile(middle)
+        steep = np.full_like(middle, bend) if bend else np.abs(slope)
+        return np.stack((np.abs(radius) + steep * half, steep, np.full_like(middle, bend)), axis=1)
+
     sizes = Sizes((np.inf, bend or 1.0), (np.inf, np.inf, bend), np.abs(centre) + radius)
-    return SurfaceFunction(jet, breaks, (1, 1), lambda: sizes, turns=True)
+    return SurfaceFunction(jet, breaks, (1, 1), lambda: sizes, turns=True, bends=bends)
 
 
 def _patch(surface: Geom_BSplineSurface, origin: Array) -> SurfaceFunction:
     patch = read_patch(surface, origin)
+    bends = cache(lambda: spline_bends(patch.poles, patch.knots, patch.degrees))
     return SurfaceFunction(
         patch.scattered, (distinct(patch.knots[0]), distinct(patch.knots[1])), patch.degrees,
         cache(lambda: net_sizes(patch.poles, patch.knots, patch.degrees)),
         weight=patch.weight if patch.poles.shape[2] > 3 else None, product=patch.on_grid,
+        bends=lambda low, high: bends().over(low, high),
     )  # fmt: skip
 
 
@@ -293,7 +304,10 @@ def _plane(surface: Geom_Plane, origin: Array) -> SurfaceFunction:
         return point, np.broadcast_to(x, shape), np.broadcast_to(y, shape)
 
     sizes = Sizes((1.0, 1.0), (0.0, 0.0, 0.0), np.abs(start))
-    return SurfaceFunction(jet, (NOWHERE, NOWHERE), (1, 1), lambda: sizes)
+    return SurfaceFunction(
+        jet, (NOWHERE, NOWHERE), (1, 1), lambda: sizes,
+        bends=lambda low, high: np.zeros((len(low), 3)),
+    )  # fmt: skip
 
 
 _Profile = Callable[[Array], tuple[Array, Array, Array, Array]]
@@ -368,8 +382,15 @@ def _revolution(surface: Geom_SurfaceOfRevolution, origin: Array) -> SurfaceFunc
         return Sizes((np.inf, *own.first), (np.inf, np.inf, *own.second),
                      own.poles + np.abs(centre), (0.0, own.jumps[0]))  # fmt: skip
 
+    def bends(low: Array, high: Array) -> Array:
+        own = basis.sizes()
+        middle, half = (low[:, 1] + high[:, 1]) / 2, (high[:, 1] - low[:, 1]) / 2
+        out = np.linalg.norm(jet(np.zeros_like(middle), middle)[1], axis=1)
+        return np.stack((out + own.first[0] * half, *(np.full_like(half, x[0]) for x in
+                         (own.first, own.second))), axis=1)  # fmt: skip
+
     weight = basis.weight
     return SurfaceFunction(
         jet, (None, basis.breaks), (1, basis.degree), sizes, turns=True,
-        weight=None if weight is None else lambda a, b: weight(b),
+        weight=None if weight is None else lambda a, b: weight(b), bends=bends,
     )  # fmt: skip

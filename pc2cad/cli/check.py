@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pc2cad.arrays import Array
     from pc2cad.equation.point_equation import Expectations
     from pc2cad.integrals.inertia import Mass
-    from pc2cad.report import EdgeReport, EquationReport, FaceReport, Report
+    from pc2cad.report import EdgeReport, EquationReport, FaceReport, Report, TopologyReport
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -148,6 +148,17 @@ def _bodies(report: Report) -> Iterator[str]:
     ])  # fmt: skip
     yield f"\nWhich volumes add up ({report.units}^3)"
     yield table([(step.name, step.sentence, f"gap {step.gap:.1e}") for step in report.steps])
+    known = [(step.name, step.topology) for step in report.steps if step.topology is not None]
+    yield "\nWhether the edges are all curves in which the boundaries meet"
+    yield table([(name, found.evidence, _meeting(found, report.units)) for name, found in known])
+
+
+def _meeting(found: TopologyReport, units: str) -> str:
+    if found.open:
+        return f"volumes say so; not proved: {found.open}"
+    if not found.within:
+        return f"they are apart ({found.cells} cells)"
+    return f"the equations' within {found.within:.1e} {units} of them ({found.cells} cells)"
 
 
 def _faces(report: Report) -> str:

@@ -31,8 +31,14 @@ from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
 from pc2cad.brep.pieces import cross
 from pc2cad.csg.arithmetic import Reduced
+from pc2cad.csg.completeness import completeness
 from pc2cad.csg.contacts import check_contacts, check_merged
-from pc2cad.csg.intersection_edges import Side, prove_intersection_edges, sides_of
+from pc2cad.csg.intersection_edges import (
+    Side,
+    edge_warnings,
+    prove_intersection_edges,
+    sides_of,
+)
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
 from pc2cad.csg.refusals import placed
 from pc2cad.csg.regions import Told
@@ -181,10 +187,12 @@ class _Joining:
         )
         across = f"{count} copies of {each:.10g} that overlap: {found.volume:.10g}"
         slack = self._slack(count * each, count * one.integrals.area)
+        deviations = {key: side.deviation for key, side in _sides(self).items()}
         self.steps.append(
             StepReport(
                 name, "union", each, (count - 1) * each, common, found.volume, gap,
                 apart if abs(common) <= slack else across,
+                completeness(copies, shape, deviations, (name, self._size, self._units)),
             )
         )  # fmt: skip
         return _Joined(f"step {len(self.steps)}", shape, found)
@@ -239,10 +247,10 @@ class _Joining:
                 f"add up with those of its operands, {a:.12g} and {b:.12g}, and of the other "
                 f"Boolean of them, {held:.12g}"
             )
+        shapes, about = (first.shape, second.shape), (name, self._size, self._units)
+        known = {key: side.deviation for key, side in _sides(self).items()}
         if abs(gap) > ADD_UP * (a + b):
-            known = {key: side.deviation for key, side in _sides(self).items()}
-            about = (name, self._size, self._units)
-            check_merged((first.shape, second.shape), self.one, known, about)
+            check_merged(shapes, self.one, known, about)
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {EMPTY[kind]}")
         nothing = kind == "cut" and not other.solids and abs(gap) <= ADD_UP * (a + b)
@@ -250,6 +258,7 @@ class _Joining:
             result = first.shape  # the kernel may have left a mark where they touch
         else:
             result = with_own_edges(result, self._near)
+        topology = completeness(shapes, result, known, about)
         found = self._integrals(result.shape)
         common = found.volume if kind == "intersect" else held
         lie = relation(a, b, common, abs(gap) + ADD_UP * (a + b))
@@ -257,7 +266,7 @@ class _Joining:
             self.idle.append(name)
         words = sentence(kind, lie, a, b, common, found.volume)
         words += f" (by the kernel, not one equation: {reason})" if reason else ""
-        self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, words))
+        self.steps.append(StepReport(name, kind, a, b, common, found.volume, gap, words, topology))
         return _Joined(f"step {len(self.steps)}", result, found)
 
 
@@ -352,18 +361,7 @@ def _warnings(
         yield from (f"body {name}: {text}" for text in report.warnings)
     for name in idle:
         yield f"{name} changes nothing: the bodies have nothing in common"
-    for curve in curves:
-        if curve.evidence == "bounded" and curve.deviation > loosest:
-            yield (
-                f"edge {curve.name} is proved to within {curve.deviation:.2g} only, which is more "
-                "than the tolerance: its faces meet at a shallow angle"
-            )
-        if curve.evidence == "sampled" and curve.sampled > KERNEL_TOLERANCE:
-            yield (
-                f"edge {curve.name} is {curve.sampled:.2g} off its faces, which strict checks of "
-                "other programs may find"
-                + (f"; try --tolerance {KERNEL_TOLERANCE:g}" if loosest > KERNEL_TOLERANCE else "")
-            )
+    yield from edge_warnings(curves, loosest)
 
 
 def _check(findings: KernelFindings, size: float, units: str) -> None:

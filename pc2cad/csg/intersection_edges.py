@@ -13,6 +13,7 @@ from math import isfinite
 from pc2cad.arrays import Array
 from pc2cad.bounds.edge_bounds import EdgeBound, bound_edge
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, label
+from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
 from pc2cad.geometry.recognition.implicit import ROUNDING, holds, point_along
 from pc2cad.report import EdgeReport
@@ -77,6 +78,22 @@ def prove_intersection_edges(
             where, *edge.spline,
             off if isfinite(off) else found.off_seen,
         )  # fmt: skip
+
+
+def edge_warnings(curves: Sequence[EdgeReport], loosest: float) -> Iterator[str]:
+    """Yield what is unusual about edges, where the kernel may be off by `loosest`."""
+    for curve in curves:
+        if curve.evidence == "bounded" and curve.deviation > loosest:
+            yield (
+                f"edge {curve.name} is proved to within {curve.deviation:.2g} only, which is more "
+                "than the tolerance: its faces meet at a shallow angle"
+            )
+        if curve.evidence == "sampled" and curve.sampled > KERNEL_TOLERANCE:
+            yield (
+                f"edge {curve.name} is {curve.sampled:.2g} off its faces, which strict checks of "
+                "other programs may find"
+                + (f"; try --tolerance {KERNEL_TOLERANCE:g}" if loosest > KERNEL_TOLERANCE else "")
+            )
 
 
 def _weakness(side: Side) -> tuple[int, float]:

@@ -64,6 +64,9 @@ class SurfaceFunction:
     weight: Callable[[Array, Array], Array] | None = None
     #: points and normals (of any length), (n, m, 3), on the product of parameters (n,) and (m,)
     product: Callable[[Array, Array], tuple[Array, Array]] | None = None
+    #: bounds of the lengths of S_aa, S_ab and S_bb, (n, 3), over boxes of the parameters with these
+    #: corners, (n, 2) each; None where they are known all over only, by the sizes
+    bends: Callable[[Array, Array], Array] | None = None
 
     def on_grid(self, a: Array, b: Array) -> tuple[Array, Array]:
         """Return points and normals (of any length), (n, m, 3), on a product of parameters."""
