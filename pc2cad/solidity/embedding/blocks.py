@@ -41,7 +41,7 @@ def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
     for depth in range(len(search.levels) - 1, -1, -1):
         if depth + 1 < len(search.levels):
             pairs = _children(search.levels[depth + 1], search.levels[depth], pairs)
-            count += len(distinct(pairs))
+            count += len(_among(len(search.levels[depth].sheet), pairs))
         pairs = search.left(depth, pairs)
     return pairs, count
 
@@ -131,6 +131,14 @@ def _children(coarse: _Level, fine: _Level, pairs: Integers) -> Integers:
     return np.concatenate(blocks)
 
 
+def _among(count: int, *numbers: Integers) -> Integers:
+    """Return which of so many numbers there are, ascending."""
+    there = np.zeros(count, dtype=bool)
+    for row in numbers:
+        there[row] = True
+    return np.flatnonzero(there)
+
+
 @dataclass(eq=False)
 class _Search:
     surfaces: Surfaces
@@ -191,22 +199,33 @@ class _Search:
         level = self.levels[depth]
         if depth + 1 < len(self.levels):
             pairs = pairs[self._meet(level, pairs)]
-        rows, *corners = self._rectangles(level, pairs)
+        pairs, corners = self._left_beside(depth, pairs)
         if depth == 0:
-            looked = distinct(np.concatenate((pairs.ravel(), *(c.ravel() for c in corners))))
+            # the others are held by their own control points
+            looked = _among(len(level.sheet), pairs, *corners)
             self._refine(level, looked[self._large[level.sheet[looked]]])
-            meet = self._meet(level, pairs)
-        else:
-            meet = np.ones(len(pairs), dtype=bool)
-        meet[rows[self._parted(depth, *corners)]] = False
-        return pairs[meet]
+            pairs, _ = self._left_beside(depth, pairs[self._meet(level, pairs)])
+        return pairs
+
+    def _left_beside(self, depth: int, pairs: Integers) -> tuple[Integers, list[Integers]]:
+        """Return the pairs that are not parted as rectangles, and the corners of theirs."""
+        rows, *corners = self._rectangles(self.levels[depth], pairs)
+        parted = self._parted(depth, *corners)
+        left = np.ones(len(pairs), dtype=bool)
+        left[rows[parted]] = False
+        return pairs[left], [corner[~parted] for corner in corners]
 
     def _meet(self, level: _Level, pairs: Integers) -> Booleans:
-        a, b = pairs[:, 0], pairs[:, 1]
-        low, high = level.low, level.high
-        gap = 2 * self.noise
-        meet = (low[a] <= high[b] + gap) & (low[b] <= high[a] + gap)
-        return np.asarray(meet.all(axis=1))
+        low, high = (np.ascontiguousarray(x.T) for x in (level.low, level.high + 2 * self.noise))
+        a, b = np.ascontiguousarray(pairs.T)
+        left = np.arange(len(pairs))
+        # each direction parts many
+        for lower, upper in zip(low, high, strict=True):
+            keep = np.flatnonzero((lower[a] <= upper[b]) & (lower[b] <= upper[a]))
+            a, b, left = a[keep], b[keep], left[keep]
+        meet = np.zeros(len(pairs), dtype=bool)
+        meet[left] = True
+        return meet
 
     def _rectangles(self, level: _Level, pairs: Integers) -> tuple[Integers, Integers, Integers]:
         """Return pairs of blocks side by side on one grid.
@@ -240,7 +259,8 @@ class _Search:
         corners = [*first.T, *second.T]
         s, t = (joint([cones[rows] for rows in corners]) for cones in level.cones)
         result = (one == other) & is_alone(s, t)
-        walls = np.flatnonzero(one != other)
+        # no ways across part what has tangents all round
+        walls = np.flatnonzero((one != other) & (s.reach * t.reach < 2))
         keys = one[walls] * len(self.surfaces.sheets) + other[walls]
         for key in distinct(keys):
             i, j = divmod(int(key), len(self.surfaces.sheets))

@@ -40,8 +40,8 @@ _DIRECTIONS /= np.sqrt((_DIRECTIONS**2).sum(axis=1, keepdims=True))
 
 def boxes(points: Array) -> tuple[Array, Array]:
     """Return limits (…, 7) of control points (…, k, 3) in seven directions."""
-    values = points @ _DIRECTIONS.T
-    return values.min(axis=-2), values.max(axis=-2)
+    values = _DIRECTIONS @ np.swapaxes(points, -1, -2)
+    return values.min(axis=-1), values.max(axis=-1)
 
 
 def side_nets(cells: Cells, rows: Integers, sides: Integers) -> Array:
