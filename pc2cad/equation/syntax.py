@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Final
 
 from pc2cad.errors import InputError
@@ -18,6 +19,8 @@ MOST_TOKENS: Final = 2000
 DEEPEST_NESTING: Final = 60
 LONGEST_NUMBER: Final = 40
 LONGEST_NAME: Final = 64
+#: characters of texts whose trees are kept for a while
+LONGEST_KEPT: Final = 400
 #: what writes who thinks in degrees
 RADIANS: Final = "angles are in radians: 30 degrees are 30*pi/180"
 #: modules whose functions are meant by their names here
@@ -333,6 +336,12 @@ def parse(text: str) -> Node:
     """Return the syntax tree of an expression; raise ExpressionSyntaxError with the column."""
     if not text.strip():
         raise ExpressionSyntaxError("the expression is empty", 1)
+    return _kept(text) if len(text) <= LONGEST_KEPT else _Parser(text).whole()
+
+
+@lru_cache(maxsize=256)
+def _kept(text: str) -> Node:
+    """Return the syntax tree: a template's texts are read anew for each variant."""
     return _Parser(text).whole()
 
 
