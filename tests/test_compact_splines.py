@@ -15,7 +15,9 @@ from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.expression.breaks import Break
 from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
 from pc2cad.geometry.splines.adaptive_knots import DirectionRules, adapt
+from pc2cad.geometry.splines.spline_basis import SparseRows
 from pc2cad.geometry.splines.spline_profile import spline_profile
+from pc2cad.geometry.splines.spline_projection import _band_solver
 from pc2cad.geometry.splines.spline_space import SplineSpace, smallest_error
 from pc2cad.options import CompileOptions
 from pc2cad.representation.boundary import represent
@@ -298,3 +300,27 @@ def test_profiles_know_their_degrees():
     assert spline_profile(CompileOptions(max_degree=10)).degrees == (3, 5, 7, 9)
     assert spline_profile(CompileOptions(degree=4)).degrees == (4,)
     assert spline_profile(CompileOptions(profile="cubic")).degrees == (3,)
+
+
+@pytest.mark.parametrize(("size", "width"), [(33, 4), (64, 33), (70, 8), (150, 40)])
+def test_banded_equations_are_solved_block_by_block(size, width):
+    rng = np.random.default_rng(size)
+    factor = np.tril(np.triu(rng.random((size, size)), 1 - width)) + 2 * np.eye(size)
+    matrix, right = factor @ factor.T, rng.random((size, 5))
+    band = np.zeros((width, size))
+    for k in range(width):
+        band[k, : size - k] = np.diagonal(matrix, -k)
+    found = _band_solver(band)(right)
+    assert found.shape == right.shape
+    np.testing.assert_allclose(matrix @ found, right, atol=1e-12)
+
+
+def test_sparse_rows_are_multiplied_from_both_sides():
+    rng = np.random.default_rng(3)
+    index = (rng.integers(0, 90, (300, 1)) + np.arange(4)) % 90
+    rows = SparseRows(index, rng.random((300, 4)), 90)
+    full = np.zeros((300, 90))
+    np.add.at(full, (np.arange(300)[:, None], index), rows.values)
+    right, left = rng.random((90, 7)), rng.random((300, 7))
+    np.testing.assert_allclose(rows @ right, full @ right, rtol=1e-13)
+    np.testing.assert_allclose(rows.transposed(left), full.T @ left, rtol=1e-12)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -42,20 +43,29 @@ class SparseRows:
         Neighbours live in the same few columns: a block of rows is a small full matrix of those,
         and full matrices are multiplied fastest.
         """
-        if len(self.index) <= _BLOCK:
-            return self._times(dense)
-        starts = range(0, len(self.index), _BLOCK)
-        blocks = (slice(start, start + _BLOCK) for start in starts)
-        return np.concatenate(
-            [SparseRows(self.index[b], self.values[b], self.size)._times(dense) for b in blocks]
-        )
-
-    def _times(self, dense: Array) -> Array:
-        if not len(self.index):
+        if len(self.index) == 0:
             return np.zeros((0, *dense.shape[1:]))
-        low, high = int(self.index.min()), int(self.index.max()) + 1
-        own = SparseRows(self.index - low, self.values, high - low)
-        return product(own.toarray(), dense[low:high])
+        found = [product(full, dense[low:high]) for _, low, high, full in self._blocks]
+        return found[0] if len(found) == 1 else np.concatenate(found)
+
+    def transposed(self, dense: Array) -> Array:
+        """Return the product of the matrix turned over with (rows, k): (size, k)."""
+        result = np.zeros((self.size, dense.shape[1]))
+        for rows, low, high, full in self._blocks:
+            result[low:high] += product(full.T, dense[rows])
+        return result
+
+    @cached_property
+    def _blocks(self) -> list[tuple[slice, int, int, Array]]:
+        """Blocks of rows as full matrices of the columns from one to another."""
+        found = []
+        for start in range(0, len(self.index), _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            index = self.index[rows]
+            low, high = int(index.min()), int(index.max()) + 1
+            full = SparseRows(index - low, self.values[rows], high - low).toarray()
+            found.append((rows, low, high, full))
+        return found
 
     def toarray(self) -> Array:
         """Return the full matrix."""

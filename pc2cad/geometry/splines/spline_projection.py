@@ -19,6 +19,8 @@ NORMAL_EQUATIONS = 9
 #: up to this size full matrices cost less than banded ones, and hold all digits where no interval
 #: is shorter than this share of another
 _SMALL, _SHORTEST = 64, 1e-4
+#: rows of a block of a banded matrix
+_BLOCK = 32
 
 
 def projector(
@@ -100,9 +102,6 @@ def _by_cholesky(
 
     A cyclic matrix is banded, twice as wide, when its rows are taken alternately from both ends.
     """
-    from scipy.linalg import cho_solve_banded, cholesky_banded
-    from scipy.sparse import csr_array
-
     order = _order(size, cyclic)
     place = order[index]
     row, column = place[:, :, None], place[:, None, :]
@@ -112,17 +111,53 @@ def _by_cholesky(
     width = int(offsets.max()) + 1
     flat = offsets * size + np.broadcast_to(column, lower.shape)[lower]
     band = np.bincount(flat, product[lower], minlength=width * size).reshape(width, size)
-    factor = (cholesky_banded(band, lower=True, check_finite=False), True)
+    solved_by = _band_solver(np.asarray(band, dtype=float))
     back = np.argsort(order)
-    rows = np.broadcast_to(np.arange(len(index))[:, None], index.shape)
-    entries = ((values * weights[:, None]).ravel(), (index.ravel(), rows.ravel()))
-    adjoint = csr_array(entries, shape=(size, len(index)))
+    design = SparseRows(index, values * weights[:, None], size)
 
     def multiply(right: Array) -> Array:
-        solved = cho_solve_banded(factor, right[back], check_finite=False)
-        return np.asarray(solved[order])
+        return solved_by(right[back])[order]
 
-    return (lambda rest: multiply(adjoint @ rest)), multiply
+    return (lambda rest: multiply(design.transposed(rest))), multiply
+
+
+def _band_solver(band: Array) -> _Solve:
+    """Return b ↦ A⁻¹b of a positive definite matrix with the lower diagonals `band`, (width, n).
+
+    Blocks no smaller than the band are beside the diagonal at most: Cholesky's factorisation of
+    such a matrix is one of small full matrices. SciPy's of a band goes column by column, and takes
+    a quarter of a second to load.
+    """
+    width, n = band.shape
+    side = max(_BLOCK, width - 1)
+    count = -(-n // side)
+    # what is on the diagonal, rows added to the last block included, and what is below it
+    blocks = np.stack((np.tile(np.eye(side), (count, 1, 1)), np.zeros((count, side, side))))
+    for k, diagonal in enumerate(band):
+        column = np.arange(n - k)
+        block, row = column // side, (column + k) % side
+        lower = (column + k) // side - block
+        blocks[lower, block, row, column % side] = diagonal[: n - k]
+    inverses, below = [], []
+    rest = np.zeros((side, side))
+    for square, beside in zip(*blocks, strict=True):
+        # of which the lower half is read
+        inverses.append(inverse(np.linalg.cholesky(square - rest)))
+        below.append(product(beside, inverses[-1].T))
+        rest = product(below[-1], below[-1].T)
+
+    def solved(right: Array) -> Array:
+        result = np.zeros((count + 1, side, right.shape[1]))
+        result[:count].reshape(-1, right.shape[1])[:n] = right
+        for i, (own, lower) in enumerate(zip(inverses, below, strict=True)):
+            result[i] = product(own, result[i])
+            result[i + 1] -= product(lower, result[i])
+        for i in range(count - 1, -1, -1):
+            after = result[i] - product(below[i].T, result[i + 1]) if i + 1 < count else result[i]
+            result[i] = product(inverses[i].T, after)
+        return np.asarray(result[:count].reshape(-1, right.shape[1])[:n])
+
+    return solved
 
 
 def _by_triangle(
