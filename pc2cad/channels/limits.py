@@ -97,6 +97,7 @@ class _Channel:
         self._section = Program((*first, *q, *derivatives(q, "v"), *derivatives(q, "w")))
         self._bend = Program((*first, *derivatives(first, "u"), *q))
         self._guide = Program((*N, *first))
+        self._points = Program(N)
         breaks = find_breaks((*M, *N))
         self._axes = [_axis([b.position for b in row]) for row in breaks]
         across = [0.0, *(b.position for b in breaks[2] if 0 < b.position < 1), 1.0]
@@ -286,7 +287,7 @@ class _Channel:
         gaps = np.zeros(len(pairs))
         for _ in range(50 if len(pairs) else 0):
             places = pairs[..., None] + step * np.linspace(-1, 1, 9)
-            points, _ = self._curve(places)
+            (points,) = self._run(self._points, self._wrapped(places), np.zeros(1), np.zeros(1))
             grid = _norm(points[:, 0, :, None] - points[:, 1, None, :]).reshape(len(pairs), -1)
             i, j = np.divmod(grid.argmin(axis=1), 9)
             pairs, gaps = np.stack((places[every, 0, i], places[every, 1, j]), axis=-1), grid.min(1)
@@ -298,9 +299,11 @@ class _Channel:
         points, _ = self._curve(np.linspace(0, 1, 9), wrap=False)
         return bool(_norm(points[-1] - points[0]) <= 1e-9 * _norm(np.ptp(points, axis=0)))
 
+    def _wrapped(self, u: Array) -> Array:
+        return np.asarray(u % 1 if self._closed else np.clip(u, 0, 1))
+
     def _curve(self, u: Array, wrap: bool = True) -> tuple[Array, Array]:
-        if wrap:
-            u = u % 1 if self._closed else np.clip(u, 0, 1)
+        u = self._wrapped(u) if wrap else u
         points, first = self._run(self._guide, u, np.zeros(1), np.zeros(1))
         return points, first
 
