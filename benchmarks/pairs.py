@@ -55,6 +55,8 @@ KINDS = ("union", "cut", "intersect")
 #: how large each body is made (mm), what volumes may differ by, of the larger body's, and how
 #: many seconds of CPU a pair may take
 SIZE, AGREE, MOST = 10, 1e-6, 240
+#: what is found of one Boolean
+Row = dict[str, Any]
 #: refusals whose reason is where the bodies lie
 GEOMETRIC = (EmptyResultError, SeveralPiecesError, TouchingBodiesError)
 
@@ -160,7 +162,7 @@ def _row(
             start = time.process_time()
             try:
                 stated = make(kind, first, second, placement, path)
-                row = {"volume": stated, "seconds": time.process_time() - start}
+                row = stated | {"seconds": time.process_time() - start}
                 row |= {"readers": readers(path)}
             except PointCadError as error:
                 row = {
@@ -190,8 +192,8 @@ def _compared(made: Mapping[str, Mapping[str, Any]], scale: float) -> None:
             theirs[kind]["holds"] &= abs(a - b) <= AGREE * scale
 
 
-def _ours(kind: str, first: Body, second: Body, placement: Placement, path: Path) -> float:
-    """Write what pc2cad makes; return the volume that it states."""
+def _ours(kind: str, first: Body, second: Body, placement: Placement, path: Path) -> Row:
+    """Write what pc2cad makes; return the volume that it states, and if no edge is missing."""
     parts = {"a": first, "b": second}
     tree = Operation(kind, ("a", Pattern("polar", "b", ("1",), (placement,))))  # type: ignore[arg-type]
     equations = {name: replace(body.equation, name=name) for name, body in parts.items()}
@@ -206,10 +208,11 @@ def _ours(kind: str, first: Body, second: Body, placement: Placement, path: Path
 
     part = compile_bodies(bodies, lambda equation, tell: parts[equation.name], halve, fit)
     part.write(path)
-    return part.volume
+    topology = part.report.steps[-1].topology
+    return {"volume": part.volume, "topology": topology.evidence if topology else ""}
 
 
-def _plain(kind: str, first: Body, second: Body, placement: Placement, path: Path) -> float:
+def _plain(kind: str, first: Body, second: Body, placement: Placement, path: Path) -> Row:
     """Write what CadQuery makes of the same solids; return what it takes the volume for."""
     import cadquery as cq
 
@@ -219,7 +222,7 @@ def _plain(kind: str, first: Body, second: Body, placement: Placement, path: Pat
     a, b = cq.Shape.cast(first.shape), cq.Shape.cast(there)
     shape = {"union": a.fuse, "cut": a.cut, "intersect": a.intersect}[kind](b)
     shape.exportStep(str(path))
-    return float(shape.Volume())
+    return {"volume": float(shape.Volume())}
 
 
 def readers(path: Path) -> dict[str, Any]:
@@ -359,6 +362,9 @@ def summary(rows: list[dict[str, Any]]) -> str:
             f"largest gap {max(gaps, default=0):.1e}; "
             f"{sum(x.get('seconds', 0) for x in made) / max(1, len(made)):.2f} s of CPU each"
         )
+    ours = [row["pc2cad"][kind] for row in rows if "pc2cad" in row for kind in KINDS]
+    known = Counter(x["topology"] for x in ours if "topology" in x)
+    lines.append(f"no edge missing: {dict(known)}")
     return "\n".join(lines)
 
 

@@ -148,6 +148,8 @@ def test_a_border_tells_cells_outside_and_inside() -> None:
     low = np.array([[0.8, 0.8], [0.0, 0.0], [0.66, 0.66], [-3, -3], [-0.2, -0.1]])
     high = low + 0.1
     assert border.outside(low, high).tolist() == [True, False, False, True, False]
+    half = Border(border.starts[:32], border.ends[:32], border.bows[:32])
+    assert not half.outside(low, high).any()  # it does not close
     assert border.inside(low, high).tolist() == [False, True, False, False, True]
 
 
@@ -219,8 +221,9 @@ def test_a_curve_ends_at_a_curved_border(turned: int) -> None:
     upright = plane((0.5, 0, 0), (0, 1, 0), (0, 0, 1), rectangle((-3, -3), (3, 3)))
     end = sqrt(3) / 2
     assert plate.trimmed
-    if turned < 0:  # then nothing is on its left but what is outside
-        assert plate.border.outside(*(np.array([[x, x]]) for x in (-0.1, 0.1))).all()
+    assert not plate.border.outside(*(np.array([[x, x]]) for x in (-0.1, 0.1))).any()
+    if turned < 0:  # no border of a face runs so, and nothing is concluded from one that does
+        assert proved(plate, upright, known(chord(-end, end))).open is not None
         return
     assert proved(plate, upright, known(chord(-end, end))).open is None
     for short in (1e-2, 1e-4, 1e-6):
@@ -230,6 +233,21 @@ def test_a_curve_ends_at_a_curved_border(turned: int) -> None:
     cut = plane((0.5, 0, 0), (0, 1, 0), (0, 0, 1), rectangle((-0.25, -3), (0.5, 3)))
     assert proved(plate, cut, known(chord(-0.25, 0.5))).open is None
     assert proved(plate, cut, known(chord(-0.25, 0.4))).open is not None
+
+
+def test_a_curve_ends_at_slanting_borders() -> None:
+    """A triangle and an upright plane: the chord ends on two sides, neither along a parameter."""
+    corners = np.array([[-1.0, -1.0], [1.2, -0.7], [0.3, 1.1]])
+    border = Border(corners, np.roll(corners, -1, axis=0), np.zeros(3))
+    plate = plane((0, 0, 0), (1, 0, 0), (0, 1, 0), border)
+    upright = plane((0.5, 0, 0), (0, 1, 0), (0, 0, 1), rectangle((-3, -3), (3, 3)))
+    low, high = -1 + 0.3 * 1.5 / 2.2, 1.1 - 1.8 * 0.2 / 0.9
+    assert proved(plate, upright, known(chord(low, high))).open is None
+    for short in (1e-2, 1e-6):
+        assert proved(plate, upright, known(chord(low + short, high))).open is not None
+        assert proved(plate, upright, known(chord(low, high - short))).open is not None
+    beside = plane((1.21, 0, 0), (0, 1, 0), (0, 0, 1), rectangle((-3, -3), (3, 3)))
+    assert proved(plate, beside, {}).open is None
 
 
 def test_two_sheets_near_one_known_curve_are_not_taken_for_one() -> None:

@@ -26,7 +26,7 @@ _DIRECTIONS = ((1, 0, 0), (0, 1, 0), (1, 1, 0), (1, -1, 0), (0, 0, 1))
 LEAST_PLACES, MOST_PLACES = 64, 8192
 #: sine of the angle of two faces from which on they cross
 TANGENT = 1e-3
-#: share of the size that rounding may cost a place
+#: share of the size, or of the distance from the origin, that rounding may cost a place
 ROUNDING = 1e-12
 
 #: curves of two faces, with so many places between the ends of an edge
@@ -69,12 +69,15 @@ class _Search:
     found: Crossings = field(default_factory=Crossings)
     #: curves that have been asked for, and with how many places an edge
     _curves: dict[tuple[int, int], tuple[int, KnownCurves]] = field(default_factory=dict)
+    #: what rounding may cost a place
+    _noise: float = 0.0
 
     def run(self) -> Crossings:
         """Return what is known in the end."""
         if not self.faces:
             return self.found
         cells = (whole(self.faces),) * 2
+        self._noise = ROUNDING * max(self.size, float(np.abs(cells[0].point).max()))
         first, second = np.nonzero(self.owner[:, None] < self.owner)
         i, k = self._apart(cells, (first, second))
         # faces in one plane are seldom told apart: then no other has to be asked
@@ -144,7 +147,7 @@ class _Search:
     def _slack(self, one: Integers, other: Integers) -> Array:
         """Return by how much faces with these numbers have to be apart."""
         known = np.array([face.deviation for face in self.faces])
-        return np.asarray(known[one] + known[other] + ROUNDING * self.size)
+        return np.asarray(known[one] + known[other] + self._noise)
 
     def _followed(
         self, cells: tuple[Cells, Cells], pairs: tuple[Integers, Integers], longest: float
@@ -171,7 +174,7 @@ class _Search:
         faces: tuple[int, int],
     ) -> Boxes:
         one, other = (self.faces[k] for k in faces)
-        apart = one.deviation + other.deviation + ROUNDING * self.size
+        apart = one.deviation + other.deviation + self._noise
         return Boxes((one, other), cells, chosen, apart)
 
     def _places(self, faces: tuple[int, int], longest: float) -> KnownCurves:

@@ -19,6 +19,8 @@ from pc2cad.geometry.jets import SurfaceFunction
 
 #: share of a face's rectangle within which a border is on its sides
 ON_SIDE = 1e-9
+#: share of a border's extent within which it closes
+CLOSED = 1e-6
 #: share of a surface's largest slope below which a jump of slopes is rounding
 SMOOTH = 1e-9
 #: values of (cell, piece of a border) that are looked at at a time
@@ -54,9 +56,13 @@ class Border:
         bows = self.bows[:, None]
         least = np.minimum(self.starts, self.ends) - bows
         most = np.maximum(self.starts, self.ends) + bows
-        return np.asarray(
-            ((least[None] <= high[:, None]) & (most[None] >= low[:, None])).all(axis=2)
-        )
+        near = ((least[None] <= high[:, None]) & (most[None] >= low[:, None])).all(axis=2)
+        # and across a slanting piece
+        across = (self.ends - self.starts)[:, ::-1] * np.array([1.0, -1.0])
+        off = np.abs(((low + high) / 2) @ across.T - (self.starts * across).sum(axis=1))
+        reach = ((high - low) / 2) @ np.abs(across).T
+        wide = np.linalg.norm(across, axis=1) * self.bows + 1e-12 * np.abs(across).sum(axis=1)
+        return np.asarray(near & (off <= reach + wide * (1 + np.abs(self.starts).max())))
 
     def holds(self, places: Array, reach: Array) -> Booleans:
         """Say which places (k, 2) are within lengths (k, 2) of it in both parameters."""
@@ -69,14 +75,20 @@ class Border:
         return np.asarray((left <= reach[:, None] + self.bows[:, None]).all(axis=2).any(axis=1))
 
     def outside(self, low: Array, high: Array) -> Booleans:
-        """Say which boxes with these corners (k, 2) hold nothing of the face."""
+        """Say which boxes with these corners (k, 2) hold nothing of the face.
+
+        Of a border that does not close nothing is said.
+        """
         found = np.zeros(len(low), dtype=bool)
+        most = np.abs(self.box[1] - self.box[0]).max()
+        if np.abs((self.ends - self.starts).sum(axis=0)).max() > CLOSED * most:
+            return found
         step = max(1, SLAB // len(self.bows))
         for k in range(0, len(low), step):
             part = slice(k, k + step)
             clear = ~self.touching(low[part], high[part]).any(axis=1)
             middle = (low[part] + high[part])[clear] / 2
-            found[k : k + step][clear] = self._turns(middle) < 0.5
+            found[k : k + step][clear] = np.abs(self._turns(middle)) < 0.5
         return found
 
     def inside(self, low: Array, high: Array) -> Booleans:
