@@ -43,8 +43,7 @@ class FaceReport:
     carrier: str
     #: exact, bounded or sampled
     evidence: str
-    #: largest distance to the equation at equal parameters: a proved bound where the evidence says
-    #: so, else the largest seen
+    #: largest distance to the equation at equal parameters: proved, or else the largest seen
     deviation: float
     #: the largest distance seen, over `samples` places
     sampled: float
@@ -213,8 +212,7 @@ class EquationReport:
     limits: tuple[LimitReport, ...]
     #: det J keeps its sign: proved or sampled
     determinant: str
-    #: inner images with winding number 1, and how near parts of the boundary may come to one
-    #: another before they count as touching: an overlap deeper than that would have been seen
+    #: inner images with winding number 1, and how near parts of the boundary may come, untouched
     images: int
     contact_clearance: float
     #: that M covers no place twice: proved, but for places as near to the boundary as
@@ -270,6 +268,8 @@ class Report(Evidence):
     thickness: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
     #: where M is written as a sum of points: which Boolean that is, proved, or what is missing
     arithmetic: tuple[str, ...] = field(default=(), kw_only=True)
+    #: which of several bodies were turned, or cut in halves, before they were joined, and why
+    seams: tuple[str, ...] = field(default=(), kw_only=True)
     #: largest tolerance of a vertex, edge or face of the kernel's solid
     kernel_tolerance: float
     #: what is known of the one equation; None where there are several bodies
@@ -394,7 +394,7 @@ _OF_EQUATION = (
 )  # fmt: skip
 _OF_BODIES = (
     "name", "title", "units", "parameters", "size", "tolerance", "result", "bodies", "steps",
-    "faces", "curves", "edges", "vertices", "shells", "euler", "solid", "triangles",
-    "mass", "fields", "thickness", "arithmetic", "kernel_tolerance", "warnings", "times",
+    "faces", "curves", "edges", "vertices", "shells", "euler", "solid", "triangles", "mass",
+    "fields", "thickness", "arithmetic", "seams", "kernel_tolerance", "warnings", "times",
     "deviation", "evidence",
 )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -67,12 +67,21 @@ class Piece:
         apart = np.maximum(self.box[0] - other.box[1], other.box[0] - self.box[1])
         if not len(self.places) or not len(other.places) or apart.max() > reach:
             return False
-        (points, step), (_, step_there) = self._net, other._net
-        nearest = other._tree.query(points, distance_upper_bound=reach + step + step_there)[0]
+        (points, step), (_, step_there) = self.net, other.net
+        nearest = other.tree.query(points, distance_upper_bound=reach + step + step_there)[0]
         return bool(np.isfinite(nearest).any())
 
+    def moved(self, turn: Array, offset: Array) -> Piece:
+        """Return the piece where x goes to `turn` x + `offset`; its box is one round its box."""
+
+        def jet(at: Array) -> tuple[Array, tuple[Array, ...]]:
+            points, slopes = self.jet(at)
+            return points @ turn.T + offset, tuple(slope @ turn.T for slope in slopes)
+
+        return replace(self, jet=jet, box=moved_box(self.box, turn, offset))
+
     @cached_property
-    def _net(self) -> tuple[Array, float]:
+    def net(self) -> tuple[Array, float]:
         """Points over all of the parameters, and what lies between them: a whole cell, at most."""
         span = self.high - self.low
         points, slopes = self.jet(self.low + _middles(len(span)) * span)
@@ -80,8 +89,9 @@ class Piece:
         return points, float(sum(steps)) / ACROSS
 
     @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self._net[0])
+    def tree(self) -> cKDTree:
+        """Those points, to ask for the nearest one."""
+        return cKDTree(self.net[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +147,13 @@ def _reaches_into(shape: NamedShape, other: NamedShape, depth: float) -> bool:
             if inside.State() == TopAbs_IN:
                 return True
     return False
+
+
+def moved_box(box: Array, turn: Array, offset: Array) -> Array:
+    """Return the corners (2, 3) of a box round a moved one."""
+    middle = turn @ box.mean(axis=0) + offset
+    half = np.abs(turn) @ ((box[1] - box[0]) / 2)
+    return np.array([middle - half, middle + half])
 
 
 def _box(shape: TopoDS_Shape) -> Array:

@@ -305,6 +305,7 @@ def _evidence(report: Report, expected: Expectations) -> list[tuple[str, ...]]:
     else:
         rows.append(("solid", "valid in the kernel and closed; volumes of all steps add up"))
     rows += [("arithmetic", sentence) for sentence in report.arithmetic]
+    rows += [("seams", sentence) for sentence in report.seams]
     rows.append(("[expect]", f"met: {', '.join(stated)}" if stated else "nothing stated"))
     return [(name, value) for name, value in rows]
 

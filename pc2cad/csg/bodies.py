@@ -29,7 +29,6 @@ from pc2cad.brep.booleans import (
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
-from pc2cad.brep.pieces import cross
 from pc2cad.csg.arithmetic import Reduced
 from pc2cad.csg.completeness import completeness
 from pc2cad.csg.contacts import check_contacts, check_merged
@@ -40,7 +39,7 @@ from pc2cad.csg.intersection_edges import (
     sides_of,
 )
 from pc2cad.csg.own_edges import farthest_place, with_own_edges
-from pc2cad.csg.refusals import placed
+from pc2cad.csg.refusals import check_apart, placed
 from pc2cad.csg.regions import Told
 from pc2cad.csg.volumes import EMPTY, Relation, relation, sentence
 from pc2cad.csg.weights import Joined
@@ -251,10 +250,12 @@ class _Joining:
         known = {key: side.deviation for key, side in _sides(self).items()}
         if abs(gap) > ADD_UP * (a + b):
             check_merged(shapes, self.one, known, about)
+        shared = result if kind == "intersect" else other
+        if not shared.solids:
+            check_apart(name, *shapes, 10 * self._reach)
         if not result.solids:
             raise EmptyResultError(f"{name} is empty: {EMPTY[kind]}")
-        nothing = kind == "cut" and not other.solids and abs(gap) <= ADD_UP * (a + b)
-        if nothing and not cross(first.shape, second.shape, 10 * self._reach):
+        if kind == "cut" and not other.solids and abs(gap) <= ADD_UP * (a + b):
             result = first.shape  # the kernel may have left a mark where they touch
         else:
             result = with_own_edges(result, self._near)

@@ -130,7 +130,7 @@ def check_merged(
         first, second = here[i], there[k]
         known = sum(max(deviations[name] for name in face.names) for face in (first, second))
         far = max(one, 2 * KERNEL_TOLERANCE + known)
-        x, y, gaps = _descended(first, second, ZERO * size)
+        x, y, gaps = nearest_places(first, second, ZERO * size)
         close = np.flatnonzero((gaps <= far) & (gaps > known + ZERO * size))
         close = close[first.holds(x[close]) & second.holds(y[close])] if len(close) else close
         for n in close[:MANY]:
@@ -179,7 +179,7 @@ def contacts(pieces: Pieces, reach: Reach, size: float) -> Iterator[Contact]:
         far = reach(first.names, second.names)
         if not first.may_meet(second, far):
             continue
-        x, y, gaps = _descended(first, second, ZERO * size)
+        x, y, gaps = nearest_places(first, second, ZERO * size)
         close = np.flatnonzero(gaps <= far)
         if not len(close):
             continue
@@ -237,7 +237,7 @@ def _foot(point: Array, face: Piece, size: float) -> Array:
     """Return where on a face's surface, (2,), it is nearest to a point."""
     fixed = replace(face, jet=lambda at: (np.broadcast_to(point, (len(at), 3)), ()),
                     low=np.zeros(0), high=np.zeros(0), places=np.zeros((1, 0)))  # fmt: skip
-    return np.asarray(_descended(fixed, face, ZERO * size)[1][0])
+    return np.asarray(nearest_places(fixed, face, ZERO * size)[1][0])
 
 
 def _pairs(pieces: Pieces, far: float) -> Iterator[tuple[Piece, Piece]]:
@@ -268,7 +268,7 @@ def _near(faces: Sequence[Piece], others: Sequence[Piece], far: float) -> list[t
     return [*zip(i[mixed].tolist(), (k[mixed] - len(faces)).tolist(), strict=True)]
 
 
-def _descended(first: Piece, second: Piece, enough: float) -> tuple[Array, Array, Array]:
+def nearest_places(first: Piece, second: Piece, enough: float) -> tuple[Array, Array, Array]:
     """Return places of both at which their distance is smallest, and the distances.
 
     Levenberg and Marquardt's steps within the bounds, all descents at once. One ends below the

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from pc2cad.brep.booleans import NamedShape, label
+from pc2cad.brep.pieces import cross
 from pc2cad.csg.contacts import MissedCrossingError
 from pc2cad.csg.own_edges import distances_between
 from pc2cad.errors import KernelError, PointCadError
@@ -31,6 +32,18 @@ def placed(
         if shape is not None and not isinstance(error, MissedCrossingError):
             error.add_note(f"{_worst(shape, units)}{TRY}")
         raise
+
+
+def check_apart(name: str, first: NamedShape, second: NamedShape, depth: float) -> None:
+    """Raise KernelError where shapes that have nothing in common reach so deep into one another.
+
+    Where the kernel fails it may find nothing, and all volumes add up.
+    """
+    if cross(first, second, depth):
+        raise KernelError(
+            f"{name}: the CAD kernel finds nothing that the bodies have in common, and they reach "
+            "into one another"
+        )
 
 
 def with_notes(error: Exception) -> str:

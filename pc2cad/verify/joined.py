@@ -89,11 +89,17 @@ class _Joined(Collected):
         self._parts = {part for name in names for part in name.split(" = ")}
         self._prefixes = {part.rpartition(":")[0] for part in self._parts}
         self._leaves = self._made()
-        if not all(map(self._side_of, self._parts)):
-            # bodies may be joined with what closes cut in halves: sides then are in pieces
+        # a body may be joined with what closes cut in halves: its sides then are in pieces
+        unknown = {part for part in self._parts if self._side_of(part) is None}
+        if unknown:
+            cut = {part.rpartition(":")[0] for part in unknown}
             whole, self._leaves = self._leaves, self._made(halves=True)
-            if not all(map(self._side_of, self._parts)):
-                self._leaves = whole
+            known = {name for name in cut if all(map(self._side_of, self._of(name)))}
+            self._leaves = whole | {name: self._leaves[name] for name in known & set(whole)}
+
+    def _of(self, name: str) -> set[str]:
+        """Return the names of the faces of a body or a copy."""
+        return {part for part in self._parts if part.rpartition(":")[0] == name}
 
     def _made(self, *, halves: bool = False) -> dict[str, _Leaf]:
         """Return the bodies and copies of the result by their names."""
