@@ -3,8 +3,10 @@
     python -m benchmarks.sizes [--quick] [--plot FILE.svg]
 
 Each row is one compilation in a process of its own, without the imports: CPU seconds, and the
-largest memory above that of an empty process. The last column is the slope in the table, log of
-the time over log of the size since the row above: 1 where the cost is linear.
+largest memory above that of an empty process. The slope is that in the table, log of the time over
+log of the size since the row above: 1 where the cost is linear. How much of it is the CAD kernel's
+is told by a second compilation under a profiler: seconds within its functions, and within the
+modules of which hardly anything else is left (making an object of the kernel is no call to it).
 """
 
 from __future__ import annotations
@@ -24,6 +26,10 @@ SIZES = {
     "layers": (2, 5, 10, 20, 30),
     "bodies": (2, 6, 20, 60, 200),
 }
+#: splines of degree 2 are of no use but for this: they need many poles, as tolerance^(-2/3)
+OPTIONS = {"poles": lambda count: {"tolerance": 42 / count**1.5, "degree": 2}}
+#: modules that are hardly anything else than what they have the kernel do
+KERNEL = ("brep/inspect.py", "brep/booleans.py", "brep/build.py", "export/kernel.py")
 
 
 def faces(count: int):
@@ -36,16 +42,11 @@ def faces(count: int):
 
 
 def poles(count: int):
-    """Return the shipped elliptic channel; see `_options` for how many poles it takes."""
+    """Return a channel whose walls take about so many poles with `OPTIONS`."""
     from pc2cad.templates.file import read_template
     from pc2cad.templates.shipped import find_template
 
-    return read_template(find_template("channel_ellipse")).bind()
-
-
-def _options(kind: str, size: int) -> dict[str, float]:
-    """Return the options: splines of degree 2 need about tolerance^(-2/3) poles, and many."""
-    return {"tolerance": 4.1e-8 * (1e6 / size) ** 1.5, "degree": 2} if kind == "poles" else {}
+    return read_template(find_template("channel_ellipse")).bind({})
 
 
 def modes(count: int):
@@ -99,24 +100,35 @@ def _template(text: str):
 
 def one(kind: str, size: int) -> dict[str, float]:
     """Return what one compilation takes, in this process."""
+    import cProfile
     import resource
     import time
+    from math import prod
 
-    from pc2cad.compiler import compile_part
+    from pc2cad.compiler import compile_equation, compile_part
 
     compile_part(faces(10))  # loads what is loaded late
     if kind == "bodies":
         compile_part(bodies(2))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    options = OPTIONS.get(kind, lambda count: {})(size)
     equation = globals()[kind](size)
     begun = time.process_time()
-    part = compile_part(equation, **_options(kind, size))
+    report = compile_equation(equation, **options).report
     spent = time.process_time() - begun
     above = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024 - memory
-    found = part.report.faces
-    if kind == "poles":
-        size = sum(math.prod(face.poles) for face in found if face.poles)
-    return {"size": size, "faces": len(found), "s": spent, "MB": above}
+    profile = cProfile.Profile(time.process_time)
+    profile.runcall(compile_equation, globals()[kind](size), **options)
+    within = sum(entry.inlinetime for entry in profile.getstats() if _is_kernel(entry.code))
+    count = sum(prod(face.poles) for face in report.faces if face.poles)
+    return {
+        "size": count if kind == "poles" else size, "faces": len(report.faces), "s": spent,
+        "kernel": within, "MB": above,
+    }  # fmt: skip
+
+
+def _is_kernel(code) -> bool:
+    return "OCP." in code if isinstance(code, str) else code.co_filename.endswith(KERNEL)
 
 
 def main() -> None:
@@ -129,7 +141,7 @@ def main() -> None:
         print(json.dumps(one(options.one[0], int(options.one[1]))))
         return
     found: dict[str, list[tuple[int, dict[str, float]]]] = {}
-    print("| of | size | faces | s | MB more | slope |\n|---|---|---|---|---|---|")
+    print("| of | size | faces | s | of it the kernel | MB more | slope |\n|" + "---|" * 7)
     for kind, sizes in SIZES.items():
         rows = found.setdefault(kind, [])
         for size in sizes[:-1] if options.quick else sizes:
@@ -137,38 +149,47 @@ def main() -> None:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode:
                 reason = (done.stderr.strip().splitlines() or ["killed"])[-1]
-                print(f"| {kind} | {size} | {reason.partition(':')[0][:60]} | - | - | - |")
+                print(f"| {kind} | {size} | {reason.partition(':')[0][:60]} | - | - | - | - |")
                 continue
             row = json.loads(done.stdout)
-            size = row["size"]
-            slope = "-"
+            count, spent, slope = row["size"], row["s"], "-"
             if rows:
                 known, before = rows[-1]
-                slope = f"{math.log(row['s'] / before['s']) / math.log(size / known):.2f}"
-            rows.append((size, row))
-            count, spent, above = row["faces"], row["s"], row["MB"]
+                slope = f"{math.log(spent / before['s']) / math.log(count / known):.2f}"
+            rows.append((count, row))
             print(
-                f"| {kind} | {size} | {count} | {spent:.2f} | {above:.0f} | {slope} |", flush=True
+                f"| {kind} | {count} | {row['faces']} | {spent:.2f} | {row['kernel']:.2f} "
+                f"| {row['MB']:.0f} | {slope} |",
+                flush=True,
             )
     if options.plot:
         plot(found, options.plot)
 
 
 def plot(found: dict[str, list[tuple[int, dict[str, float]]]], path: Path) -> None:
-    """Draw seconds over sizes, both on logarithmic scales."""
+    """Draw seconds and memory over sizes, on logarithmic scales."""
     import matplotlib as mpl
 
     mpl.use("svg")
     mpl.rcParams |= {"svg.hashsalt": "pc2cad", "svg.fonttype": "none"}
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(figsize=(6.4, 4.2), layout="constrained")
-    for kind, rows in found.items():
-        axes.loglog([size for size, _ in rows], [row["s"] for _, row in rows], "o-", label=kind)
-    low, high = axes.get_xlim()
-    axes.loglog([low, high], [low / 100, high / 100], "k:", lw=1, label="linear")
-    axes.set(xlabel="how many", ylabel="CPU seconds", xlim=(low, high))
-    axes.legend()
+    figure, panels = pyplot.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
+    for axes, key, name, floor in zip(
+        panels, ("s", "MB"), ("CPU seconds", "largest memory, MB more than for nothing"), (0, 1),
+        strict=True,
+    ):  # fmt: skip
+        for kind, rows in found.items():
+            sizes, values = [size for size, _ in rows], [max(row[key], floor) for _, row in rows]
+            axes.loglog(sizes, values, "o-", label=kind)
+        low, high = axes.get_xlim()
+        middle = math.sqrt(math.prod(axes.get_ylim()))
+        bottom, top = axes.get_ylim()
+        for scale in (middle / 300, middle / 3e4):
+            axes.loglog([low, high], [low * scale, high * scale], "k:", lw=1)
+        axes.set(xlabel="how many (dotted: linear)", ylabel=name, xlim=(low, high),
+                 ylim=(bottom, top))  # fmt: skip
+    panels[0].legend()
     figure.savefig(path, metadata={"Date": None})
 
 
