@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from OCP.BRep import BRep_Tool
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.TopExp import TopExp
 
 import pc2cad as pc
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edges_between
 from pc2cad.brep.seams import Seam, seams_of
 from pc2cad.csg.seams import BORED, MET
+from pc2cad.domain.analysis import analyse
+from pc2cad.domain.cuts import halved
 from pc2cad.errors import KernelError
 from pc2cad.part import Part
 from pc2cad.representation.turning import roundness, turned
@@ -240,3 +243,22 @@ def test_a_turned_model_is_the_same_solid() -> None:
     assert len(before) == 4
     np.testing.assert_allclose(np.linalg.norm(model.vertices[:, :2], axis=1), before, atol=1e-15)
     np.testing.assert_allclose(model.vertices[:, 2], body.model.vertices[:, 2], atol=1e-15)
+
+
+def test_only_faces_that_come_round_to_themselves_are_halved() -> None:
+    """A prism closes in several pieces, none of which does; cut, they would bear others' names."""
+    hexagon = pc.read_template("bolt").bind().equations["hexagon"]
+    analysis = analyse(hexagon)
+    assert len(analysis.bounds[0]) == 7
+    assert halved(analysis) is analysis
+    assert len(halved(analyse(pc.read_template("hollow_cylinder").bind())).boundary.faces) == 6
+
+
+def test_no_place_is_classified_where_boxes_of_bodies_are_apart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The kernel takes milliseconds a place; only what is in another's box can be inside it."""
+    monkeypatch.delattr(BRepClass3d_SolidClassifier, "Perform")
+    assert built("union(a, b)", a="[u, v, w]", b="[u, v, 1 + w]").volume == pytest.approx(2)
+    with pytest.raises(TypeError):
+        built("union(a, b)", a="[u, v, w*(1 + u)/2]", b="[u, v, 1 - (1 - w)*(1 - u)/2]")

@@ -141,8 +141,9 @@ def cross(first: NamedShape, second: NamedShape, depth: float) -> bool:
 def _reaches_into(shape: NamedShape, other: NamedShape, depth: float) -> bool:
     points = np.concatenate([face.jet(face.places)[0] for face in pieces_of(shape).faces])
     for solid in other.solids:
-        inside = BRepClass3d_SolidClassifier(solid)
-        for point in points.tolist():
+        inside, (low, high) = BRepClass3d_SolidClassifier(solid), _box(solid)
+        boxed = (points >= low + depth).all(axis=1) & (points <= high - depth).all(axis=1)
+        for point in points[boxed].tolist():
             inside.Perform(gp_Pnt(*point), depth)
             if inside.State() == TopAbs_IN:
                 return True

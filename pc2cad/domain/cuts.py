@@ -11,9 +11,10 @@ from pc2cad.topology.cells import DIRECTIONS, normal_direction
 
 
 def halved(analysis: Analysis) -> Analysis:
-    """Return the same solid with each direction in which it closes cut in the middle of its pieces.
+    """Return the same solid with each direction in which its faces close cut in the middle.
 
-    No face then comes round to itself. Where nothing closes, the analysis itself.
+    No face then comes round to itself. Where none does, as in a direction of several pieces, the
+    analysis itself.
     """
     closed = {
         normal_direction(side.patch)
@@ -21,7 +22,7 @@ def halved(analysis: Analysis) -> Analysis:
         if side.partner not in (None, side.patch)
     }
     places = tuple(
-        {(Fraction(a) + Fraction(b)) / 2 for a, b in pairwise(row)} if d in closed else set()
+        {(Fraction(row[0]) + Fraction(row[1])) / 2} if d in closed and len(row) == 2 else set()
         for d, row in enumerate(analysis.bounds)
     )
     return recut(analysis, places)

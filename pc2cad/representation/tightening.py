@@ -1,9 +1,9 @@
 """The loop of everything that is approximated: fit, see how far it is off, aim better, again.
 
-A fit that is a little off aims at less. One that is off by several times what is allowed is looked
-at in more sections, and aims at the same. One that is off by far more than it aimed at has not seen
-something, a needle or a slanting front; then the place where it is worst is looked at closely, and
-sections are taken nearer to one another, while the aim stays what it is.
+A fit that is a little off aims at less. A first one that is off by several times what is allowed is
+looked at in more sections, and aims at the same. One that is off by far more than it aimed at has
+not seen something, a needle or a slanting front; then the place where it is worst is looked at
+closely, and sections are taken nearer to one another, while the aim stays what it is.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Result = TypeVar("Result")
 
 #: fits that are tried, and what each may use of what the one before would have needed
 TRIES, EASE = 8, 0.8
-#: a fit that is off by more than so many times what is allowed has seen too few sections
+#: a first fit that is off by more than so many times what is allowed has seen too few sections
 SELDOM = 2.0
 #: a fit that is off by more than so many times its aim has not seen what it is off by
 UNSEEN = 16.0
@@ -49,8 +49,9 @@ class Aim:
             if all(abs(place - known) > NEAR for known in self.focus.get(piece, ()))
         }
         seen = deviation <= UNSEEN * self.target or not worst
-        if seen and worst and self.density == 1 and deviation > SELDOM * allowed:
-            return Aim(self.target, DENSER, self.focus)
+        first = self.density == 1 and not self.focus
+        if seen and worst and first and deviation > SELDOM * allowed:
+            return Aim(self.target, DENSER)
         if seen or not (new or self.density < DENSEST):
             return Aim(max(share, 1 / UNSEEN) * self.target, self.density, self.focus)
         focus = {
