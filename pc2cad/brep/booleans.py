@@ -191,6 +191,11 @@ class NamedEdge:
     points: Array
 
     @property
+    def label(self) -> str:
+        """What a report calls it: both faces."""
+        return " / ".join(label(names) for names in self.names)
+
+    @property
     def length(self) -> float:
         """That of the polyline through its points."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())

@@ -38,12 +38,12 @@ from pc2cad.csg.intersection_edges import (
     prove_intersection_edges,
     sides_of,
 )
-from pc2cad.csg.own_edges import farthest_place, with_own_edges
-from pc2cad.csg.refusals import check_apart, placed
+from pc2cad.csg.own_edges import distances_between, farthest_place, with_own_edges
+from pc2cad.csg.refusals import check_apart, off_its_faces, placed
 from pc2cad.csg.regions import Told
 from pc2cad.csg.volumes import EMPTY, Relation, relation, sentence
 from pc2cad.csg.weights import Joined
-from pc2cad.errors import KernelError, NotASolidError, ToleranceNotReachedError
+from pc2cad.errors import KernelError, NotASolidError
 from pc2cad.export.colours import body_colour
 from pc2cad.export.model import ExportOptions, NamedFace
 from pc2cad.export.step import encode
@@ -292,17 +292,16 @@ def _report(
         check_contacts(shape, edges, known, about)
         raise _falls_apart(bodies, solids)
     tolerance = max(report.tolerance for report in reports.values())
+    loosest = max(tolerance, KERNEL_TOLERANCE)
+    for edge, off, place in distances_between(shape):  # proofs of what is far off take long
+        if off > loosest:
+            raise off_its_faces(edge, off, place, bodies.units, tolerance)
     meeting = [e for e in edges if _bodies(e.names[0]).isdisjoint(_bodies(e.names[1]))]
     curves = tuple(prove_intersection_edges(shape, meeting, sides, size))
-    loosest = max(tolerance, KERNEL_TOLERANCE)
     for edge, curve in zip(meeting, curves, strict=True):
         if curve.surface_distance > loosest:
-            place = ", ".join(f"{x:.6g}" for x in farthest_place(shape, edge))
-            raise ToleranceNotReachedError(
-                f"the kernel's edge {curve.name} is {curve.surface_distance:.2g} {bodies.units} "
-                f"off its faces near ({place}), and the tolerance is {tolerance:.2g}; move one of "
-                "the bodies a little, or choose a larger tolerance"
-            )
+            place = farthest_place(shape, edge)
+            raise off_its_faces(edge, curve.surface_distance, place, bodies.units, tolerance)
     check_contacts(shape, edges, known, about)
     for edge, curve in zip(meeting, curves, strict=True):
         edge.loosen(curve.surface_distance)  # the kernel has to know how far its edges are off

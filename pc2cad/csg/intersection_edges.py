@@ -12,7 +12,7 @@ from math import isfinite
 
 from pc2cad.arrays import Array
 from pc2cad.bounds.edge_bounds import EdgeBound, bound_edge
-from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, label
+from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions
 from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
 from pc2cad.geometry.recognition.implicit import ROUNDING, holds, point_along
@@ -73,7 +73,7 @@ def prove_intersection_edges(
         off = max(found.off)
         evidence, deviation, where = _judged(edge, sides, found, size)
         yield EdgeReport(
-            " / ".join(label(names) for names in edge.names), edge.curve, evidence, deviation,
+            edge.label, edge.curve, evidence, deviation,
             0.0 if evidence == "exact" else found.seen if evidence == "bounded" else deviation,
             where, *edge.spline,
             off if isfinite(off) else found.off_seen,

@@ -7,11 +7,12 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from pc2cad.brep.booleans import NamedShape, label
+from pc2cad.arrays import Array
+from pc2cad.brep.booleans import NamedEdge, NamedShape
 from pc2cad.brep.pieces import cross
 from pc2cad.csg.contacts import MissedCrossingError
 from pc2cad.csg.own_edges import distances_between
-from pc2cad.errors import KernelError, PointCadError
+from pc2cad.errors import KernelError, PointCadError, ToleranceNotReachedError
 
 TRY = "move one of the bodies a little, or turn its seam away"
 
@@ -46,6 +47,18 @@ def check_apart(name: str, first: NamedShape, second: NamedShape, depth: float) 
         )
 
 
+def off_its_faces(
+    edge: NamedEdge, off: float, place: Array, units: str, tolerance: float
+) -> ToleranceNotReachedError:
+    """Return what is said of an edge that is `off` (a length) its faces, most at a place (3,)."""
+    where = ", ".join(f"{x:.6g}" for x in place.tolist())
+    return ToleranceNotReachedError(
+        f"the kernel's edge {edge.label} is {off:.2g} {units} off its faces near ({where}), and "
+        f"the tolerance is {tolerance:.2g}; move one of the bodies a little, or choose a larger "
+        "tolerance"
+    )
+
+
 def with_notes(error: Exception) -> str:
     """Return the message of an error and what has been noted at it."""
     return "; ".join([str(error), *getattr(error, "__notes__", ())])
@@ -58,5 +71,6 @@ def _worst(shape: NamedShape, units: str) -> str:
         return ""
     edge, off, point = found
     place = ", ".join(f"{x:.6g}" for x in np.asarray(point).tolist())
-    names = " / ".join(label(names) for names in edge.names)
-    return f"the edge {names} is the farthest off its faces, {off:.2g} {units} near ({place}): "
+    return (
+        f"the edge {edge.label} is the farthest off its faces, {off:.2g} {units} near ({place}): "
+    )
