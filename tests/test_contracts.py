@@ -65,7 +65,7 @@ def test_every_carrier_is_named_built_inverted_and_expected(kind: type) -> None:
 
 
 def test_plain_data_hold_every_field_of_a_report() -> None:
-    own = {"own", "result", "bodies", "steps"}  # in parts
+    own = {"own", "result", "bodies", "steps", "seams"}  # in parts, or of several bodies
     one = {field.name for kind in (Report, EquationReport) for field in fields(kind)} - own
     assert len(one) > 20
     assert one - {"integrals"} <= set(_OF_EQUATION)

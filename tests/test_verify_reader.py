@@ -207,16 +207,20 @@ def test_a_million_instances_are_read_in_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_poles_take_ten_times_as_long_as_ten_thousand() -> None:
+def test_time_grows_with_poles_and_not_with_their_square() -> None:
     taken = []
     for count in (100, 316):
-        text = swollen_box(count).encode()
-        start = time.process_time()
-        file = parse_step(text)
-        taken.append(time.process_time() - start)
+        text, times = swollen_box(count).encode(), []
+        for _ in range(3):
+            start = time.process_time()
+            file = parse_step(text)
+            times.append(time.process_time() - start)
+        taken.append(min(times))
         assert file.sound is True
         assert file.solids[0].volume == pytest.approx(6.0 + 6.4 * 2.0 / 36.0, rel=1e-2)
-    assert taken[1] < 20.0 * taken[0]
+    # ten times as many: 10 if linear, 100 if quadratic, whatever else the machine does
+    assert len(taken) == 2
+    assert taken[1] < 32 * taken[0]
 
 
 def test_no_kernel_is_loaded(tmp_path: Path) -> None:
