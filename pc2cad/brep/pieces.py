@@ -64,8 +64,8 @@ class Piece:
         They do not where their boxes are farther apart, or the places that are looked at by more
         than lies between these.
         """
-        apart = np.maximum(self.box[0] - other.box[1], other.box[0] - self.box[1])
-        if not len(self.places) or not len(other.places) or apart.max() > reach:
+        far = boxes_apart(self.box, other.box) > reach
+        if not len(self.places) or not len(other.places) or far:
             return False
         (points, step), (_, step_there) = self.net, other.net
         nearest = other.tree.query(points, distance_upper_bound=reach + step + step_there)[0]
@@ -148,6 +148,11 @@ def _reaches_into(shape: NamedShape, other: NamedShape, depth: float) -> bool:
             if inside.State() == TopAbs_IN:
                 return True
     return False
+
+
+def boxes_apart(box: Array, other: Array) -> float:
+    """Return by how much boxes (2, 3) are apart along an axis; negative where they are not."""
+    return float(np.maximum(box[0] - other[1], other[0] - box[1]).max())
 
 
 def moved_box(box: Array, turn: Array, offset: Array) -> Array:

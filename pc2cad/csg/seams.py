@@ -26,7 +26,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.scatter import scattered
 from pc2cad.brep.booleans import NamedShape, original
 from pc2cad.brep.build import build
-from pc2cad.brep.pieces import Piece, moved_box, pieces_of
+from pc2cad.brep.pieces import Piece, boxes_apart, moved_box, pieces_of
 from pc2cad.brep.seams import Seam, seams_of
 from pc2cad.csg.contacts import CROSSING, ZERO, nearest_places
 from pc2cad.csg.moving import places
@@ -213,10 +213,10 @@ class _About:
         near = NEAR * self.outline.size
         for other in self.others:
             here = seam.piece.moved(other.turn, other.offset)
-            if _apart(here.box, other.outline.box) > near:
+            if boxes_apart(here.box, other.outline.box) > near:
                 continue
             for piece in other.outline.pieces:
-                if _apart(here.box, piece.box) > near or not here.may_meet(piece, near):
+                if not here.may_meet(piece, near):
                     continue
                 x, y, gaps = nearest_places(here, piece, ZERO * self.outline.size)
                 close = np.flatnonzero(gaps <= near)
@@ -284,7 +284,7 @@ class _About:
         for other in self.others:
             there = moved_box(own, other.turn, other.offset)
             for piece in other.outline.pieces:
-                if _apart(there, piece.box) <= NEAR * self.outline.size:
+                if boxes_apart(there, piece.box) <= NEAR * self.outline.size:
                     found.append((piece.net[0] - other.offset) @ other.turn)
         return cKDTree(np.concatenate(found)) if found else None
 
@@ -316,11 +316,6 @@ def _shares() -> list[float]:
     """Return shares of a period, in no regular row."""
     found: list[float] = scattered(STARTS, 1)[:, 0].tolist()
     return found
-
-
-def _apart(box: Array, other: Array) -> float:
-    """Return by how much two boxes are apart along an axis; negative where they are not."""
-    return float(np.maximum(box[0] - other[1], other[0] - box[1]).max())
 
 
 def _unit(vector: Array) -> Array:

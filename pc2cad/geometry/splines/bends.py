@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import comb
 
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.geometry.carriers import SplineSurface
 from pc2cad.geometry.sheets import projected, restriction, spans, surface_patches
-from pc2cad.geometry.splines.bernstein import chebyshev_nodes
+from pc2cad.geometry.splines.bernstein import bernstein_values, chebyshev_nodes
 
 #: parts that a rational piece is cut in along both parameters
 PARTS = 4
@@ -126,18 +125,11 @@ def _rational(nets: Array, first: Sequence[Array], second: Sequence[Array]) -> l
 def _nodes(degree: int) -> tuple[Array, Array]:
     """Return nodes, and the matrix from values there to Bernstein coefficients."""
     at = chebyshev_nodes(max(degree, 1))
-    return at, np.asarray(np.linalg.inv(_bernstein(at, len(at) - 1)))
+    return at, np.asarray(np.linalg.inv(bernstein_values(len(at) - 1, at)))
 
 
 def _bases(net: Array, at: Sequence[Array]) -> list[Array]:
-    return [_bernstein(x, net.shape[2 + d] - 1) for d, x in enumerate(at)]
-
-
-def _bernstein(at: Array, degree: int) -> Array:
-    """Return the values of the Bernstein polynomials, (len(at), degree + 1)."""
-    i = np.arange(degree + 1)
-    binomials = np.array([comb(degree, int(k)) for k in i], dtype=float)
-    return np.asarray(binomials * at[:, None] ** i * (1 - at[:, None]) ** (degree - i))
+    return [bernstein_values(net.shape[2 + d] - 1, x) for d, x in enumerate(at)]
 
 
 def _derived(nets: Array, axis: int, steps: Array) -> Array:

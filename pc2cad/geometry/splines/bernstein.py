@@ -128,6 +128,13 @@ def bezier_knots(degree: int) -> Array:
     return np.repeat([0.0, 1.0], degree + 1)
 
 
+def bernstein_values(degree: int, t: Array) -> Array:
+    """Return the Bernstein polynomials of a degree at places t (n,), (n, degree + 1)."""
+    k = np.arange(degree + 1)
+    factors = np.array([comb(degree, i) for i in range(degree + 1)])
+    return np.asarray(factors * t[:, None] ** k * (1 - t[:, None]) ** (degree - k))
+
+
 @lru_cache(maxsize=64)
 def chebyshev_nodes(degree: int) -> Array:
     """Return the Chebyshev-Lobatto nodes on [0, 1]."""

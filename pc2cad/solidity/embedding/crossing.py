@@ -7,13 +7,13 @@ a depth; what is told is the largest that was found, so "or more".
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import comb
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.sheets import Sheet, projected
+from pc2cad.geometry.splines.bernstein import bernstein_values
 from pc2cad.solidity.embedding.proof import Meeting
 from pc2cad.solidity.nearest_places import descended
 
@@ -59,7 +59,7 @@ class _Face:
             local.append(x * count - own)
         nets = self._sheet.patches.take(*index)
         along, across = (
-            _bernstein(d, x) for d, x in zip(self._sheet.patches.degrees, local, strict=True)
+            bernstein_values(d, x) for d, x in zip(self._sheet.patches.degrees, local, strict=True)
         )
         found = np.einsum("ni,nj,nijc->nc", along, across, nets)
         return projected(found).reshape(*places.shape[:-1], 3)
@@ -71,12 +71,6 @@ class _Face:
         found = np.cross(ways[0] / steps[0], ways[1] / steps[1])
         length = float(np.linalg.norm(found))
         return found * (np.sign(found @ towards) / length) if length else found
-
-
-def _bernstein(degree: int, x: Array) -> Array:
-    k = np.arange(degree + 1)
-    factors = np.array([comb(degree, i) for i in range(degree + 1)])
-    return np.asarray(factors * x[:, None] ** k * (1 - x[:, None]) ** (degree - k))
 
 
 def _behind(one: _Face, other: _Face, apart: Array) -> float:
