@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -18,6 +19,7 @@ from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.errors import NotASolidError
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.sheets import (
+    OUTSIDE,
     Patches,
     Sheet,
     SheetSide,
@@ -32,6 +34,8 @@ from pc2cad.options import CompileOptions
 from pc2cad.representation.boundary import represent
 from pc2cad.representation.embedding import embed
 from pc2cad.representation.face_sheets import sheets_of
+from pc2cad.solidity.embedding import proof
+from pc2cad.solidity.embedding.blocks import near_pairs
 from pc2cad.solidity.embedding.holds import hold
 from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, is_graph, rises
 from pc2cad.solidity.embedding.proof import prove
@@ -377,6 +381,33 @@ def test_a_face_that_crosses_another_is_found():
         high = patch(1, [[[0.3, 0.4, 1], [0.6, 0.4, 1]], [[0.3, 0.4, depth], [0.6, 0.4, depth]]],
                      (4, 5, 6, 7), (4, 5, 6, 7))  # fmt: skip
         assert prove([flat, high], lines(8), 2.0, 1e-14).meeting is None, depth
+
+
+# -- several solids --------------------------------------------------------------------------------
+
+
+def test_faces_with_no_solid_in_common_are_compared_where_the_others_are_not_proved(monkeypatch):
+    """Nothing follows for them then."""
+    flat = patch(0, [[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]], (0, 1, 2, 3), (0, 1, 2, 3))
+    cross = patch(1, [[[0.3, 0.4, 1], [0.6, 0.4, 1]], [[0.3, 0.4, -1], [0.6, 0.4, -1]]],
+                  (4, 5, 6, 7), (4, 5, 6, 7))  # fmt: skip
+    two = [replace(flat, beside=(0, 1)), replace(cross, beside=(2, 3))]
+    assert prove(two, lines(8), 2.0, 1e-14).meeting is None
+    assert prove(two, lines(8), 2.0, 1e-14, every=True).meets
+    assert prove([two[0], replace(cross, beside=(1, 2))], lines(8), 2.0, 1e-14).meets
+    outside = [replace(sheet, beside=(k, OUTSIDE)) for k, sheet in enumerate((flat, cross))]
+    assert prove(outside, lines(8), 2.0, 1e-14).meets
+    asked = []
+
+    def spy(*given):
+        asked.append(given[2])
+        return near_pairs(*given)
+
+    monkeypatch.setattr(proof, "near_pairs", spy)
+    monkeypatch.setattr(proof, "MOST_CELLS", 0)
+    close = replace(flat, beside=(0, 1)), replace(cross, beside=(1, 2))
+    assert not prove(close, lines(8), 2.0, 1e-14).meets
+    assert asked == [False, True]
 
 
 # -- what comes near without meeting ---------------------------------------------------------------

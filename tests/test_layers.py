@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import pi
 
@@ -23,11 +24,16 @@ from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.brep.triangles import enclosed_volume
 from pc2cad.channels import guide_functions
 from pc2cad.channels.channel import ChannelError
+from pc2cad.checked import CheckedMap, check_map
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.point_equation import LayersError, PointEquation, point_equation
 from pc2cad.errors import InputError
 from pc2cad.export.kernel import body, subshapes
+from pc2cad.geometry.carriers import SplineSurface
 from pc2cad.part import Part
+from pc2cad.representation.boundary import represent
+from pc2cad.representation.embedding import embed
+from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
 from pc2cad.templates.file import parse_template
 
 u, v, w = pc.parameters()
@@ -143,6 +149,48 @@ z = "depth(w)*cos(pi*v)"
     assert [x.area for x in part.report.layers] == pytest.approx(
         [4 * pi, 20 * pi, 41 * pi], rel=1e-12
     )
+
+
+def nested(count: int) -> CheckedMap:
+    """Walls one in another, each of whose arcs is deeper than all of them together are thick."""
+    names = "\n".join(f"l{k} = 1" for k in range(count))
+    return check_map(parse_template(f"""
+title = "nested"
+[layers]
+{names}
+[let]
+r = "(100 + depth(w))*(1 + u/20)"
+a = "2*pi*v"
+[solid]
+x = "r*cos(a)*(1 + cos(3*a)/20)"
+y = "r*sin(a)*(1 + cos(3*a)/20)"
+z = "200*u"
+""", "nested").bind())  # fmt: skip
+
+
+def test_faces_are_compared_where_they_have_a_solid_in_common():
+    """Six layers more take some twice what three more do; with every two it is four times."""
+    counts = []
+    for count in (3, 6, 12):
+        found = embed(checked := nested(count), represent(checked))
+        assert found.proved, found.open
+        counts.append(found.cells)
+    assert counts[2] - counts[1] <= 3 * (counts[1] - counts[0])
+
+
+def test_a_wall_that_is_built_across_others_is_refused():
+    """It may reach beyond the next one: that one is compared with it."""
+    model = represent(checked := nested(3))
+    faces = list(model.faces)
+    (index,) = [k for k, face in enumerate(faces) if face.name == "w=0.333333"]
+    carrier = faces[index].carrier
+    assert isinstance(carrier, SplineSurface)
+    poles = carrier.poles.copy()
+    middle = poles.shape[0] // 2
+    poles[middle, :, :2] *= 1.03
+    faces[index] = replace(faces[index], carrier=replace(carrier, poles=poles))
+    with pytest.raises(BuiltFacesMeetError, match=r"w=0\.333333"):
+        embed(checked, replace(model, faces=tuple(faces)))
 
 
 def test_step_file_holds_named_solids(lagged, tmp_path):

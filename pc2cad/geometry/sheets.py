@@ -19,6 +19,8 @@ from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
 
 #: arcs of conics are no longer than this (radians)
 LONGEST_ARC = np.pi / 2
+#: what is beside a face where no solid is
+OUTSIDE = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +107,8 @@ class Sheet:
     own: bool = True
     #: of a sheet in a plane: one number for the faces that make up one region there, -1 if alone
     region: int = -1
+    #: what is on its two sides: numbers of solids, `OUTSIDE` where there is none
+    beside: tuple[int, int] = (0, OUTSIDE)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -14,6 +14,7 @@ from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.scalar import evaluate
 from pc2cad.geometry.carriers import Plane, SplineSurface
+from pc2cad.geometry.sheets import OUTSIDE
 from pc2cad.geometry.splines.bernstein import bezier_knots
 from pc2cad.representation.boundary_model import BoundaryModel
 from pc2cad.representation.face_sheets import edge_lines, sheets_of
@@ -33,8 +34,11 @@ def embed(checked: CheckedMap, model: BoundaryModel) -> Embedding:
     Raises OverlappingMapError where the equation's do, BuiltFacesMeetError where only the model's.
     """
     sheets, left = sheets_of(model)
-    regions = _regions(checked.analysis, model)
-    sheets = [replace(sheet, region=regions.get(sheet.cell, -1)) for sheet in sheets]
+    regions, beside = _regions(checked.analysis, model), _beside(model)
+    sheets = [
+        replace(sheet, region=regions.get(sheet.cell, -1), beside=beside[sheet.face])
+        for sheet in sheets
+    ]
     found = check_embedded(
         checked.analysis, sheets, edge_lines(model.edges, model.complex, model.vertices),
         [face.deviation for face in model.faces], [model.faces[i].name for i in left],
@@ -43,9 +47,23 @@ def embed(checked: CheckedMap, model: BoundaryModel) -> Embedding:
     return replace(found, depth=max(found.depth, gap), sides=names)
 
 
+def _beside(model: BoundaryModel) -> list[tuple[int, int]]:
+    """Return what is on the two sides of each face."""
+    found: list[list[int]] = [[] for _ in model.faces]
+    for number, faces in enumerate([layer.faces for layer in model.layers] or [model.outer]):
+        for face in faces:
+            found[face].append(number)
+    for face in model.outer:
+        found[face].append(OUTSIDE)
+    return [(one, other) for one, other in found]
+
+
 def _regions(analysis: Analysis, model: BoundaryModel) -> dict[int, int]:
-    """Return, for the cells of plane faces that were cut apart, what they were cut from."""
-    if not any(analysis.apart):
+    """Return, for the cells of plane faces that were cut apart, what they were cut from.
+
+    Between layers, too: each has its own face, and together they are one region.
+    """
+    if not any(analysis.apart) and not model.layers:
         return {}
     outward: list[Plane | None] = [None] * len(analysis.complex.faces)
     for face in model.faces:
@@ -53,8 +71,7 @@ def _regions(analysis: Analysis, model: BoundaryModel) -> dict[int, int]:
             normal = -face.carrier.normal if face.reversed else face.carrier.normal
             for cell in face.cells:
                 outward[cell] = Plane(face.carrier.origin, normal)
-    whole = replace(analysis, apart=((), (), ()))
-    groups = coplanar_groups(whole, outward)
+    groups = coplanar_groups(analysis, outward, across=True)
     return {cell: k for k, group in enumerate(groups) for cell in group if outward[cell]}
 
 

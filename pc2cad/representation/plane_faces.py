@@ -25,10 +25,13 @@ SAME_PLANE = 1e-10
 _PLACES = 257
 
 
-def coplanar_groups(analysis: Analysis, planes: Sequence[Plane | None]) -> list[tuple[int, ...]]:
+def coplanar_groups(
+    analysis: Analysis, planes: Sequence[Plane | None], across: bool = False
+) -> list[tuple[int, ...]]:
     """Return the faces in groups: patches of one side that meet in an edge and share a plane.
 
-    Those of different layers stay apart, and those that the analysis has cut there.
+    Those of different layers stay apart, and those that the analysis has cut there, if groups do
+    not go `across`.
     """
     boundary = analysis.complex
     group = list(range(len(planes)))
@@ -45,9 +48,10 @@ def coplanar_groups(analysis: Analysis, planes: Sequence[Plane | None]) -> list[
     )
     for first, second in pairs:
         a, b = planes[first], planes[second]
-        if a is None or b is None or not _same_side(boundary, first, second):
+        one, other = boundary.faces[first].patch, boundary.faces[second].patch
+        if a is None or b is None or _side(one) != _side(other):
             continue
-        if _parted(analysis, boundary.faces[first].patch, boundary.faces[second].patch):
+        if not across and _parted(analysis, one, other):
             continue
         if a.normal @ b.normal > 0 and np.abs(np.cross(a.normal, b.normal)).max() < SAME_PLANE:
             group[find(second)] = find(first)
@@ -57,13 +61,10 @@ def coplanar_groups(analysis: Analysis, planes: Sequence[Plane | None]) -> list[
     return [tuple(members[root]) for root in sorted(members)]
 
 
-def _same_side(boundary: BoundaryComplex, first: int, second: int) -> bool:
-    a, b = boundary.faces[first].patch, boundary.faces[second].patch
-    return _side(a) == _side(b) and (not boundary.layers or a[2] == b[2])
-
-
 def _parted(analysis: Analysis, first: Cell, second: Cell) -> bool:
-    """Say whether a limit at which faces end lies between two patches."""
+    """Say whether a limit at which faces or layers end lies between two patches."""
+    if analysis.complex.layers and first[2] != second[2]:
+        return True
     for row, apart, a, b in zip(analysis.bounds, analysis.apart, first, second, strict=True):
         low, high = sorted((a // 2, b // 2))
         if not set(apart).isdisjoint(row[low + 1 : high + 1]):

@@ -24,14 +24,18 @@ from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall
 FEW = 256
 
 
-def near_pairs(surfaces: Surfaces, noise: float) -> tuple[Integers, int]:
+def near_pairs(surfaces: Surfaces, noise: float, every: bool = False) -> tuple[Integers, int]:
     """Return pairs of patches, each with itself too, that nothing parts as blocks.
 
-    With them comes the number of blocks that were looked at.
+    With them comes the number of blocks that were looked at. Sheets with no solid in common, one of
+    them between two, are compared where `every` pair is asked for.
     """
     search = _Search(surfaces, noise)
     # the largest blocks are whole sheets
     pairs = meeting(search.levels[-1].low, search.levels[-1].high, 2 * noise)
+    if not every:
+        one, other = (surfaces.beside[pairs[:, k]] for k in (0, 1))
+        pairs = pairs[(one[:, :, None] == other[:, None]).any(axis=(1, 2))]
     # what lies in one plane does not meet itself where its edges do not
     for row in (surfaces.plane, np.array([sheet.region for sheet in surfaces.sheets])):
         pairs = pairs[(row[pairs[:, 0]] < 0) | (row[pairs[:, 0]] != row[pairs[:, 1]])]

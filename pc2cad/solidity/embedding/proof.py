@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,13 +59,24 @@ class Outcome:
     meets: bool = False
 
 
-def prove(sheets: Sequence[Sheet], lines: Array, size: float, noise: float) -> Outcome:
+def prove(
+    sheets: Sequence[Sheet], lines: Array, size: float, noise: float, every: bool = False
+) -> Outcome:
     """Return whether sheets meet nowhere but where they are joined.
 
     `lines` are start and step of straight edges; `noise` is what rounding leaves open of a point.
+    Of several solids, each closed, the sides of each are compared with one another, and those of
+    the outside: where they meet nowhere, all of them wind once about their insides, so that no two
+    solids overlap, and no other faces meet. Where that is not shown, or `every` pair is asked for,
+    all are compared.
     """
     surfaces = Surfaces(sheets, lines)
-    return _Descent(surfaces, Separation(noise), Joints(surfaces), size, noise).run()
+    descent = _Descent(surfaces, Separation(noise), Joints(surfaces), size, noise)
+    every = every or surfaces.beside.max() == 0
+    outcome = descent.run(every)
+    if every or outcome.meets or outcome.depth <= TOUCHING * size:
+        return outcome
+    return replace(descent, count=0, work=0).run(every=True)
 
 
 @dataclass(eq=False)
@@ -83,9 +94,9 @@ class _Descent:
         """Parts that are smaller and not separated are one place."""
         return TOUCHING * self.size + 4 * self.noise
 
-    def run(self) -> Outcome:
+    def run(self, every: bool) -> Outcome:
         surfaces = self.surfaces
-        pairs, self.count = near_pairs(surfaces, self.noise)
+        pairs, self.count = near_pairs(surfaces, self.noise, every)
         if len(pairs) == 0:
             return Outcome(self.count)
         patches, index = np.unique(pairs, return_inverse=True)

@@ -95,6 +95,11 @@ class Surfaces:
         return np.array([-1 if s.plane is None else s.face for s in self.sheets])
 
     @cached_property
+    def beside(self) -> Integers:
+        """What is on the two sides of each sheet, (sheets, 2)."""
+        return np.array([sheet.beside for sheet in self.sheets])
+
+    @cached_property
     def planes(self) -> tuple[Array, Array]:
         """Origin and normal of each sheet's plane (zero where it lies in none)."""
         zero = np.zeros(3)

@@ -68,7 +68,9 @@ def check_embedded(
     """
     if not sheets:
         return Embedding(False, 0, np.inf, _not_taken(left))
-    outcome = prove(sheets, lines, analysis.size, analysis.scale.evaluation_noise)
+    # of a solid one side of which is missing nothing follows
+    noise, every = analysis.scale.evaluation_noise, bool(left)
+    outcome = prove(sheets, lines, analysis.size, noise, every)
     if outcome.meeting is not None and outcome.meets:
         found = _found(analysis, sheets, outcome.meeting)
         if found.joined(_MEET * analysis.size):
