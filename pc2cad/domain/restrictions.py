@@ -199,17 +199,31 @@ def sampled(functions: Sequence[RestrictedMap], *local: Array) -> Iterator[Array
 
 def look(functions: Sequence[RestrictedMap], *local: Array) -> None:
     """Evaluate several cells together: each knows its points there when it is asked for them."""
+    functions = sorted(functions, key=_directions)
     for function, points in zip(functions, sampled(functions, *local), strict=True):
         function._points[_key(local)] = points
 
 
+def look_along(edges: Sequence[RestrictedMap], *asked: Array) -> None:
+    """Do the same for edges that are asked for several arrays of places."""
+    edges = sorted(edges, key=_directions)
+    ends = np.cumsum([len(places) for places in asked])[:-1]
+    for edge, points in zip(edges, sampled(edges, np.concatenate(asked)), strict=True):
+        for places, own in zip(asked, np.split(points, ends), strict=True):
+            edge._points[_key((places,))] = own
+
+
 def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
     """Do the same for the normals of faces."""
-    for several, grid in _together(functions, local):
+    for several, grid in _together(sorted(functions, key=_directions), local):
         s, t = directions_of(several[0].cell)
         along_s, along_t = several[0].analysis.map.tangents((s, t), *grid)
         for function, normals in zip(several, np.cross(along_s, along_t), strict=True):
             function._normals[_key(local)] = normals
+
+
+def _directions(function: RestrictedMap) -> tuple[int, ...]:
+    return tuple(directions_of(function.cell))
 
 
 def _key(local: tuple[Array, ...]) -> _Places:
@@ -225,7 +239,7 @@ def _together(
     """
     alike = bool(functions) and functions[0].analysis.map.is_alike_together
     most = min(MOST_CELLS, MOST_PLACES // prod(len(x) for x in local)) if alike else 1
-    for directions, same in groupby(functions, lambda f: directions_of(f.cell)):
+    for directions, same in groupby(functions, _directions):
         while several := list(islice(same, max(1, most))):
             columns = zip(*(function.places(*local) for function in several), strict=True)
             shapes = [
@@ -253,6 +267,8 @@ class DirectionClasses:
         self._degrees = degrees
         self._owner: dict[Piece, Piece] = {}
         self._symmetric: set[Piece] = set()
+        self._rules: dict[Piece, DirectionRules] = {}
+        self._periodic: dict[int, bool] = {}
         for edge in analysis.complex.edges:
             first, *others = edge.members
             for member in others:
@@ -274,9 +290,14 @@ class DirectionClasses:
 
     def rules(self, piece: Piece) -> DirectionRules:
         """Return the rules of the class that a piece belongs to."""
+        owner = self.owner(piece)
+        if owner not in self._rules:
+            self._rules[owner] = self._rules_of(owner)
+        return self._rules[owner]
+
+    def _rules_of(self, owner: Piece) -> DirectionRules:
         from pc2cad.geometry.splines.adaptive_knots import DirectionRules
 
-        owner = self.owner(piece)
         members = [p for p in self._pieces() if self.owner(p) == owner]
         breaks: dict[float, Break] = {}
         symmetric = owner in self._symmetric
@@ -305,12 +326,20 @@ class DirectionClasses:
 
     def _is_periodic(self, direction: int) -> bool:
         """Say whether M continues beyond the end of a direction as it began (sampled)."""
-        if len(self._analysis.bounds[direction]) > 2:
-            return False
-        nodes = [SECTIONS] * 3
-        here = self._analysis.map.points(*open_grid(*nodes))
-        nodes[direction] = SECTIONS + 1
-        gap = np.abs(self._analysis.map.points(*open_grid(*nodes)) - here).max()
+        if direction not in self._periodic:
+            whole = len(self._analysis.bounds[direction]) == 2
+            # most directions do not even end where they begin
+            self._periodic[direction] = whole and all(
+                self._comes_round(direction, nodes) for nodes in (SECTIONS[:1], SECTIONS)
+            )
+        return self._periodic[direction]
+
+    def _comes_round(self, direction: int, nodes: Array) -> bool:
+        """Say whether M is the same at some places of a direction and one length further on."""
+        grid = [SECTIONS] * 3
+        grid[direction] = np.concatenate((nodes, nodes + 1))
+        values = np.moveaxis(self._analysis.map.points(*open_grid(*grid)), direction, 0)
+        gap = np.abs(values[len(nodes) :] - values[: len(nodes)]).max()
         return bool(gap <= 10 * self._analysis.scale.same_point)
 
 

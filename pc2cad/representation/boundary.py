@@ -151,6 +151,7 @@ def _attempt(work: _Work, plan: Plan, aim: Aim) -> Attempt[_Carriers | int]:
     """
     fits = _Fits(work, plan, plan.parametrisations.resolved(aim, work.rounding))
     boundary, planes = work.cells.boundary, work.cells.planes
+    plan.look_at_edges(fits.parametrisations)
     edges = [fits.edge(i) for i in range(len(boundary.edges))]
     groups = coplanar_groups(work.cells.analysis, [p and p[0] for p in planes])
     made: dict[tuple[int, ...], ModelFace] = {}

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pc2cad.domain.restrictions import SECTIONS, RestrictedMap, look, look_across
+from pc2cad.domain.restrictions import SECTIONS, RestrictedMap, look, look_across, look_along
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import Interval
@@ -36,8 +36,7 @@ def look_at(faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap]) -> N
     look(faces, nodes, nodes)
     look(faces, some, some)
     look_across(faces, MIDDLE, MIDDLE)
-    look(edges, some)
-    look(edges, ENDS)
+    look_along(edges, some, ENDS)
 
 
 def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, Evidence] | None:

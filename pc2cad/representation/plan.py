@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap
-from pc2cad.domain.restrictions import DirectionClasses, RestrictedMap
+from pc2cad.domain.restrictions import DirectionClasses, RestrictedMap, look_along
 from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, Evidence, Plane, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
@@ -29,7 +30,7 @@ from pc2cad.representation.parametrisation import (
     Parametrisations,
     exact_course,
 )
-from pc2cad.representation.tips import rest_at
+from pc2cad.representation.tips import places_near, rest_at
 from pc2cad.representation.trimming import axis_of
 from pc2cad.topology.cells import Cell, outward_sign
 from pc2cad.topology.complex import BoundaryComplex
@@ -135,6 +136,20 @@ class Plan:
             )
             for edge in range(len(self.cells.edges))
         )
+
+    def look_at_edges(self, parametrisations: Parametrisations) -> None:
+        """Evaluate those edges together that fits ask for at the same places."""
+        alike: dict[tuple[bytes, ...], tuple[list[Array], list[RestrictedMap]]] = {}
+        for index, function in enumerate(self.cells.edges):
+            bound = self.bound[index]
+            if bound or self.cells.simple(index) is None:
+                run = parametrisations.parametrisation(FaceDirection(function, 0, bound))
+                asked = [run.places(x) for x in (run.space.sites, run.space.check_places)]
+                asked += [places_near(end) for end in (0, 1)]
+                _, same = alike.setdefault(tuple(x.tobytes() for x in asked), (asked, []))
+                same.append(function)
+        for asked, same in alike.values():
+            look_along(same, *asked)
 
     @cached_property
     def parametrisations(self) -> Parametrisations:

@@ -21,9 +21,8 @@ def rest_at(function: RestrictedMap, axis: int, end: int) -> int:
 
     `end` is 0 or 1. Of a face the limit is one point; the least power along the side counts.
     """
-    along = np.abs(end - np.array([0.0, _FAR, _NEAR]))
     places = [SECTIONS] * len(function.pieces)
-    places[axis] = along
+    places[axis] = places_near(end)
     values = np.moveaxis(function(*places), axis, 0).reshape(3, -1, 3)
     far, near = np.sqrt(((values[1:] - values[:1]) ** 2).sum(axis=-1))
     known = near > 8 * function.analysis.scale.evaluation_noise
@@ -31,6 +30,11 @@ def rest_at(function: RestrictedMap, axis: int, end: int) -> int:
         return 1
     power = float(np.log(far[known] / near[known]).min() / np.log(_FAR / _NEAR))
     return max(1, round(power)) if abs(power - round(power)) < _WHOLE else 1
+
+
+def places_near(end: int) -> Array:
+    """Return the places along an axis that `rest_at` looks at."""
+    return np.asarray(np.abs(end - np.array([0.0, _FAR, _NEAR])))
 
 
 def hold(poles: Array, rows: int) -> None:

@@ -22,7 +22,7 @@ from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.expression.tree import ZERO
 from pc2cad.geometry.carriers import Evidence
-from pc2cad.geometry.splines.adaptive_knots import Sampler, adapt, beside, check_places
+from pc2cad.geometry.splines.adaptive_knots import Sampler, adapt, beside
 from pc2cad.geometry.splines.arcs import wave_in
 from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.spline_profile import SplineProfile, spline_profile
@@ -199,7 +199,7 @@ def _field_bound(work: _Work, field: LocalField, cell: Cell, volume: SplineVolum
 
 def _field_deviation(sample: GridSampler, volume: SplineVolume) -> tuple[float, float]:
     """Return the largest difference of a component over a grid off the sites, and the largest."""
-    x, y, z = (check_places(axis.space) for axis in volume.axes)
+    x, y, z = (axis.space.check_places for axis in volume.axes)
     a, b, c = (axis.places(t) for axis, t in zip(volume.axes, (x, y, z), strict=True))
     values = sample(a, b, c)
     return float(np.abs(volume(x, y, z) - values).max()), float(np.abs(values).max())
@@ -314,7 +314,7 @@ def _along(function: RestrictedMap, d: int) -> Sampler:
 
 def _deviation(sample: GridSampler, volume: SplineVolume) -> tuple[float, int]:
     """Return the largest distance between function and spline over a grid off the sites."""
-    places = [check_places(axis.space) for axis in volume.axes]
+    places = [axis.space.check_places for axis in volume.axes]
     while np.prod([len(p) for p in places], dtype=float) > _MOST_CHECKS:
         longest = max(range(3), key=lambda k: len(places[k]))
         places[longest] = places[longest][::2]

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from pc2cad.arrays import Array, Integers
+from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.errors import ToleranceNotReachedError
@@ -31,9 +31,6 @@ Sampler = Callable[[Array], Array]
 MOST_INTERVALS = 6000
 #: and so are intervals shorter than this: the kernel wants knots further apart than 1e-10
 FINEST_INTERVAL = 1e-9
-#: fractions of a simple interval where a fit is compared with its function: best splines deviate
-#: most at knots and half-way (even degrees: at the quarters)
-CHECKS = np.array([0.0, 0.27, 0.5, 0.73])
 #: nodes of a Chebyshev piece, and how many of its last coefficients have to vanish
 _NODES, _TAIL = 17, 3
 #: pieces that begin at a place of focus are halved so often from the whole direction
@@ -46,8 +43,6 @@ _GROWTH = 0.5
 _ROUNDS, _AIM = 4, 0.9
 #: a degree is tried where its estimated poles are at most so many times those of the best so far
 _DOUBT = 1.08
-#: a space no smaller than the best so far has lost where its error is so many times the target
-_CLEARLY = 1.25
 #: share of what one wave of a mix's mean frequency would cost that the mix costs
 _MIXED = 0.9
 #: before errors fall as h^(p+1) they fall faster: the order that a correction reckons with
@@ -118,27 +113,6 @@ def beside(samplers: Sequence[Sampler]) -> Sampler:
         return np.concatenate([s(t).reshape(len(t), -1, 3) for s in samplers], axis=1)
 
     return sample
-
-
-def check_places(space: SplineSpace) -> Array:
-    """Return ascending parameters at which a fit is compared: the knots and several between."""
-    return _checks(space)[0]
-
-
-def _checks(space: SplineSpace) -> tuple[Array, Integers]:
-    """Return the check places, and where each interval's begin."""
-    own = 2 * space.own
-    starts = np.cumsum(own) - own
-    places = np.empty(own.sum() + 1)
-    places[-1] = 1.0
-    lengths = np.diff(space.points)
-    for count in distinct(own):
-        which = np.flatnonzero(own == count)
-        shares = CHECKS if count == len(CHECKS) else np.arange(count) / count
-        places[starts[which, None] + np.arange(count)] = (
-            space.points[which, None] + lengths[which, None] * shares
-        )
-    return places, starts
 
 
 # -- the function, looked at once ------------------------------------------------------------------
@@ -333,8 +307,8 @@ def _not_reached(intervals: int, target: float, place: float) -> ToleranceNotRea
 def _interval_errors(portrait: _Portrait, space: SplineSpace) -> Array:
     """Return the largest deviation per interval over the checks and all columns."""
     poles = space.fit(portrait(space.sites))
-    places, starts = _checks(space)
-    gap = (space.basis(places) @ poles - portrait(places)).reshape(len(places), -1, 3)
+    places, starts = space.checks
+    gap = (space.check_basis @ poles - portrait(places)).reshape(len(places), -1, 3)
     size = np.sqrt((gap**2).sum(axis=-1)).max(axis=-1)
     # a knot belongs to both its intervals
     return np.asarray(np.maximum(np.maximum.reduceat(size[:-1], starts), size[[*starts[1:], -1]]))
@@ -365,6 +339,9 @@ def _settle(
         space = rules.space(degree, points)
         if best is not None and space.size >= best.size:
             break
+        # the first knots are guesses, later ones are not
+        if rounds and rival and (space.size, degree) >= (rival.size, rival.degree):
+            break
         if not np.array_equal(points, measured):
             errors = _interval_errors(portrait, space)
             measured, largest = points, float(errors.max())
@@ -373,9 +350,6 @@ def _settle(
             errors = np.maximum(errors, _NEIGHBOUR * np.maximum(beside[:-2], beside[2:]))
         if largest <= target:
             best = space
-        elif rounds and rival and space.size >= rival.size and largest > _CLEARLY * target:
-            # the first knots are guesses, later ones are not
-            break
         with np.errstate(divide="ignore"):
             factors = (_AIM * target / errors) ** (1 / (_STEEPER * (degree + 1)))
         # from the third round on the worst interval speaks for all

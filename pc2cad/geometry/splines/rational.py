@@ -15,7 +15,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import solve
-from pc2cad.geometry.splines.adaptive_knots import Sampler, check_places
+from pc2cad.geometry.splines.adaptive_knots import Sampler
 from pc2cad.geometry.splines.arcs import Arcs
 from pc2cad.geometry.splines.spline_space import SplineSpace
 from pc2cad.geometry.splines.tensor import (
@@ -143,7 +143,7 @@ def edge_deviation(
     sample: Sampler, parametrisation: Parametrisation, poles: Array, weights: Array | None
 ) -> Deviation:
     """Return the largest distance at equal parameters at places off the sites."""
-    x = check_places(parametrisation.space)
+    x = parametrisation.space.check_places
     numerator = poles if weights is None else poles * weights[:, None]
     values = sample(parametrisation.places(x)) * parametrisation.weight(x)[:, None]
     seen = curve_deviation(values, parametrisation.space, numerator)

@@ -23,6 +23,10 @@ from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.splines.spline_basis import SparseRows, basis_matrix, local_basis
 from pc2cad.geometry.splines.spline_projection import NORMAL_EQUATIONS, projector
 
+#: fractions of a simple interval where a fit is compared with its function: best splines deviate
+#: most at knots and half-way (even degrees: at the quarters)
+CHECKS = np.array([0.0, 0.27, 0.5, 0.73])
+
 
 class SplineSpace:
     """Splines of one degree over strictly ascending points with multiplicities.
@@ -95,6 +99,37 @@ class SplineSpace:
         sites = np.concatenate((limits[:1], sites, limits[1:]))
         zeros = np.zeros(len(limits))
         return sites, np.concatenate((zeros[:1], weights, zeros[1:]))
+
+    # -- where fits are compared ---------------------------------------------------------------
+
+    @cached_property
+    def checks(self) -> tuple[Array, Integers]:
+        """Ascending parameters at which a fit is compared, and where each interval's begin.
+
+        They are the knots and several between.
+        """
+        own = 2 * self.own
+        starts = np.cumsum(own) - own
+        places = np.empty(own.sum() + 1)
+        places[-1] = 1.0
+        lengths = np.diff(self.points)
+        for count in distinct(own):
+            which = np.flatnonzero(own == count)
+            shares = CHECKS if count == len(CHECKS) else np.arange(count) / count
+            places[starts[which, None] + np.arange(count)] = (
+                self.points[which, None] + lengths[which, None] * shares
+            )
+        return places, starts
+
+    @property
+    def check_places(self) -> Array:
+        """The first of these."""
+        return self.checks[0]
+
+    @cached_property
+    def check_basis(self) -> SparseRows:
+        """The values of the clamped basis there."""
+        return self.basis(self.check_places)
 
     # -- the periodic basis --------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.geometry.splines.adaptive_knots import check_places
 from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: values on the product of two parameter arrays: shape (len(s), len(t), 3)
@@ -36,19 +35,18 @@ def surface_deviation(
     sample: GridSampler, s: SplineSpace, t: SplineSpace, poles: Array
 ) -> Deviation:
     """Return the largest distance at equal parameters over a grid off the sites."""
-    places_s, places_t = check_places(s), check_places(t)
+    places_s, places_t = s.check_places, t.check_places
     truth = sample(places_s, places_t)
-    rows = s.basis(places_s) @ poles.reshape(s.size, -1)
+    rows = s.check_basis @ poles.reshape(s.size, -1)
     rows = rows.reshape(len(places_s), t.size, 3).transpose(1, 0, 2).reshape(t.size, -1)
-    values = (t.basis(places_t) @ rows).reshape(len(places_t), len(places_s), 3)
+    values = (t.check_basis @ rows).reshape(len(places_t), len(places_s), 3)
     gap = values.transpose(1, 0, 2) - truth
     return _largest(gap, places_s, places_t)
 
 
 def curve_deviation(truth: Array, space: SplineSpace, poles: Array) -> Deviation:
-    """Return the largest distance to the values (at `check_places`) of a curve."""
-    places = check_places(space)
-    return _largest(space.basis(places) @ poles - truth, places)
+    """Return the largest distance to the values (at its `check_places`) of a curve."""
+    return _largest(space.check_basis @ poles - truth, space.check_places)
 
 
 def _largest(gap: Array, *places: Array) -> Deviation:
