@@ -16,7 +16,7 @@ from shipped import checked_of
 import pc2cad as pc
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.bounds.taylor_evaluation import enclose
-from pc2cad.bounds.taylor_models import Place
+from pc2cad.bounds.taylor_models import MOST_GATHERED, Place, product
 from pc2cad.checked import CheckedMap
 from pc2cad.compiler import compile_part
 from pc2cad.domain.restrictions import RestrictedMap
@@ -353,3 +353,41 @@ def test_logistic_functions_are_level_on_wide_discs_far_from_0(p: int, q: int) -
         assert (model.radius < 1e-13).all()
     untouched = (1 / (U + grown), 1 / (2 - grown), U / (1 + call("exp", number(1))))
     assert as_tanh(untouched) == untouched
+
+
+@pytest.mark.parametrize("boxes", [(3, 2), (40, 25)])
+def test_products_of_terms_are_those_of_polynomials(boxes: tuple[int, int]) -> None:
+    """Of whole numbers, which are exact: laid side by side for few boxes, term by term for many."""
+    order, rng = 4, np.random.default_rng(3)
+    assert (np.prod(boxes) * 70 > MOST_GATHERED) == (boxes == (40, 25))  # 70 pairs are kept
+    shapes = [((5, 5, *boxes), (5, 5, *boxes)), ((5, 1, boxes[0], 1), (5, 5, *boxes)),
+              ((2, 3, *boxes), (4, 5, 1, boxes[1]))]  # fmt: skip
+    assert len(shapes) == 3
+    for shape, other in shapes:
+        x, y = (rng.integers(-9, 10, s).astype(float) for s in (shape, other))
+        kept = [np.add.outer(*map(np.arange, s[:2])) <= order for s in (shape, other)]
+        x, y = x * kept[0][..., None, None], y * kept[1][..., None, None]
+        found = product(x, y, order)
+        whole = np.zeros((9, 9, *boxes))
+        for i, j in np.ndindex(*shape[:2]):
+            whole[i : i + other[0], j : j + other[1]] += x[i, j] * y
+        whole *= (np.add.outer(np.arange(9), np.arange(9)) <= order)[..., None, None]
+        a, b = found.shape[:2]
+        np.testing.assert_array_equal(found, whole[:a, :b])
+        assert not whole[a:].any()
+        assert not whole[:, b:].any()
+
+
+def test_pieces_have_the_same_values_at_many_places_as_at_few() -> None:
+    rows = tuple(tuple(number(Fraction(k * n + 1, n + 2)) for n in range(5)) for k in range(4))
+    tree = pieces(U, tuple(Fraction(k, 4) for k in range(5)), rows, 0, closed=False)
+    run, places = Program((tree,)), np.linspace(0, 1, 20_001)
+    (many,) = run({"u": places})
+    k = np.minimum((4 * places).astype(int), 3)
+    table = np.array([[float(c.payload) for c in row] for row in rows])
+    exact = np.zeros_like(places)
+    for n in reversed(range(5)):
+        exact = exact * (places - k / 4) + table[k, n]
+    np.testing.assert_array_equal(many, exact)
+    few = [run({"u": places[i : i + 100]})[0] for i in range(0, len(places), 100)]
+    np.testing.assert_array_equal(np.concatenate(few), many)

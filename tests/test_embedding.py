@@ -17,6 +17,8 @@ from pc2cad.checked import CheckedMap
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.errors import NotASolidError
+from pc2cad.expression.normal_form import with_plain_constants
+from pc2cad.expression.tree import call, number, symbol
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.sheets import (
     OUTSIDE,
@@ -199,6 +201,22 @@ def test_faces_that_lie_on_one_another_are_refused():
     t = 2 * pc.pi * U
     with pytest.raises(OverlappingMapError, match="covers itself"):
         embedding(((1 + W) * pc.cos(t), (1 + W) * pc.sin(t), V), domain={"u": (0, Fraction(5, 4))})
+
+
+def test_sides_that_differ_by_how_constants_are_written_coincide_by_algebra():
+    """At one end of v the side of the square is 2*sqrt(2), at the other 8*sqrt(2)*0.25."""
+    sides = checked_of("square_to_round").analysis.boundary.sides
+    glued = [side for side in sides if side.fate == "interface"]
+    assert len(glued) == 2
+    assert {side.verdict.value for side in glued} == {"proved"}
+    u, root = symbol("u"), call("sqrt", number(2))
+    one, other = 8 * root * Fraction(1, 4), 2 * root
+    trees = (
+        1 / call("sqrt", (one * u) ** 2 + (one - other) ** 2),
+        1 / call("sqrt", (other * u) ** 2),
+    )
+    assert trees[0] is not trees[1]
+    assert len(set(with_plain_constants(trees))) == 1
 
 
 @pytest.mark.slow

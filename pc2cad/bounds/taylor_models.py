@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,8 @@ UNIT = 2.0**-53
 SLACK = 1 + 64 * UNIT
 LIBRARY = 8 * UNIT
 TINY = 1e-300
+#: products of two terms each, all boxes together, that are held at once
+MOST_GATHERED = 1 << 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,15 +168,58 @@ def product(x: Array, y: Array, order: int) -> Array:
         return _up_to(order, total)
     if b == d == 1 or a == c == 1:
         return _along_one(x, y, order)
+    boxes = np.broadcast_shapes(x.shape[2:], y.shape[2:])
+    pairs = _pairs((a, b), (c, d), order)
+    if len(pairs.first) * prod(boxes) <= MOST_GATHERED:
+        return _gathered(x, y, pairs, boxes)
     if a * b > c * d:
         x, y, a, b, c, d = y, x, c, d, a, b
-    boxes = np.broadcast_shapes(x.shape[2:], y.shape[2:])
     total = np.zeros((a + c - 1, b + d - 1, *boxes))
     for i, j in np.ndindex(a, b):
         if i + j <= order:
             rows, columns = min(c, order + 1 - i - j), min(d, order + 1 - i - j)
             total[i : i + rows, j : j + columns] += x[i, j] * y[:rows, :columns]
     return _up_to(order, total[: order + 1, : order + 1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """The pairs of terms of two factors whose products are of a degree that is kept.
+
+    Terms are numbered row by row; pairs with one product lie together.
+    """
+
+    first: Integers
+    second: Integers
+    #: where the pairs of each product begin, the product's term, and the shape (i, j) of all terms
+    starts: Integers
+    term: Integers
+    shape: tuple[int, int]
+
+
+@lru_cache(maxsize=256)
+def _pairs(first: tuple[int, int], second: tuple[int, int], order: int) -> _Pairs:
+    """Return the pairs of terms of two factors, of shapes (i, j) each."""
+    shape = tuple(min(p + q - 1, order + 1) for p, q in zip(first, second, strict=True))
+    i, j, k, m = (axis.ravel() for axis in np.indices((*first, *second)))
+    term = (i + k) * shape[1] + j + m
+    kept = np.flatnonzero(i + j + k + m <= order)
+    kept = kept[np.argsort(term[kept], kind="stable")]
+    starts = np.flatnonzero(np.diff(term[kept], prepend=-1))
+    rows = i * first[1] + j, k * second[1] + m
+    return _Pairs(rows[0][kept], rows[1][kept], starts, term[kept][starts], (shape[0], shape[1]))
+
+
+def _gathered(x: Array, y: Array, pairs: _Pairs, boxes: tuple[int, ...]) -> Array:
+    """Return the products of terms from all pairs side by side: few calls where boxes are few."""
+    rows = []
+    for terms, which in ((x, pairs.first), (y, pairs.second)):
+        wide = np.broadcast_to(terms, (*terms.shape[:2], *boxes))
+        rows.append(wide.reshape(terms.shape[0] * terms.shape[1], -1).take(which, axis=0))
+    rows[0] *= rows[1]
+    total = np.zeros((pairs.shape[0] * pairs.shape[1], rows[0].shape[1]))
+    total[pairs.term] = np.add.reduceat(rows[0], pairs.starts, axis=0)
+    return total.reshape(*pairs.shape, *boxes)
 
 
 def _along_one(x: Array, y: Array, order: int) -> Array:
@@ -235,8 +281,10 @@ def compose(
     g[0, 0] = sizes[0] = 0.0
     sizes = sizes[:, None]
     terms, kept = series[-1][None, None], np.abs(series[-1])[None, None]
-    for coefficient in reversed(series[:-1]):
-        terms, kept = product(terms, g, order), product(kept, sizes, order)
+    for degree, coefficient in enumerate(reversed(series[:-1]), 1):
+        # g begins with degree 1: what is of a higher degree here ends beyond the order
+        terms = product(terms, g[: degree + 1, : degree + 1], degree)
+        kept = product(kept, sizes[: degree + 1], degree)
         terms[0, 0] += coefficient
         kept[0, 0] += np.abs(coefficient)
     moduli = np.abs(np.array(series))

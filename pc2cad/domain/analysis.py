@@ -29,7 +29,7 @@ from pc2cad.equation.point_equation import LayersError, PointEquation
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.breaks import SAME_POSITION, Break, find_breaks
 from pc2cad.expression.identity import Verdict
-from pc2cad.expression.normal_form import is_identically_zero
+from pc2cad.expression.normal_form import is_identically_zero, with_plain_constants
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr, number, substitute, symbol
 from pc2cad.geometry.scale import Scale
@@ -394,5 +394,6 @@ class MapQuestions:
 
 
 def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:
-    proved = all(a is b or is_identically_zero(a - b) for a, b in zip(first, second, strict=True))
+    pairs = zip(with_plain_constants(first), with_plain_constants(second), strict=True)
+    proved = all(a is b or is_identically_zero(a - b) for a, b in pairs)
     return Verdict.PROVED if proved else Verdict.UNDECIDED

@@ -37,6 +37,8 @@ _Rows = list[tuple[int, ...]]
 
 #: plans of one program that are remembered
 MOST_PLANS = 2048
+#: coefficients of functions in pieces that are looked up in one call
+MOST_LOOKED_UP = 1 << 16
 
 _BINARY: dict[str, Callable[[Value, Value], Value]] = {
     "add": np.add,
@@ -293,7 +295,7 @@ def _pieces_step(node: Expr) -> _Run:
     if len(operands(node)) > 1:
         return _from_rows
     table = [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
-    return partial(_from_table, np.array(table).reshape(-1, width))
+    return partial(_from_table, np.array(table).reshape(-1, width).T.copy())
 
 
 def _rows(before: tuple[int, ...], width: int) -> tuple[_Rows, tuple[int, ...]]:
@@ -310,12 +312,19 @@ def _numbered(rows: _Rows) -> tuple[_Rows, tuple[int, ...]]:
 
 
 def _from_table(table: Array, located: _Located) -> Value:
+    """Return the values from a table of coefficients, (width, pieces)."""
     index, local, first, last = located
     value: Value = None
-    for k in reversed(range(table.shape[1])):
-        coefficient = table[first, k] if first == last else table[index, k]
+    if first == last:
+        for coefficient in table[::-1, first].tolist():
+            value = coefficient if value is None else value * local + coefficient
+        return value if len(table) > 1 else np.full(np.shape(local), value)
+    together = index.size * table.shape[0] <= MOST_LOOKED_UP
+    rows: Array = table.take(np.asarray(index), axis=1) if together else table
+    for row in rows[::-1]:
+        coefficient = row if together else row.take(index)
         value = coefficient if value is None else value * local + coefficient
-    return value if table.shape[1] > 1 or first != last else np.full(np.shape(local), value)
+    return value
 
 
 def _from_rows(rows: _Rows, start: int, located: _Located, *values: Value) -> Value:

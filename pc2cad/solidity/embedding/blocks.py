@@ -21,7 +21,7 @@ from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces, lengths, u
 from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall, joint
 
 #: sheets of no more patches are held by the control points of each from the first
-FEW = 256
+FEW = 128
 
 
 def near_pairs(surfaces: Surfaces, noise: float, every: bool = False) -> tuple[Integers, int]:
