@@ -12,9 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeFace,
+    BRepBuilderAPI_MakePolygon,
+    BRepBuilderAPI_Transform,
+)
+from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakePrism
 from OCP.gp import gp_Pnt, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.Interface import Interface_Static
@@ -31,7 +36,7 @@ from steputils import p21
 from test_export_shapes import SHAPES, exportable, faces_of, spline_poles
 
 from pc2cad import __version__, compile_equation, read_template
-from pc2cad.brep.kernel import LabelSequence, as_solid
+from pc2cad.brep.kernel import LabelSequence, as_solid, as_wire
 from pc2cad.errors import InputError, KernelError
 from pc2cad.export import part21, step
 from pc2cad.export.model import UNITS_IN_MM, ExportOptions, GeometricProperties, NamedFace
@@ -416,6 +421,40 @@ def test_an_edge_that_crosses_itself_is_refused(monkeypatch):
     finish = part21.finish
     monkeypatch.setattr(part21, "finish", crossed)
     with pytest.raises(KernelError, match="not valid"):
+        step.encode(part.exportable(), FIXED)
+
+
+def test_wires_that_cross_are_refused():
+    # the reader is told not to split edges there: it makes several faces, or the checker refuses
+    def rectangle(x, y, width, height):
+        polygon = BRepBuilderAPI_MakePolygon()
+        for corner in ((x, y), (x + width, y), (x + width, y + height), (x, y + height)):
+            polygon.Add(gp_Pnt(*corner, 0.0))
+        polygon.Close()
+        return polygon.Wire()
+
+    base = BRepBuilderAPI_MakeFace(rectangle(0, 0, 4, 4), True)
+    base.Add(as_wire(rectangle(3, 1, 3, 2).Reversed()))
+    solid = as_solid(BRepPrimAPI_MakePrism(base.Face(), gp_Vec(0, 0, 2)).Shape())
+    assert not BRepCheck_Analyzer(solid).IsValid()
+    with pytest.raises(KernelError, match=r"not valid|a solid is needed"):
+        step.encode(dataclasses.replace(exportable("box"), solid=solid, faces=()), FIXED)
+
+
+def test_an_edge_off_its_faces_is_refused(monkeypatch):
+    # the reader is told not to raise tolerances of solids: it does for wires, or it is not valid
+    part = compile_equation(read_template(template_paths()["channel_ellipse"]).bind())
+
+    def moved(*args):
+        text = finish(*args)
+        curve = text[text.index(b"B_SPLINE_CURVE_WITH_KNOTS(") :]
+        pole = re.findall(rb"#\d+", curve[: curve.index(b")")])[12]
+        head, x = re.search(rb"(" + pole + rb" = CARTESIAN_POINT\('',\()([^,]*)", text).groups()
+        return text.replace(head + x, b"%s%.9f" % (head, float(x) + 1e-5))
+
+    finish = part21.finish
+    monkeypatch.setattr(part21, "finish", moved)
+    with pytest.raises(KernelError, match=r"not valid|gaps of up to"):
         step.encode(part.exportable(), FIXED)
 
 

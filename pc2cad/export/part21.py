@@ -9,10 +9,11 @@ text that reads as the same double.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pc2cad.errors import KernelError
+from pc2cad.export.shortest import shorten, shortest
 from pc2cad.trust.names import clean
 
 #: Longest name in characters; the standard allows 256 in the header.
@@ -27,8 +28,6 @@ EXACT_FORMAT = "%#.17G"
 SAFE_FORMAT = "%#.16G"
 EXACT_RANGE = (1e-99, 1e99)
 
-#: without the sign: what begins with a digit is found faster
-_REAL = re.compile(rb"(\d+\.\d{6,}(?:E[+-]\d+)?)")
 _NOT_FINITE = re.compile(rb"[(,]\s*-?(?:NAN|INF)|E\+\d{3}")
 _COLOUR = re.compile(rb"(COLOUR_RGB\('',)([^)]*)\)")
 _MARK = re.compile(rb"'@(\w+)@'")
@@ -104,25 +103,7 @@ def real(text: bytes) -> bytes:
     >>> real(b"0.10000000000000001"), real(b"1.0000000000000000E-07"), real(b"60.000000000")
     (b'0.1', b'1.E-07', b'60.')
     """
-    return reals([text])[text]
-
-
-def reals(texts: Iterable[bytes]) -> dict[bytes, bytes]:
-    """Return the shortest text of each number: most poles of a file share coordinates.
-
-    A list is printed much faster than its numbers one by one.
-    """
-    different = list(dict.fromkeys(texts))
-    printed = repr(list(map(float, different))).replace("]", ",").replace(".0,", ".,").encode()
-    shortest = printed[1:-1].split(b", ")
-    if b"e" in printed:
-        shortest = [_with_exponent(text) if b"e" in text else text for text in shortest]
-    return dict(zip(different, shortest, strict=False))
-
-
-def _with_exponent(text: bytes) -> bytes:
-    mantissa, exponent = text.split(b"e")
-    return mantissa + (b"E" if b"." in mantissa else b".E") + exponent
+    return shortest([text])[text]
 
 
 def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> bytes:
@@ -144,7 +125,7 @@ def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> by
     processor = _PROCESSOR.search(kernel_text, 0, start)
     data = kernel_text[start:]
     # the plain searches are much faster, and nearly always all that is needed
-    suspects = any(part in data for part in (b"NAN", b"INF", b"E+1", b"E+2", b"E+3"))
+    suspects = any(part in data for part in (b"NAN", b"INF", b"E+"))
     if suspects and _NOT_FINITE.search(data):
         raise KernelError("the solid has coordinates that are not finite; nothing was written")
     data = _name(_shorten(data), strings)
@@ -155,9 +136,7 @@ def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> by
 def _shorten(data: bytes) -> bytes:
     # zeros are the most frequent numbers and need no search
     data = data.replace(b"0.000000000000000,", b"0.,").replace(b"0.000000000000000)", b"0.)")
-    parts = _REAL.split(data)
-    parts[1::2] = map(reals(parts[1::2]).__getitem__, parts[1::2])
-    data = b"".join(parts).replace(b"-0.,", b"0.,").replace(b"-0.)", b"0.)")
+    data = shorten(data).replace(b"-0.,", b"0.,").replace(b"-0.)", b"0.)")
     return _COLOUR.sub(_colour, data)
 
 

@@ -163,22 +163,26 @@ def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) ->
     if reader.ReadStream("check", io.BytesIO(text)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise KernelError("the kernel cannot read the STEP text that it wrote")
     reader.SetSystemLengthUnit(unit_in_mm)
-    _leave_loops_to_the_checker(reader)
+    _leave_to_the_checker(reader)
     reader.TransferRoots()
     if reader.NbShapes() != 1:
         raise KernelError(f"the STEP text reads back as {reader.NbShapes()} shapes, not as one")
     check_read_back(reader.OneShape(), originals, "STEP text")
 
 
-def _leave_loops_to_the_checker(reader: STEPControl_Reader) -> None:
-    """Have the reader mend everything but single edges that cross themselves.
+def _leave_to_the_checker(reader: STEPControl_Reader) -> None:
+    """Have the reader mend everything but what the kernel's checker refuses in any case.
 
-    The kernel's checker, which looks at what was read, makes the same search on the same curves at
-    the same tolerance (``BRepCheck_Wire::SelfIntersect``, ``ShapeAnalysis_Wire``'s
-    ``CheckSelfIntersectingEdge``), and refuses what would have been mended here.
+    The checker, which looks at what was read, makes the same searches on the same curves at the
+    same tolerances, and refuses what would have been mended here: single edges that cross
+    themselves (``BRepCheck_Wire::SelfIntersect``, ``ShapeAnalysis_Wire``'s
+    ``CheckSelfIntersectingEdge``), wires of a face that cross (``BRepCheck_Face``'s ``Intersect``,
+    ``ShapeFix_IntersectionTool::FixIntersectingWires``), and edges further from their curves on
+    faces than their tolerance (``BRepCheck_Edge::InContext``, ``ShapeFix_Edge::FixSameParameter``).
     """
     reader.SetShapeFixParameters(DE_ShapeFixParameters())
     parameters = reader.GetShapeFixParameters()
-    mode, off = map(TCollection_AsciiString, ("FixShape.FixSelfIntersectingEdgeMode", "0"))
-    parameters.Bind(mode, off)
+    off = TCollection_AsciiString("0")
+    for step in ("FixSelfIntersectingEdge", "FixIntersectingWires", "FixSameParameter"):
+        parameters.Bind(TCollection_AsciiString(f"FixShape.{step}Mode"), off)
     reader.SetShapeFixParameters(parameters)

@@ -1,0 +1,142 @@
+"""Numbers of a text made as short as they can be without becoming other doubles.
+
+Nearly all are 17 digits as printf rounds them. The double and how far it lies from those digits
+follow by arithmetic on all numbers at once (products of two doubles as sums of two: Dekker, "A
+floating-point technique for extending the available precision", 1971), and with them whether
+fewer digits read as the same double. What is not told that way beyond doubt, and all other forms,
+Python reads and prints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pc2cad.arrays import Array
+
+Whole = NDArray[np.int64]
+
+#: digits of the numbers that are told by arithmetic, and decimals that make a text a number
+DIGITS, DECIMALS = 17, 6
+#: all but the last two digits are kept
+LEAST = DIGITS - 2
+_PLACES = 10 ** np.arange(DIGITS - 1, -1, -1)
+#: exact, up to 10^22
+_POWERS = np.array([float(10**power) for power in range(23)])
+_HALVES = float(2**27 + 1)
+#: in units of the last of 17 digits, of which two doubles are at least 1.1 apart
+_DOUBT = 1e-6
+_POINT, _ZERO, _NINE, _EXPONENT = b".09E"
+
+
+def shortest(texts: Iterable[bytes]) -> dict[bytes, bytes]:
+    """Return for each number the shortest text that reads as the same double.
+
+    A list is printed much faster than its numbers one by one.
+    """
+    different = list(dict.fromkeys(texts))
+    printed = repr(list(map(float, different))).replace("]", ",").replace(".0,", ".,").encode()
+    found = printed[1:-1].split(b", ")
+    if b"e" in printed:
+        found = [_with_exponent(text) if b"e" in text else text for text in found]
+    return dict(zip(different, found, strict=False))
+
+
+def _with_exponent(text: bytes) -> bytes:
+    mantissa, exponent = text.split(b"e")
+    return mantissa + (b"E" if b"." in mantissa else b".E") + exponent
+
+
+def shorten(data: bytes) -> bytes:
+    """Return a text with each number of six or more decimals as short as it can be."""
+    whole = bytearray(data)
+    text = np.frombuffer(whole, np.uint8)
+    breaks = np.flatnonzero(text - np.uint8(_ZERO) > 9)
+    at = np.flatnonzero(text[breaks] == _POINT)
+    at = at[(at > 0) & (at < len(breaks) - 3)]
+    points = breaks[at]
+    starts, ends = breaks[at - 1] + 1, breaks[at + 1]
+    number = (points > starts) & (ends - points > DECIMALS)
+    at, points, starts, ends = (column[number] for column in (at, points, starts, ends))
+    scaled = text[ends] == _EXPONENT
+    signs = ends[scaled] + 1
+    # the sign of an exponent is a break between E and its digits
+    others = ~_cut(text, starts, points, ends, scaled)
+    ends[scaled] = np.where(breaks[at[scaled] + 2] == signs, breaks[at[scaled] + 3], signs - 1)
+    spans = list(zip(starts[others].tolist(), ends[others].tolist(), strict=True))
+    known = shortest(data[start:end] for start, end in spans)
+    for start, end in spans:
+        whole[start:end] = known[data[start:end]].ljust(end - start, b"\0")
+    return bytes(whole.translate(None, b"\0"))
+
+
+def _cut(text: Any, starts: Whole, points: Whole, ends: Whole, scaled: NDArray[np.bool_]) -> Any:
+    """Put NUL in place of digits that are not needed; return which numbers are as they must be."""
+    decimals = ends - points - 1
+    below_one = text[starts] == _ZERO
+    first = np.where(below_one, ends - DIGITS, starts)
+    known = ~scaled & (ends - first - (first < points) == DIGITS) & (decimals < len(_POWERS))
+    known &= np.where(below_one, (points == starts + 1) & (first > points), True)
+    known &= text[first] != _ZERO
+    rows = np.flatnonzero(known)
+    columns = np.arange(DIGITS)
+    places = first[rows, None] + columns
+    places += places >= np.where(below_one[rows], len(text), points[rows])[:, None]
+    digits = (text[places] - np.uint8(_ZERO)).astype(np.int64) @ _PLACES
+    kept, up = _needed(digits, _POWERS[decimals[rows]])
+    last = places[np.arange(len(rows)), kept - 1]
+    # no nine that becomes ten, and no zero at the end: those are printed anew
+    fine = (kept > 0) & np.where(up, text[last] < _NINE, (text[last] > _ZERO) | (kept == DIGITS))
+    text[last[fine & up]] += np.uint8(1)
+    for count in range(LEAST, DIGITS):
+        text[places[fine & (kept <= count), count]] = 0
+    known[rows] = fine
+    return known
+
+
+def _needed(digits: Whole, powers: Array) -> tuple[Whole, NDArray[np.bool_]]:
+    """Return how many digits each number needs, and whether the last of them is one more.
+
+    Args:
+        digits: (n,) the digits as whole numbers.
+        powers: (n,) the powers of ten that they are to be divided by.
+
+    No digits where that is not beyond doubt. A decimal reads as a double where it is nearer to it
+    than half the way to the next one.
+
+    """
+    value = digits / powers
+    value += _beyond(digits, value, powers) / powers
+    off = _beyond(digits, value, powers)
+    reach = np.spacing(value) / 2 * powers
+    share = np.frexp(value)[0]
+    # digits that are no double's nearest, and powers of two, which have two different neighbours
+    sure = (np.abs(off) < 0.5 + _DOUBT) & (share > 0.5)
+    kept, up = np.full(len(digits), DIGITS), np.zeros(len(digits), bool)
+    for dropped in range(1, DIGITS - LEAST + 1):
+        unit = 10**dropped
+        rest = digits % unit - off
+        above = 2 * rest > unit
+        distance = np.where(above, unit - rest, np.abs(rest))
+        sure &= (np.abs(distance - reach) > _DOUBT) & (np.abs(distance - unit / 2) > _DOUBT)
+        enough = distance < reach
+        kept[enough], up[enough] = DIGITS - dropped, above[enough]
+    return np.where(sure, kept, 0), up
+
+
+def _beyond(digits: Whole, value: Array, powers: Array) -> Array:
+    """Return digits - value * powers, to 1e-15 of its size where it is small."""
+    product = value * powers
+    (a, b), (c, d) = _halves(value), _halves(powers)
+    rest = ((a * c - product) + a * d + b * c) + b * d
+    return np.asarray((digits - product.astype(np.int64)) - rest)
+
+
+def _halves(value: Array) -> tuple[Array, Array]:
+    """Return two doubles of half as many digits with the sum `value`."""
+    wide = value * _HALVES
+    high = wide - (wide - value)
+    return high, value - high
