@@ -8,6 +8,7 @@ the edges of planes and of analytic surfaces.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +17,14 @@ from OCP.BRepTools import BRepTools_WireExplorer
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane
 from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import symmetric
 from pc2cad.brep.forms import FLUX, PAIRS, SECOND, Form
 from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex, as_wire
 from pc2cad.brep.spline_integrals import spline_flux
-from pc2cad.brep.trimmed_integrals import is_whole, plane_moments, trimmed_flux
+from pc2cad.brep.trimmed_integrals import PlaneEdge, is_whole, plane_moments, trimmed_flux
 
 
 @dataclass(frozen=True)
@@ -126,14 +127,7 @@ def _plane(surface: Geom_Plane, face: TopoDS_Face, sign: float, origin: Array) -
     base = np.array([place.X(), place.Y(), place.Z()]) - origin
     axes = np.array([[d.X(), d.Y(), d.Z()] for d in (frame.XDirection(), frame.YDirection())])
     normal = sign * np.cross(axes[0], axes[1])
-    moments = np.zeros(6)
-    explorer = TopExp_Explorer(face, TopAbs_WIRE)
-    while explorer.More():
-        wire = BRepTools_WireExplorer(as_wire(explorer.Current()), face)
-        while wire.More():
-            moments += _edge_moments(wire.Current(), base, axes, origin)
-            wire.Next()
-        explorer.Next()
+    moments = plane_moments(_edges_of(face), origin + base, axes)
     # the walk runs round the face's own orientation: take it back to the plane's
     area, p, q, pp, pq, qq = sign * moments
     result = np.empty(5)
@@ -147,9 +141,15 @@ def _plane(surface: Geom_Plane, face: TopoDS_Face, sign: float, origin: Array) -
     return result
 
 
-def _edge_moments(edge: TopoDS_Edge, base: Array, axes: Array, origin: Array) -> Array:
-    """Return ∮ of 1, p, q, p², pq, q² as line integrals over one edge: ∮ (∫ f dp) dq."""
-    first, last = BRep_Tool.Range_s(edge)
-    curve = BRep_Tool.Curve_s(edge, first, last)
-    result = plane_moments(curve, first, last, origin + base, axes)
-    return -result if edge.Orientation() == TopAbs_REVERSED else result
+def _edges_of(face: TopoDS_Face) -> Iterator[PlaneEdge]:
+    """Yield the edges of a face, wire by wire."""
+    explorer = TopExp_Explorer(face, TopAbs_WIRE)
+    while explorer.More():
+        wire = BRepTools_WireExplorer(as_wire(explorer.Current()), face)
+        while wire.More():
+            edge = wire.Current()
+            first, last = BRep_Tool.Range_s(edge)
+            sign = -1.0 if edge.Orientation() == TopAbs_REVERSED else 1.0
+            yield BRep_Tool.Curve_s(edge, first, last), first, last, sign
+            wire.Next()
+        explorer.Next()

@@ -6,7 +6,7 @@ seams included: the orientation of the wires, the pcurves and the surface are al
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -30,7 +30,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.brep.forms import FLUX, Form
-from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
+from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
 from pc2cad.brep.kernel import as_edge, as_face
 from pc2cad.brep.settling import settled
 from pc2cad.brep.spline_integrals import cross, gauss_on, legendre
@@ -233,31 +233,72 @@ def _cuts(breaks: tuple[Array | None, Array | None], path: _Path) -> Array:
     return np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)])
 
 
-def plane_moments(
-    curve: Geom_Curve, first: float, last: float, origin: Array, axes: Array
-) -> Array:
-    """Return ∮ of 1, p, q, p², pq, q² as line integrals along a curve: ∮ (∫ f dp) dq, (6,).
+#: a curve in a plane, its first and its last parameter, and -1 where it is run through backwards
+PlaneEdge = tuple[Geom_Curve, float, float, float]
+
+
+def plane_moments(edges: Iterable[PlaneEdge], origin: Array, axes: Array) -> Array:
+    """Return ∮ of 1, p, q, p², pq, q² as line integrals along curves: ∮ (∫ f dp) dq, (6,).
 
     p and q are coordinates along two axes (2, 3) from `origin`. Raises KernelError where the
-    integrals do not settle.
+    integrals do not settle. Lines, and arcs, are taken together.
     """
+    lines: list[PlaneEdge] = []
+    arcs: list[PlaneEdge] = []
+    total = np.zeros(6)
+    for edge in edges:
+        curve, first, last, sign = edge
+        if isinstance(curve, Geom_Line):
+            lines.append(edge)
+        elif isinstance(curve, Geom_Circle | Geom_Ellipse):
+            pieces = max(1, int(np.ceil((last - first) / STEP)))
+            arcs += [
+                (curve, *ends, sign) for ends in pairwise(np.linspace(first, last, pieces + 1))
+            ]
+        else:
+            total += sign * _along_curve(curve, first, last, origin, axes)
+    for several, count in ((lines, 2), (arcs, ENOUGH)):
+        if several:
+            total += _along_conics(several, count, origin, axes)
+    return total
+
+
+def _along_conics(edges: list[PlaneEdge], count: int, origin: Array, axes: Array) -> Array:
+    """Return the sums along lines alone, or along arcs alone, by rules of so many nodes."""
+    t, weights = _nodes(np.array([edge[1:3] for edge in edges]), count)
+    weights = weights * np.array([edge[3:] for edge in edges])
+    terms = [conic_terms(curve, origin) for curve, *_ in edges]
+    # one row per edge, and one vector in the plane for each function of t
+    flat = np.array([(start, *along.values()) for start, along in terms]) @ axes.T
+    if "t" in terms[0][1]:
+        functions, slopes = [np.ones_like(t), t], [np.ones_like(t)]
+    else:
+        functions, slopes = [np.ones_like(t), np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]
+    p, q = np.einsum("fkn,kfc->ckn", np.array(functions), flat)
+    slope = np.einsum("fkn,kf->kn", np.array(slopes), flat[:, 1:, 1])
+    return np.asarray((_primitives(p, q) * (slope * weights)).sum(axis=(1, 2)))
+
+
+def _primitives(p: Array, q: Array) -> Array:
+    """Return the integrals over p of 1, p, q, p², pq, q², (6, ...)."""
+    return np.array([p, p * p / 2, p * q, p**3 / 3, p * p * q / 2, p * q * q])
+
+
+def _along_curve(curve: Geom_Curve, first: float, last: float, origin: Array, axes: Array) -> Array:
+    """Return the integrals of `plane_moments` along one curve, (6,)."""
     basis = curve_function(curve, origin)
     cuts = cuts_between((first, last), basis.breaks)
 
     def moments(t: Array) -> Array:
         point, slope = basis.jet(t)
         p, q = (point @ axes.T).T
-        primitives = np.array([p, p * p / 2, p * q, p**3 / 3, p * p * q / 2, p * q * q])
-        return np.asarray(primitives * (slope @ axes[1]))
+        return np.asarray(_primitives(p, q) * (slope @ axes[1]))
 
-    if basis.weight is None and isinstance(curve, Geom_BSplineCurve | Geom_Line):
+    if basis.weight is None and isinstance(curve, Geom_BSplineCurve):
         t, weights = gauss_on(cuts, 2 * basis.degree)
         return np.asarray(product(moments(t), weights))
     pieces = 1 if basis.breaks is not None else max(1, int(np.ceil((last - first) / STEP)))
     cuts = distinct(np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)]))
-    if isinstance(curve, Geom_Circle | Geom_Ellipse):
-        t, weights = gauss_on(cuts, ENOUGH)
-        return np.asarray(product(moments(t), weights))
 
     def rule(cells: Array, orders: tuple[int, ...]) -> Array:
         t, weights = _nodes(cells, orders[0])

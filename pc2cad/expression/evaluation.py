@@ -26,7 +26,7 @@ _Run = Callable[..., Value]
 #: where a result goes, the operation, and where its operands are
 _Step = tuple[int, _Run, tuple[int, ...]]
 #: the same, and what is not needed after it
-_Timed = tuple[int, _Run, tuple[int, ...], list[int]]
+_Timed = tuple[int, _Run, tuple[int, ...], tuple[int, ...]]
 #: the piece in which each place is, the place from that piece's start, the first and the last piece
 _Located = tuple[Value, Value, int, int]
 #: the first and the last piece in which there are places
@@ -97,11 +97,22 @@ class Program:
         self._position, self._fixed = self._places()
         needed = self._needed(self._located, {})
         self._first: list[_Timed] = [
-            (i, partial(run, self._rows[i], 0) if i in self._rows else run, before, [])
+            (i, partial(run, self._rows[i], 0) if i in self._rows else run, before, ())
             for i, run, before in self._steps
             if i in needed
         ]
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin without plans.
+
+        What they have in common is kept once: there may be hundreds of them of a hundred steps.
+        """
         self._plans: dict[tuple[_Range, ...], list[_Timed]] = {}
+        #: steps of functions in pieces, by where they go and the pieces in which places are
+        self._among: dict[tuple[int, _Range], _Step] = {}
+        #: steps by their identity and what is not needed after them
+        self._timed: dict[tuple[int, ...], _Timed] = {}
 
     def _places(self) -> tuple[dict[int, int], set[int]]:
         """Return at which step each value is worked out, and the values that are constants."""
@@ -138,21 +149,27 @@ class Program:
             if i in needed or i not in self._position:
                 continue
             needed.add(i)
-            before = self._steps[self._position[i]][2]
-            chosen = ranges and i in self._rows
-            stack += self._chosen(i, before, ranges)[1] if chosen else before
+            stack += self._step(i, ranges)[2]
         return needed
 
-    def _chosen(
-        self, slot: int, before: tuple[int, ...], ranges: Mapping[int, _Range]
-    ) -> tuple[_Rows, tuple[int, ...]]:
-        """Return the rows of a function in pieces that are needed, and its operands."""
-        first, last = ranges[before[0]]
-        rows, kept = _numbered(self._rows[slot][first : last + 1])
-        return rows, (before[0], *(before[1 + k] for k in kept))
+    def _step(self, slot: int, ranges: Mapping[int, _Range]) -> _Step:
+        """Return the step of a value: of a function in pieces with the rows that are needed."""
+        step = self._steps[self._position[slot]]
+        if not ranges or slot not in self._rows:
+            return step
+        _, run, before = step
+        among = slot, ranges[before[0]]
+        if among not in self._among:
+            first, last = among[1]
+            rows, kept = _numbered(self._rows[slot][first : last + 1])
+            chosen = (before[0], *(before[1 + k] for k in kept))
+            self._among[among] = slot, partial(run, rows, first), chosen
+        return self._among[among]
 
     def _plan(self, ranges: tuple[_Range, ...]) -> list[_Timed]:
         """Return the steps that are left where places are in ranges of pieces."""
+        if len(self._plans) >= MOST_PLANS:
+            self._forget()
         among = dict(zip(self._located, ranges, strict=True))
         done = {step[0] for step in self._first}
         needed = [self._position[i] for i in self._needed(self._outputs, among) - done]
@@ -160,19 +177,15 @@ class Program:
         kept = {*self._outputs, *done, *self._fixed}
         plan: list[_Timed] = []
         for k in sorted(needed, reverse=True):
-            i, run, before = self._steps[k]
-            if i in self._rows:
-                rows, chosen = self._chosen(i, before, among)
-                run, before = partial(run, rows, among[before[0]][0]), chosen
-            last = []
-            for x in before:
-                if x not in kept:
-                    kept.add(x)
-                    last.append(x)
-            plan.append((i, run, before, last))
+            step = self._step(self._steps[k][0], among)
+            last = [x for x in step[2] if x not in kept]
+            kept.update(last)
+            key = (id(step), *last)
+            timed = self._timed.get(key)
+            if timed is None:
+                timed = self._timed[key] = *step, key[1:]
+            plan.append(timed)
         plan.reverse()
-        if len(self._plans) >= MOST_PLANS:
-            self._plans.clear()
         self._plans[ranges] = plan
         return plan
 

@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.arrays.linear import product
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.domain.map import open_grid
@@ -22,6 +21,7 @@ from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import ops_of
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
+from pc2cad.integrals.flat_faces import MOST_DEGREE, flat_areas
 from pc2cad.integrals.quadrature import Panels, Samples
 from pc2cad.integrals.rules import (
     EXACT,
@@ -35,8 +35,6 @@ from pc2cad.integrals.settling import settle
 from pc2cad.integrals.side_areas import areas_of_side, sides_in_pieces
 from pc2cad.topology.cells import Cell, directions_of
 
-#: the highest degree that an exact rule is made for
-MOST_DEGREE = 16
 #: relative difference of two rules at which there is no integral
 UNSETTLED = 0.01
 
@@ -121,8 +119,7 @@ def _areas(
     found: dict[Cell, tuple[float, float]] = {}
     patches = [face.patch for face in analysis.complex.faces]
     if exact is not None:
-        flat = {patch: _flat_area(analysis, patch, exact) for patch in patches}
-        found |= {patch: (area, EXACT) for patch, area in flat.items() if area}
+        found |= {patch: (area, EXACT) for patch, area in flat_areas(analysis, patches).items()}
     for side in sides_in_pieces([patch for patch in patches if patch not in found]):
         found |= areas_of_side(densities.area_of(side[0]), analysis, side, whole)
     for patch in patches:
@@ -166,33 +163,6 @@ def _exact_rules(analysis: Analysis) -> list[Panels] | None:
     return [
         Panels(np.array([0.0, 1.0]), np.array([max(1, 2 * n)])) for n in degrees if n is not None
     ]
-
-
-def _flat_area(analysis: Analysis, patch: Cell, rules: list[Panels]) -> float:
-    """Return the area of a polynomial face that lies in a plane, exactly; 0 where it does not.
-
-    Its normals M_s × M_t are polynomials that the rule's nodes determine; where they all point one
-    way, the length of their integral is the area.
-    """
-    s, t = directions_of(patch)
-    nodes, weights = [], []
-    for d, panels in enumerate(rules):
-        low, high = analysis.span(d, patch[d])
-        x, weight = panels.rule() if patch[d] % 2 else (np.zeros(1), np.ones(1))
-        nodes.append(low + (high - low) * x)
-        weights.append(weight * (high - low) if patch[d] % 2 else weight)
-    along_s, along_t = analysis.map.tangents((s, t), *open_grid(*nodes))
-    normals = np.cross(along_s, along_t).reshape(-1, 3)
-    weight = (weights[0][:, None, None] * weights[1][:, None] * weights[2]).ravel()
-    whole = product(weight, normals)
-    area = float(np.sqrt(whole @ whole))
-    if area == 0:
-        return 0.0
-    along = product(normals, whole / area)
-    largest = float(np.abs(normals).max())
-    across = np.abs(normals - along[:, None] * (whole / area)).max()
-    flat = across <= 1e-13 * largest and along.min() >= -1e-13 * largest
-    return area if flat else 0.0
 
 
 def _centre(analysis: Analysis) -> Array:

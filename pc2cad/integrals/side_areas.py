@@ -3,7 +3,8 @@
 A side in many pieces has as many faces, and lines through each of them would cost as much as the
 faces are many. The rule is found along lines through the whole side; the sums over each piece are
 taken apart, and held against those of a finer rule, face by face. A face on which that leaves more
-than rounding, or on which something stands out, is left to be integrated by itself.
+than rounding, or on which something stands out, is left to be integrated by itself. Of plane faces
+that are polynomials the areas are known beforehand.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
+from pc2cad.integrals.flat_faces import flat_areas
 from pc2cad.integrals.quadrature import Panels, single
 from pc2cad.integrals.rules import (
     DOUBTFUL,
@@ -56,10 +58,14 @@ def areas_of_side(
     `whole` are the rules of the volume: where it needed panels, areas may well need them.
     """
     first, last = min(side), max(side)
-    boxes = np.array([[analysis.span(d, p[d]) for d in range(3)] for p in side])
-    plain = [p for p, out in zip(side, any_features(density, boxes), strict=True) if not out]
+    found = {patch: (area, EXACT) for patch, area in flat_areas(analysis, side).items()}
+    rest = [patch for patch in side if patch not in found]
+    if len(rest) < MANY:
+        return found
+    boxes = np.array([[analysis.span(d, p[d]) for d in range(3)] for p in rest])
+    plain = [p for p, out in zip(rest, any_features(density, boxes), strict=True) if not out]
     if len(plain) < MANY:
-        return {}
+        return found
     limits = []
     for d in range(3):
         low, high = analysis.span(d, first[d])[0], analysis.span(d, last[d])[1]
@@ -75,8 +81,7 @@ def areas_of_side(
     coarse = _sums(density, analysis, plain, panels, 1.0)
     fine = _sums(density, analysis, plain, panels, 1.5)
     if coarse is None or fine is None:
-        return {}
-    found = {}
+        return found
     for patch, before, area in zip(plain, coarse, fine, strict=True):
         error = abs(area - before) / max(abs(area), 1e-300)
         if error < DOUBTFUL:
