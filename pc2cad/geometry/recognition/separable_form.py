@@ -124,7 +124,7 @@ def separate(
 
     `seen` is how far apart points are that were seen, where somebody has looked at some.
     """
-    trees = _parted(tuple(roots))
+    trees = tuple([_parted(root) for root in roots])
     mixed = walk(trees, lambda n: n.args if len(n.symbols) > 1 else ())
     if any(len(node.symbols) > 1 and not _is_sum_of_products(node) for node in mixed):
         return None
@@ -194,6 +194,7 @@ def is_planar(roots: Sequence[Expr], names: Sequence[str]) -> bool:
     return bool(across.max(initial=0.0) <= rounding(extent(roots, names), float(sizes.max())))
 
 
+@lru_cache(maxsize=4096)
 def _constants(monomial: Monomial) -> float:
     """Return the value of a monomial's atoms without symbols."""
     return prod([evaluate(a, {}) ** e for a, e in monomial if not a.symbols], start=1.0)
@@ -214,12 +215,17 @@ def _is_sum_of_products(node: Expr) -> bool:
 # -- sines of sums ---------------------------------------------------------------------------------
 
 
-def _parted(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
-    """Return the trees with sines and cosines of sums written out, parameter by parameter."""
-    waves = (n for n in walk(roots, lambda n: () if _WAVES.isdisjoint(n.ops) else n.args))
+@lru_cache(maxsize=1024)
+def _parted(root: Expr) -> Expr:
+    """Return a tree with sines and cosines of sums written out, parameter by parameter.
+
+    Cells side by side often have a coordinate in common.
+    """
+    waves = (n for n in walk((root,), lambda n: () if _WAVES.isdisjoint(n.ops) else n.args))
     if all(node.op not in _WAVES or _sum_apart(node) is node for node in waves):
-        return roots
-    return rewrite(rewrite(roots, "sin", _sum_apart), "cos", _sum_apart)
+        return root
+    (parted,) = rewrite(rewrite((root,), "sin", _sum_apart), "cos", _sum_apart)
+    return parted
 
 
 @lru_cache(maxsize=1024)
