@@ -7,6 +7,8 @@ https://dev.opencascade.org/doc/refman/html/class_bin_tools.html): doubles as th
 from __future__ import annotations
 
 import io
+import math
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -50,10 +52,11 @@ def _written(one: BinTools_CurveSet | BinTools_SurfaceSet, geometry: Any, head: 
 
 
 def _split(data: bytes, shape: tuple[int, ...], knots: list[int]) -> tuple[Array, list[Array]]:
-    size = int(np.prod(shape))
+    size = math.prod(shape)
     if len(data) != 8 * size + _KNOT.itemsize * sum(knots):
         raise KernelError("the kernel writes a spline in a form that is not known")
     poles = np.frombuffer(data, "<f8", size).reshape(shape)
     rows = np.frombuffer(data, _KNOT, offset=8 * size)
-    parts = np.split(rows, np.cumsum(knots)[:-1])
-    return poles, [np.repeat(part["value"], part["times"]) for part in parts]
+    ends = list(accumulate(knots))
+    parts = (rows[end - count : end] for count, end in zip(knots, ends, strict=True))
+    return poles, [part["value"].repeat(part["times"]) for part in parts]
