@@ -29,6 +29,7 @@ from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
+from pc2cad.expression.carried import begin_build
 from pc2cad.geometry.scale import Scale
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
@@ -186,6 +187,7 @@ def check_map(
     hold (ToleranceNotReachedError), and integrals that `accept`, the receiver's word, refuses.
     Where `faces` are made of the map, it is they that are proved to meet nowhere (`embed`).
     """
+    begin_build()
     run = stages or Stages()
     limits = run("limits", lambda: find_limits(equation))
     depths = run("depth", lambda: find_depth(equation)) if equation.depth is not None else ()

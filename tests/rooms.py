@@ -33,6 +33,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "integrals": ("domain", "topology", "geometry", "equation", "expression"),
     "checked": (
         "integrals", "solidity", "domain", "bounds", "channels", "geometry", "equation",
+        "expression",
     ),
     "representation": (
         "checked", "solidity", "domain", "bounds", "topology", "geometry", "expression",

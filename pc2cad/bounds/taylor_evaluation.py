@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from math import prod
+from typing import Final
 
 import numpy as np
 
@@ -35,15 +36,21 @@ from pc2cad.bounds.taylor_models import (
     shift,
 )
 from pc2cad.bounds.taylor_waves import model_of
+from pc2cad.expression.carried import Carried, earlier_trees, meet
 from pc2cad.expression.tree import Expr, walk
 
 #: models of two parameters by the places that they hold for, as many of them as are kept; and the
 #: boxes up to which they are: models on more would fill the memory
 MOST_GRIDS, MOST_BOXES = 6, 512
 
+#: bytes of models that are carried from one build to the next, and how much of a model is found out
+#: besides its terms, radius and error when it is asked for
+MOST_CARRIED, SIZES = 1 << 25, 2
+
 _Key = tuple[object, ...]
 #: models of one kind of trees, by tree
 _Store = dict[Expr, Model]
+_carried: Final[Carried[Model]] = Carried(MOST_CARRIED)
 
 
 class Known:
@@ -77,7 +84,10 @@ class Known:
             self._grids[tuple(keys)] = grid
             if len(self._grids) > MOST_GRIDS:
                 del self._grids[next(iter(self._grids))]
-        return Models(alone, grid)
+        own: dict[frozenset[str], _Key] = {
+            frozenset((name,)): key for name, key in zip(names, keys, strict=True)
+        }
+        return Models(alone, grid, {frozenset(names): tuple(keys), **own})
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +96,8 @@ class Models:
 
     alone: dict[str, _Store]
     grid: _Store
+    #: by the parameters of trees: what tells the places of their models; none are carried without
+    places: Mapping[frozenset[str], _Key] = field(default_factory=dict)
 
     def of(self, node: Expr) -> _Store:
         """Return the models among which a tree's belongs."""
@@ -93,6 +105,30 @@ class Models:
             return self.grid
         # a constant is one of any parameter
         return self.alone.get(next(iter(node.symbols or self.alone)), self.grid)
+
+    def known(self, node: Expr) -> Model | None:
+        """Return the model of a tree, from an earlier build too; None where there is none yet."""
+        model = self.of(node).get(node)
+        if model is None and node in earlier_trees():
+            model = _carried.get((node, self.places.get(node.symbols)))
+        return model
+
+    def carry(self, roots: Sequence[Expr], found: _Store, fresh: Sequence[Expr]) -> None:
+        """Leave to later builds what occurred in an earlier one and new trees are made of.
+
+        `fresh` are the trees whose models were not there.
+        """
+        earlier = earlier_trees()
+        new = [node for node in fresh if node not in earlier]
+        among = set(new)
+        kept = {arg for node in new for arg in _operands(node)} | set(roots)
+        for node in kept - among:
+            place = self.places.get(node.symbols)
+            if place is not None and node.op != "symbol":
+                model = found[node]
+                size = model.terms.nbytes + model.radius.nbytes + model.error.nbytes
+                _carried.keep((node, place), model, SIZES * size)
+        meet([node for node in fresh if node.symbols])
 
 
 def enclose(
@@ -112,9 +148,10 @@ def enclose(
     where = dict(zip(names, places, strict=True))
     models = (known_models or Known()).at(names, places, order)
     found: _Store = {}
+    fresh: list[Expr] = []
 
     def below(node: Expr) -> tuple[Expr, ...]:
-        model = models.of(node).get(node)
+        model = models.known(node)
         if model is None:
             return _operands(node)
         found[node] = model
@@ -131,6 +168,9 @@ def enclose(
                 args = tuple([found[arg] for arg in _operands(node)])
                 model = known(_step(node, args, where, order))
             found[node] = models.of(node)[node] = model
+            fresh.append(node)
+    if models.places:
+        models.carry(roots, found, fresh)
     return tuple(found[root] for root in roots)
 
 

@@ -9,36 +9,43 @@ not n·m·k times. This factoring by parameter is what makes channels fast.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
-from typing import Any
+from functools import lru_cache, partial
+from typing import Final
 
 import numpy as np
 
-from pc2cad.arrays import Array
 from pc2cad.expression.alike import with_tables
+from pc2cad.expression.carried import Carried, earlier_trees, meet
 from pc2cad.expression.functions import FUNCTIONS
+from pc2cad.expression.piece_values import (
+    Located,
+    Rows,
+    Value,
+    from_rows,
+    from_table,
+    locate,
+    numbered,
+    rows_of,
+)
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, walk
 from pc2cad.expression.wave_values import values
 
-Value = Any  # a float or an array of any broadcastable shape
 _Run = Callable[..., Value]
 #: where a result goes, the operation, and where its operands are
 _Step = tuple[int, _Run, tuple[int, ...]]
 #: the same, and what is not needed after it
 _Timed = tuple[int, _Run, tuple[int, ...], tuple[int, ...]]
-#: the piece in which each place is, the place from that piece's start, the first and the last piece
-_Located = tuple[Value, Value, int, int]
 #: the first and the last piece in which there are places
 _Range = tuple[int, int]
 
-#: of each piece: which of the operands its coefficients are
-_Rows = list[tuple[int, ...]]
 
 #: plans of one program that are remembered
 MOST_PLANS = 2048
-#: coefficients of functions in pieces that are looked up in one call
-MOST_LOOKED_UP = 1 << 16
+#: operations on trees of earlier builds from which on their values are carried from there
+LEAST_CARRIED: Final = 16
+#: bytes of such values
+MOST_CARRIED: Final = 1 << 25
 
 _BINARY: dict[str, Callable[[Value, Value], Value]] = {
     "add": np.add,
@@ -50,27 +57,32 @@ _BINARY: dict[str, Callable[[Value, Value], Value]] = {
 class Program:
     """Straight-line program of some trees; call it with one array (or float) per symbol.
 
-    Of functions in pieces only the pieces are worked out in which there are places.
+    Of functions in pieces only the pieces are worked out in which there are places. What occurred
+    in an earlier build is a program of its own, whose values are carried from there.
     """
 
-    def __init__(self, roots: tuple[Expr, ...]) -> None:
-        roots = with_tables(roots)
-        below = {node: _operands(node) for node in walk(roots, _operands)}
+    def __init__(self, roots: tuple[Expr, ...], carry: bool = True) -> None:
+        self.roots: Final = with_tables(roots) if carry else roots
+        below, self._below = _parted(self.roots) if carry else (_all_below(self.roots), None)
         nodes = list(below)
         index = {node: i for i, node in enumerate(nodes)}
-        self._outputs = tuple(index[root] for root in roots)
+        self._outputs = tuple(index[root] for root in self.roots)
         #: values of the nodes that hold no symbol, worked out once
         self._constants: list[Value] = [None] * len(nodes)
         self._symbols: list[tuple[int, str]] = []
+        #: where the values of the program below go, in its order
+        self._taken = tuple(index[node] for node in (self._below.roots if self._below else ()))
         self._steps: list[_Step] = []
         #: of functions in pieces that are functions: which operands the coefficients are
-        self._rows: dict[int, _Rows] = {}
+        self._rows: dict[int, Rows] = {}
         located: dict[object, int] = {}
         with np.errstate(all="ignore"):
             for i, node in enumerate(nodes):
                 before = tuple([index[arg] for arg in below[node]])
                 if node.op == "symbol":
                     self._symbols.append((i, node.payload))
+                elif i in self._taken:
+                    continue
                 elif node.op == "pieces" and node.symbols:
                     # functions in pieces often have their breaks in common
                     breaks, width, _, closed = node.payload
@@ -79,10 +91,10 @@ class Program:
                         located[key] = len(self._constants)
                         self._constants.append(None)
                         knots = np.array([float(b) for b in breaks])
-                        run = partial(_located, knots, closed)
+                        run = partial(locate, knots, closed)
                         self._steps.append((located[key], run, before[:1]))
                     if len(before) > 1:
-                        self._rows[i], before = _rows(before, width)
+                        self._rows[i], before = rows_of(before, width)
                     self._steps.append((i, _step(node), (located[key], *before[1:])))
                 elif node.symbols:
                     self._steps.append((i, _step(node), before))
@@ -95,13 +107,17 @@ class Program:
             before[0]: len(self._rows[i]) for i, _, before in self._steps if i in self._rows
         }
         self._position, self._fixed = self._places()
+        self._first = self._locating()
+        self._forget()
+
+    def _locating(self) -> list[_Timed]:
+        """Return the steps by which places are located in pieces, whatever the places."""
         needed = self._needed(self._located, {})
-        self._first: list[_Timed] = [
+        return [
             (i, partial(run, self._rows[i], 0) if i in self._rows else run, before, ())
             for i, run, before in self._steps
             if i in needed
         ]
-        self._forget()
 
     def _forget(self) -> None:
         """Begin without plans.
@@ -125,9 +141,15 @@ class Program:
         Values outside a function's domain come out as nan or inf, without a warning: the caller
         decides whether a place is a fault.
         """
+        return self._worked_out(values)
+
+    def _worked_out(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
         store = self._constants.copy()
         for i, name in self._symbols:
             store[i] = values[name]
+        if self._below is not None:
+            for i, value in zip(self._taken, self._below.carried(values), strict=True):
+                store[i] = value
         with np.errstate(all="ignore"):
             _run(self._first, store)
             ranges = tuple(_range(store[k], count) for k, count in self._located.items())
@@ -135,7 +157,26 @@ class Program:
             if plan is None:
                 plan = self._plan(ranges)
             _run(plan, store)
-        return tuple(store[k] for k in self._outputs)
+        # what is carried is nobody's to change
+        return tuple(_copy(store[k]) if k in self._taken else store[k] for k in self._outputs)
+
+    def carried(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
+        """Return what calling it returns, not to be changed: from an earlier call if there was one.
+
+        That was with arrays of the same bits, laid out alike.
+        """
+        key: list[object] = [self]
+        for _, name in self._symbols:
+            value = values[name]
+            if type(value) is not np.ndarray or value.dtype != np.float64:
+                return self._worked_out(values)
+            key += (value.shape, value.strides, value.tobytes())
+        known = _carried.get(whole := tuple(key))
+        if known is None:
+            known = self._worked_out(values)
+            size = sum(part.nbytes for part in known)
+            _carried.keep(whole, known, size + sum(len(x) for x in key if isinstance(x, bytes)))
+        return known
 
     def _needed(self, slots: Iterable[int], ranges: Mapping[int, _Range]) -> set[int]:
         """Return what has to be worked out for some values, with places in ranges of pieces.
@@ -161,7 +202,7 @@ class Program:
         among = slot, ranges[before[0]]
         if among not in self._among:
             first, last = among[1]
-            rows, kept = _numbered(self._rows[slot][first : last + 1])
+            rows, kept = numbered(self._rows[slot][first : last + 1])
             chosen = (before[0], *(before[1 + k] for k in kept))
             self._among[among] = slot, partial(run, rows, first), chosen
         return self._among[among]
@@ -190,6 +231,54 @@ class Program:
         return plan
 
 
+_carried: Final[Carried[tuple[Value, ...]]] = Carried(MOST_CARRIED)
+#: the nodes of a program, and what has to be worked out before each
+_Below = dict[Expr, tuple[Expr, ...]]
+
+
+def _all_below(roots: tuple[Expr, ...]) -> _Below:
+    return {node: _operands(node) for node in walk(roots, _operands)}
+
+
+def _parted(roots: tuple[Expr, ...]) -> tuple[_Below, Program | None]:
+    """Return the nodes of a program down to those of earlier builds, and the program of these.
+
+    None where these are few, or where they may be asked for piece by piece.
+    """
+    earlier = earlier_trees()
+    found: _Below = {}
+
+    def operands_of(node: Expr) -> tuple[Expr, ...]:
+        old = node in earlier and node.op != "symbol"
+        found[node] = () if old else _operands(node)
+        return found[node]
+
+    nodes = list(walk(roots, operands_of))
+    meet([node for node in nodes if node.symbols])
+    below = {node: found[node] for node in nodes}
+    old = tuple([node for node in nodes if node in earlier and node.op != "symbol"])
+    if not old:
+        return below, None
+    among, (program, inside) = set(old), _of_earlier(old)
+    if program is None or any(
+        [node.op == "pieces" and len(row) > 1 and node not in among for node, row in below.items()]
+    ):
+        return inside | {n: row for n, row in below.items() if n not in among}, None
+    return below, program
+
+
+def _copy(value: Value) -> Value:
+    return value.copy() if isinstance(value, np.ndarray) else value
+
+
+@lru_cache(maxsize=256)
+def _of_earlier(roots: tuple[Expr, ...]) -> tuple[Program | None, _Below]:
+    """Return the program of trees of earlier builds, None of few operations, and its nodes."""
+    inside = _all_below(roots)
+    worth = sum([bool(row) for row in inside.values()]) >= LEAST_CARRIED
+    return Program(roots, carry=False) if worth else None, inside
+
+
 def _run(steps: Iterable[_Timed], store: list[Value]) -> None:
     """Work steps out, and let go of what is not needed any more."""
     for i, run, before, frees in steps:
@@ -203,7 +292,7 @@ def _run(steps: Iterable[_Timed], store: list[Value]) -> None:
             store[k] = None
 
 
-def _range(located: _Located, count: int) -> _Range:
+def _range(located: Located, count: int) -> _Range:
     """Return the pieces in which there are places; all of them where these are most."""
     _, _, first, last = located
     return (first, last) if 2 * (last - first + 1) <= count else (0, count - 1)
@@ -288,70 +377,12 @@ def _integer_power(a: Value, n: int) -> Value:
     return result
 
 
-def _located(knots: Array, closed: bool, t: Value) -> _Located:
-    """Return where places are among the pieces of a function."""
-    if closed:
-        # the closing break belongs to the last piece of its own turn, so that one-sided
-        # derivatives at the end of a domain are those from inside
-        inside = (t >= knots[0]) & (t <= knots[-1])
-        t = np.where(inside, t, (t - knots[0]) % (knots[-1] - knots[0]) + knots[0])
-    index = np.searchsorted(knots[1:-1], t, side="right")
-    first, last = (int(index.min()), int(index.max())) if np.size(index) else (0, 0)
-    return index, t - knots[index], first, last
-
-
 def _pieces_step(node: Expr) -> _Run:
     width = node.payload[1]
     if not node.symbols:
         constant = np.float64(evaluate(node, {}))
         return lambda *_: constant
     if len(operands(node)) > 1:
-        return _from_rows
+        return from_rows
     table = [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
-    return partial(_from_table, np.array(table).reshape(-1, width).T.copy())
-
-
-def _rows(before: tuple[int, ...], width: int) -> tuple[_Rows, tuple[int, ...]]:
-    """Return the rows of a function in pieces, and its operands, each taken once."""
-    flat = before[1:]
-    rows, kept = _numbered([flat[i : i + width] for i in range(0, len(flat), width)])
-    return rows, (before[0], *kept)
-
-
-def _numbered(rows: _Rows) -> tuple[_Rows, tuple[int, ...]]:
-    """Return rows of places in a list of what they hold, and that list."""
-    kept = {k: i for i, k in enumerate(dict.fromkeys(k for row in rows for k in row))}
-    return [tuple([kept[k] for k in row]) for row in rows], tuple(kept)
-
-
-def _from_table(table: Array, located: _Located) -> Value:
-    """Return the values from a table of coefficients, (width, pieces)."""
-    index, local, first, last = located
-    value: Value = None
-    if first == last:
-        for coefficient in table[::-1, first].tolist():
-            value = coefficient if value is None else value * local + coefficient
-        return value if len(table) > 1 else np.full(np.shape(local), value)
-    together = index.size * table.shape[0] <= MOST_LOOKED_UP
-    rows: Array = table.take(np.asarray(index), axis=1) if together else table
-    for row in rows[::-1]:
-        coefficient = row if together else row.take(index)
-        value = coefficient if value is None else value * local + coefficient
-    return value
-
-
-def _from_rows(rows: _Rows, start: int, located: _Located, *values: Value) -> Value:
-    """Return the values from coefficients of the pieces from `start` on."""
-    index, local, first, last = located
-    value: Value = None
-    for k in reversed(range(len(rows[0]))):
-        column = [row[k] for row in rows[first - start : last - start + 1]]
-        coefficient = values[column[0]]
-        if any(which != column[0] for which in column):
-            here = np.array(column)[index - first]
-            for which in dict.fromkeys(column):
-                if which != column[0]:
-                    coefficient = np.where(here == which, values[which], coefficient)
-        value = coefficient if value is None else value * local + coefficient
-    # what is constant in one piece has the shape of the place as well
-    return value if len(rows[0]) > 1 else value + np.zeros(np.shape(local))
+    return partial(from_table, np.array(table).reshape(-1, width).T.copy())
