@@ -12,9 +12,11 @@ import json
 import random
 import shutil
 import signal
+import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +97,20 @@ def figures(path: Path) -> list[dict[str, str]]:
         ]
 
 
+def ceiling(times: int = 3) -> float:
+    """Return how much faster two processes that share nothing do two loops here than one does."""
+    loop = "sum(i * i for i in range(20_000_000))"
+    walls: dict[int, list[float]] = {1: [], 2: []}
+    for _ in range(times):
+        for count, seen in walls.items():
+            begun = time.perf_counter()
+            running = [subprocess.Popen([sys.executable, "-c", loop]) for _ in range(count)]
+            for process in running:
+                process.wait()
+            seen.append(time.perf_counter() - begun)
+    return 2 * statistics.median(walls[1]) / statistics.median(walls[2])
+
+
 def fitting(folder: Path, wanted: int, minutes: float) -> int:
     """Return how many variants fit into the time, by a look at twenty."""
     tried = measure(folder / "tried", 20, 1)
@@ -116,10 +132,11 @@ def main() -> None:
     kept = folder / "state.json"
     state: dict[str, Any] = json.loads(kept.read_text()) if kept.exists() else {}
     count = state.setdefault("count", fitting(folder, arguments.variants, arguments.minutes))
-    stages = {
+    stages: dict[str, Callable[[], Any]] = {
         "one": lambda: measure(folder / "one", count, 1),
         "two": lambda: measure(folder / "two", count, 2),
         "dask": lambda: on_dask(folder / "dask", count),
+        "ceiling": ceiling,
         "killed": lambda: killed(folder, count, arguments.kills, state["two"]["wall"]),
     }
     for name, stage in stages.items():
@@ -136,6 +153,7 @@ def main() -> None:
               f"| {1000 * (wall * workers - work) / count:.1f} ms "
               f"| {1000 * start * workers / count:.1f} ms "
               f"| {state['one']['wall'] / wall:.2f} |")  # fmt: skip
+    print(f"\ntwo plain loops at a time: {state['ceiling']:.2f} times as fast as one by one")
     fate = state["killed"]
     print(f"\nkilled {fate['times']} times at random moments and resumed: {fate['rows']} rows, "
           f"{fate['right']} of them bit for bit those of the undisturbed study, "
