@@ -337,7 +337,7 @@ def test_coordinates_that_are_not_finite_are_refused(bad):
 def test_an_inside_out_solid_is_refused():
     solid = as_solid(exportable("spline box").solid.Reversed())
     item = dataclasses.replace(exportable("spline box"), solid=solid, faces=())
-    with pytest.raises(KernelError, match="volume"):
+    with pytest.raises(KernelError, match="inside out"):
         step.encode(item, FIXED)
 
 
@@ -437,7 +437,7 @@ def test_wires_that_cross_are_refused():
     base.Add(as_wire(rectangle(3, 1, 3, 2).Reversed()))
     solid = as_solid(BRepPrimAPI_MakePrism(base.Face(), gp_Vec(0, 0, 2)).Shape())
     assert not BRepCheck_Analyzer(solid).IsValid()
-    with pytest.raises(KernelError, match=r"not valid|a solid is needed"):
+    with pytest.raises(KernelError, match=r"not valid|a solid is needed|in 2 shells"):
         step.encode(dataclasses.replace(exportable("box"), solid=solid, faces=()), FIXED)
 
 

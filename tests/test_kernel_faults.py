@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.gp import gp_Pnt, gp_Trsf, gp_Vec
 from OCP.Standard import Standard_Failure
-from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopAbs import TopAbs_ShapeEnum, TopAbs_State
 
 from pc2cad import validation
 from pc2cad.brep import build as brep
 from pc2cad.brep import to_kernel
+from pc2cad.brep.inside_out import inside_out
 from pc2cad.brep.same_numbers import same_numbers
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
@@ -161,3 +163,13 @@ def test_solids_are_the_same_by_their_numbers_alone(name: str) -> None:
         check_read_back(larger, census(part), "STEP text")
     # another shape of the same volume in other numbers, as readers may make it
     check_read_back(moved(part.solid, 1e-9), census(part), "STEP text")
+
+
+@pytest.mark.parametrize("name", ["pyramid", "channel_ellipse", "cone", "torus", "square_to_round"])
+def test_the_kernels_question_which_side_is_out_has_its_answer(name: str) -> None:
+    solid = compile_equation(read_template(template_paths()[name]).bind({})).exportable().solid
+    for shape, inside in ((solid, False), (solid.Reversed(), True)):
+        kernel = BRepClass3d_SolidClassifier(shape)
+        kernel.PerformInfinitePoint(1e-7)
+        assert (kernel.State() == TopAbs_State.TopAbs_IN) is inside
+        assert inside_out(shape) is inside

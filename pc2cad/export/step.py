@@ -21,6 +21,7 @@ from OCP.STEPControl import STEPControl_Reader, STEPControl_StepModelType
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_AsciiString
 
+from pc2cad.brep.inside_out import inside_out
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
 from pc2cad.export.kernel import (
@@ -163,15 +164,19 @@ def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) ->
     if reader.ReadStream("check", io.BytesIO(text)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise KernelError("the kernel cannot read the STEP text that it wrote")
     reader.SetSystemLengthUnit(unit_in_mm)
-    _leave_to_the_checker(reader)
+    one_shell = [original.shells for original in originals] == [1]
+    _leave_to_the_checker(reader, one_shell)
     reader.TransferRoots()
     if reader.NbShapes() != 1:
         raise KernelError(f"the STEP text reads back as {reader.NbShapes()} shapes, not as one")
-    check_read_back(reader.OneShape(), originals, "STEP text")
+    shape = reader.OneShape()
+    check_read_back(shape, originals, "STEP text")
+    if one_shell and inside_out(shape):
+        raise KernelError("the STEP text reads back as a solid that readers turn inside out")
 
 
-def _leave_to_the_checker(reader: STEPControl_Reader) -> None:
-    """Have the reader mend everything but what the kernel's checker refuses in any case.
+def _leave_to_the_checker(reader: STEPControl_Reader, one_shell: bool) -> None:
+    """Have the reader mend everything but what is refused in any case.
 
     The checker, which looks at what was read, makes the same searches on the same curves at the
     same tolerances, and refuses what would have been mended here: single edges that cross
@@ -179,10 +184,13 @@ def _leave_to_the_checker(reader: STEPControl_Reader) -> None:
     ``CheckSelfIntersectingEdge``), wires of a face that cross (``BRepCheck_Face``'s ``Intersect``,
     ``ShapeFix_IntersectionTool::FixIntersectingWires``), and edges further from their curves on
     faces than their tolerance (``BRepCheck_Edge::InContext``, ``ShapeFix_Edge::FixSameParameter``).
+    Whether a single shell is closed the checker tells as well, and whether it is inside out
+    `inside_out` asks with less effort; of several the reader makes solids in its own way.
     """
     reader.SetShapeFixParameters(DE_ShapeFixParameters())
     parameters = reader.GetShapeFixParameters()
     off = TCollection_AsciiString("0")
-    for step in ("FixSelfIntersectingEdge", "FixIntersectingWires", "FixSameParameter"):
+    steps = ["FixSelfIntersectingEdge", "FixIntersectingWires", "FixSameParameter"]
+    for step in steps + ["FixShellOrientation"] * one_shell:
         parameters.Bind(TCollection_AsciiString(f"FixShape.{step}Mode"), off)
     reader.SetShapeFixParameters(parameters)
