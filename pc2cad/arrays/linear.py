@@ -36,6 +36,14 @@ def symmetric(pairs: Iterable[tuple[int, int]], values: Iterable[float]) -> Arra
     return result
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return a × b of vectors (…, 3), coordinate by coordinate: np.cross takes thrice as long."""
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[..., j] * b[..., k], a[..., k] * b[..., j], out=result[..., i])
+    return result
+
+
 def product(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return a @ b of vectors and matrices, or of one matrix with each of a stack."""
     if a.ndim == 1 or b.ndim == 1:

@@ -20,7 +20,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
-from pc2cad.arrays.linear import symmetric
+from pc2cad.arrays.linear import cross, symmetric
 from pc2cad.brep.forms import FLUX, PAIRS, SECOND, Form
 from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex, as_wire
 from pc2cad.brep.spline_integrals import spline_flux
@@ -126,7 +126,7 @@ def _plane(surface: Geom_Plane, face: TopoDS_Face, sign: float, origin: Array) -
     place, frame = surface.Location(), surface.Position()
     base = np.array([place.X(), place.Y(), place.Z()]) - origin
     axes = np.array([[d.X(), d.Y(), d.Z()] for d in (frame.XDirection(), frame.YDirection())])
-    normal = sign * np.cross(axes[0], axes[1])
+    normal = sign * cross(axes[0], axes[1])
     moments = plane_moments(_edges_of(face), origin + base, axes)
     # the walk runs round the face's own orientation: take it back to the plane's
     area, p, q, pp, pq, qq = sign * moments

@@ -13,7 +13,7 @@ from OCP.Geom2d import Geom2d_BSplineCurve
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
-from pc2cad.arrays.linear import product
+from pc2cad.arrays.linear import cross, product
 from pc2cad.brep.forms import FLUX, Form
 from pc2cad.brep.spline_numbers import curve_numbers, surface_numbers
 from pc2cad.errors import KernelError
@@ -45,14 +45,6 @@ def spline_jet(knots: Array, poles: Array, degree: int) -> Callable[[Array], tup
         return spline_jets(knots, poles, net, degree, t)
 
     return jet
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return a × b of vectors (…, 3), coordinate by coordinate: np.cross is slower."""
-    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        result[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
-    return result
 
 
 def project(value: Array, *slopes: Array) -> list[Array]:

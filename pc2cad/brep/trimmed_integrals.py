@@ -28,12 +28,12 @@ from OCP.TopoDS import TopoDS_Face
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
-from pc2cad.arrays.linear import product
+from pc2cad.arrays.linear import cross, product
 from pc2cad.brep.forms import FLUX, Form
 from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
 from pc2cad.brep.kernel import as_edge, as_face
 from pc2cad.brep.settling import settled
-from pc2cad.brep.spline_integrals import cross, gauss_on, legendre
+from pc2cad.brep.spline_integrals import gauss_on, legendre
 from pc2cad.geometry.jets import (
     CurveFunction,
     SurfaceFunction,

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.pieces import degree_in_piece, has_pieces, in_piece, piece_at
@@ -39,8 +40,7 @@ UNIT = 2.0**-53
 SAFE_DEGREE = 8
 #: what rounding in the kernel may make of an exact form, relative to the part's size
 LARGEST_LOSS = 1e-9
-
-#: cells that are evaluated together: places, and cells, whose pieces of functions are all met
+#: cells that are evaluated together: places, and cells, whose pieces are all met
 MOST_PLACES, MOST_CELLS = 100_000, 32
 
 #: local parameters by their bytes
@@ -101,7 +101,7 @@ class RestrictedMap:
         grid = open_grid(*(np.atleast_1d(x) for x in self.places(*local)))
         along_s, along_t = self.analysis.map.tangents((s, t), *grid)
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
-        return np.cross(along_s, along_t)[keep]
+        return cross(along_s, along_t)[keep]
 
     def shown(self, *local: float) -> str:
         """Return a place as the equation's own parameters, for a message."""
@@ -218,7 +218,7 @@ def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
     for several, grid in _together(sorted(functions, key=_directions), local):
         s, t = directions_of(several[0].cell)
         along_s, along_t = several[0].analysis.map.tangents((s, t), *grid)
-        for function, normals in zip(several, np.cross(along_s, along_t), strict=True):
+        for function, normals in zip(several, cross(along_s, along_t), strict=True):
             function._normals[_key(local)] = normals
 
 

@@ -14,7 +14,7 @@ from pc2cad.errors import InputError
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, pieces, rebuild, rewrite, walk
+from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, ops_of, pieces, rebuild, rewrite, walk
 
 #: positions nearer than this (of a direction of length 1) are one break
 SAME_POSITION = 1e-12
@@ -41,7 +41,7 @@ def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[
     """
     found: tuple[dict[float, int], ...] = ({}, {}, {})
     ordered: tuple[list[float], ...] = ([], [], [])
-    for node in walk(roots):
+    for node in walk(roots, lambda n: n.args if "pieces" in n.ops else ()):
         if node.op != "pieces":
             continue
         argument = node.args[0]
@@ -74,6 +74,8 @@ def resolve_pieces(
     The trees are in the local coordinates of a cell: each symbol runs from 0 to 1, but for the one
     whose `span` is given.
     """
+    if "pieces" not in ops_of(roots):
+        return roots
     known: dict[Expr, Expr] = {}
 
     def only(node: Expr) -> Expr:

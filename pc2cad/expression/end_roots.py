@@ -11,7 +11,18 @@ from itertools import product
 
 from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.sign_changes import sign_changes
-from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, symbol
+from pc2cad.expression.tree import (
+    ONE,
+    ZERO,
+    Expr,
+    call,
+    number,
+    ops_of,
+    power,
+    rewrite,
+    symbol,
+    walk,
+)
 
 #: the operations that polynomials are made of: others are not worked out to see them cancel
 POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
@@ -26,6 +37,15 @@ def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     for op, change in changes.items():
         roots = rewrite(roots, op, change)
     return roots
+
+
+def has_whole_powers(roots: tuple[Expr, ...]) -> bool:
+    """Say whether trees are polynomials as they are written: their powers at limits are whole."""
+    if not ops_of(roots) <= POLYNOMIAL:
+        return False
+    nodes = walk(roots, lambda n: n.args if "pow" in n.ops else ())
+    exponents = (node.args[1] for node in nodes if node.op == "pow")
+    return all(e.op == "number" and e.payload.denominator == 1 and e.payload > 0 for e in exponents)
 
 
 def root_exponent(node: Expr) -> Fraction | None:

@@ -23,6 +23,8 @@ from pc2cad.topology.cells import Cell, directions_of, normal_direction
 _Polynomial = dict[tuple[int, int, int], int]
 #: what a polynomial is made of; normal forms say whether it is one
 _POLYNOMIAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
+#: the span of a parameter that runs through the box
+WHOLE = (Fraction(0), Fraction(1))
 #: products of coefficients beyond which quadrature is quicker
 MOST_PRODUCTS = 300_000
 
@@ -179,14 +181,16 @@ def _cross(a: list[_Polynomial], b: list[_Polynomial]) -> list[_Polynomial]:
 
 def _integral(f: _Polynomial) -> Fraction:
     """Return the integral over the unit box."""
-    total = Fraction(0)
-    for powers, c in f.items():
-        total += Fraction(c, prod(n + 1 for n in powers))
-    return total
+    shares = [((a + 1) * (b + 1) * (c + 1), value) for (a, b, c), value in f.items()]
+    # whole numbers over one denominator: fractions are slow to add
+    common = lcm(*(share for share, _ in shares))
+    return Fraction(sum(value * (common // share) for share, value in shares), common)
 
 
 def _integral_over(f: _Polynomial, spans: Sequence[tuple[Fraction, Fraction]]) -> Fraction:
     """Return the integral over a box."""
+    if all(span == WHOLE for span in spans):
+        return _integral(f)
     total = Fraction(0)
     for powers, c in f.items():
         total += c * prod(
@@ -214,7 +218,7 @@ def _plane_area(
     for v, (i, j) in product(vectors, ((0, 1), (1, 2), (2, 0))):
         if v[i] * first[j] != v[j] * first[i]:
             return None
-    spans = [(Fraction(0), Fraction(1))] * 3
+    spans = [WHOLE] * 3
     for axis in (s, t):
         low, high = analysis.span(axis, patch[axis])
         spans[axis] = Fraction(low), Fraction(high)

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.domain.map import open_grid
@@ -193,7 +194,7 @@ class _Densities:
     def measure(self, u: Array, v: Array, w: Array) -> Samples:
         """Return det J and (M - centre) det J, and note no sign."""
         points, a, b, c = self.analysis.map.frame(u, v, w)
-        values = np.einsum("...i,...i->...", a, np.cross(b, c))[..., None]
+        values = np.einsum("...i,...i->...", a, cross(b, c))[..., None]
         with np.errstate(all="ignore"):
             moments = (points - self.centre) * values
         return Samples(np.concatenate((values, moments), axis=-1), np.abs(values[..., 0]))

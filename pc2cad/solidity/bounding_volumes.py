@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.linear import cross
 from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 from pc2cad.topology.cells import normal_direction
 
@@ -285,7 +286,7 @@ def independent(first: Cones, second: Cones, crossing: bool) -> Booleans:
         gap = axes - mean
         reaches.append(radii + np.sqrt(np.einsum("...i,...i->...", gap, gap)))
     reach = np.maximum(*reaches)
-    normal = np.cross(mean[:, 0], mean[:, 1])
+    normal = cross(mean[:, 0], mean[:, 1])
     if crossing:
         size = np.abs(np.einsum("...i,...i->...", normal, mean[:, 2]))
         return np.asarray(size > (1 + reach).prod(axis=1) - 1)

@@ -16,6 +16,7 @@ from itertools import groupby, islice
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.pieces import degree_in_piece, piece_at
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap, sampled
@@ -193,7 +194,7 @@ def _wanted(points: Array, bound: float) -> Array:
     g = points.reshape(-1, points.shape[1] // 3, 3, points.shape[2] // 3, 3, 3)
     along_s = (g[:, :, 2, :, 1] - g[:, :, 0, :, 1]) / (2 * _STEP)
     along_t = (g[:, :, 1, :, 2] - g[:, :, 1, :, 0]) / (2 * _STEP)
-    normal = np.cross(along_s, along_t)
+    normal = cross(along_s, along_t)
     length = np.sqrt(_dot(normal, normal))
     normal /= np.where(length > 0, length, 1.0)[..., None]
     middle = g[:, :, 1, :, 1]

@@ -22,6 +22,7 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.boxes import meeting
 from pc2cad.arrays.distinct import distinct
+from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.solidity.bounding_volumes import (
     BETWEEN,
@@ -291,7 +292,7 @@ class _Descent:
         cones = parts.cones()
         # few at a time stay in a processor's own memory
         slabs = [pairs[k : k + _SLAB] for k in range(0, len(pairs), _SLAB)]
-        normal = unit(np.cross(cones[0][:, 0], cones[0][:, 1]))
+        normal = unit(cross(cones[0][:, 0], cones[0][:, 1]))
         found = [self._along_axes(parts, slab, cones, normal, slack) for slab in slabs]
         return np.concatenate([kept for kept, _ in found]), np.concatenate([d for _, d in found])
 
@@ -312,7 +313,7 @@ class _Descent:
             lambda _, j: normal[j],
             lambda i, j: unit(g[i, 4] - g[j, 4]),
             lambda i, _: s[i], lambda i, _: t[i], lambda _, j: s[j], lambda _, j: t[j],
-            *(lambda i, j, p=p, q=q: unit(np.cross(p[i], q[j])) for p in (s, t) for q in (s, t)),
+            *(lambda i, j, p=p, q=q: unit(cross(p[i], q[j])) for p in (s, t) for q in (s, t)),
         ]  # fmt: skip
         for axis_of in tries:
             axis = axis_of(a[left], b[left])

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import cross
 from pc2cad.geometry.carriers import (
     Arc,
     Cone,
@@ -73,7 +74,7 @@ def plane(form: Separation) -> Plane | None:
     if len(steps) < 2:
         return None
     first = steps[np.argmax((steps * steps).sum(axis=1))]
-    normals = np.cross(first, steps)
+    normals = cross(first, steps)
     normal = normals[np.argmax((normals * normals).sum(axis=1))]
     size, small = np.linalg.norm(normal), SAME * form.rounding
     if size <= small * np.linalg.norm(first) or np.abs(steps @ (normal / size)).max() > small:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.linear import cross
 from pc2cad.geometry.sheets import projected, restriction
 from pc2cad.solidity.embedding.surfaces import POINT, SAME, Surfaces, unit
 
@@ -74,7 +75,7 @@ class Cells:
         p = self.points
         s = p[:, -1].mean(axis=1) - p[:, 0].mean(axis=1)
         t = p[:, :, -1].mean(axis=1) - p[:, :, 0].mean(axis=1)
-        return unit(s), unit(t), unit(np.cross(s, t)), p.mean(axis=(1, 2))
+        return unit(s), unit(t), unit(cross(s, t)), p.mean(axis=(1, 2))
 
     @cached_property
     def limits(self) -> tuple[Array, Array]:

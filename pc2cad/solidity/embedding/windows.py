@@ -16,6 +16,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct_rows
+from pc2cad.arrays.linear import cross
 from pc2cad.solidity.embedding.cells import Cells, cells_of
 from pc2cad.solidity.embedding.surfaces import Surfaces, lengths, unit
 
@@ -81,12 +82,12 @@ def joint(parts: Sequence[Cones]) -> Cones:
 
 def is_alone(s: Cones, t: Cones) -> Booleans:
     """Say where no vectors of two cones are parallel."""
-    return np.asarray(lengths(np.cross(s.axes, t.axes)) > s.reach * t.reach - 1)
+    return np.asarray(lengths(cross(s.axes, t.axes)) > s.reach * t.reach - 1)
 
 
 def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
     """Say where no vectors of three cones lie in a plane."""
-    volume = np.abs(np.einsum("...i,...i->...", np.cross(s.axes, t.axes), w.axes))
+    volume = np.abs(np.einsum("...i,...i->...", cross(s.axes, t.axes), w.axes))
     return np.asarray(volume > s.reach * t.reach * w.reach - 1)
 
 
