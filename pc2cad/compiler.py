@@ -170,7 +170,7 @@ def with_arithmetic(
 
     The points that are added are compiled, each by itself.
     """
-    if not part.equation.written:
+    if not part.equation.written():
         return report
     from pc2cad.csg.arithmetic import written_findings
 

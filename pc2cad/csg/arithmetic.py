@@ -64,7 +64,7 @@ def written_findings(body: Body, compile_body: Compile) -> Iterator[Finding]:
     Of several that the same text may stand for it is the first that is proved, else one sentence on
     all.
     """
-    forms = body.equation.written
+    forms = body.equation.written()
     texts = dict.fromkeys(form.text for form in forms)
     for text in texts:
         alike = [form for form in forms if form.text == text]
@@ -88,7 +88,7 @@ def _of_written(form: Written, whole: Body, compile_body: Compile) -> Finding:
     both = []
     for name, trees in zip(form.names, (form.first, form.second), strict=True):
         equation = replace(
-            whole.equation, coordinates=trees, name=name, written=(), fields=(), mover=None,
+            whole.equation, coordinates=trees, name=name, written=tuple, fields=(), mover=None,
             freer=None, expectations=Expectations(),
         )  # fmt: skip
         try:

@@ -16,7 +16,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.map import Mapping3
+from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.geometry.scale import Scale
 from pc2cad.topology.cells import DIRECTIONS, Cell, directions_of
 
@@ -75,7 +75,12 @@ def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[
     found: tuple[set[Fraction], ...] = (set(), set(), set())
     for along in DIRECTIONS:
         rows = [_Side(mapping, d, limit, along) for d, limit in sorted(limits) if d != along]
-        closed = [(side, side(_uniform())) for side in rows if _closes(side, scale)]
+        few = _few(mapping, along)
+        closed = [
+            (side, side(_uniform()))
+            for side in rows
+            if _closes(few[side.normal, side.limit], scale)
+        ]
         for (first, points), (second, others) in combinations_with_replacement(closed, 2):
             for turned in (False, True):
                 there = others[:, ::-1] if turned else others
@@ -112,9 +117,21 @@ def _uniform() -> Array:
     return (np.arange(_COUNT) + 0.5) / _COUNT
 
 
-def _closes(side: _Side, scale: Scale) -> bool:
+def _few(mapping: Mapping3, along: int) -> dict[tuple[int, float], Array]:
+    """Return points (4, 2, 3) of the four sides along a direction, by normal and limit."""
+    ends, across = (0, 3), slice(1, 3)
+    grid = [np.array([0.0, *_ACROSS, 1.0])] * 3
+    grid[along] = np.array([0.0, 0.3, 0.7, 1.0])
+    points = np.moveaxis(mapping.points(*open_grid(*grid)), along, 0)
+    first, second = (d for d in DIRECTIONS if d != along)
+    return {(first, float(k > 0)): points[:, k, across] for k in ends} | {
+        (second, float(k > 0)): points[:, across, k] for k in ends
+    }
+
+
+def _closes(points: Array, scale: Scale) -> bool:
     """Say whether a side is no curve, and ends along its direction where it began."""
-    start, *between, end = points = side(np.array([0.0, 0.3, 0.7, 1.0]))
+    start, *between, end = points
     if not np.abs(end - start).max() <= scale.same_point:
         return False
     inner = points[:3]

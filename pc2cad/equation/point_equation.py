@@ -92,7 +92,7 @@ class PointEquation:
     #: what varies over the solid beside its shape
     fields: tuple[Field, ...] = ()
     #: what sums of points it is written as
-    written: tuple[Written, ...] = ()
+    written: Callable[[], tuple[Written, ...]] = field(default=tuple, repr=False, compare=False)
     #: makes the equation again with other points, where it knows the names of its points
     mover: Callable[[Mapping[str, Any]], PointEquation] | None = field(
         default=None, repr=False, compare=False

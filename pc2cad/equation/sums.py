@@ -156,7 +156,7 @@ def _examined(
     names = tuple(f"{PARAMETERS[p]}={(end, 1 - end)[k]}" for k in range(2))
     made = replace(
         equation, coordinates=over_own_box(equation, _summed(one, other, p, end)), layers=(),
-        depth=None, guide=None, frame="", fields=(), written=(), mover=None, freer=None,
+        depth=None, guide=None, frame="", fields=(), written=tuple, mover=None, freer=None,
         expectations=Expectations(),
     )  # fmt: skip
     size = size_of(one)

@@ -370,11 +370,9 @@ def walk(
             continue
         if node not in opened:
             args = node.args if below is None else below(node)
-            # most operands have been seen: they need no turn of their own
             if args and (left := [arg for arg in args[::-1] if arg not in seen]):
                 opened.add(node)
-                stack.append(node)
-                stack += left
+                stack += (node, *left)
                 continue
         seen.add(node)
         yield node

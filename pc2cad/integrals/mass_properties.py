@@ -95,7 +95,8 @@ def integrate(analysis: Analysis) -> MassProperties:
             "the equation or a derivative has no finite value inside the box: look for a division "
             "by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
         )
-    areas, errors = _areas(analysis, densities, whole, exact)
+    closed = exact_integrals(analysis)
+    areas, errors = _areas(analysis, densities, whole, exact, closed)
     errors.insert(0, error)
     if not max(errors) < UNSETTLED:
         raise NotIntegrableError(
@@ -109,18 +110,26 @@ def integrate(analysis: Analysis) -> MassProperties:
         tuple(_mass(part, centre) for part in layers) if analysis.equation.layers else (),
         tuple(areas[outer:]),
     )  # fmt: skip
-    closed = exact_integrals(analysis)
     return numeric if closed is None else _in_closed_form(closed, numeric, errors[1:])
 
 
 def _areas(
-    analysis: Analysis, densities: _Densities, whole: list[Panels], exact: list[Panels] | None
+    analysis: Analysis,
+    densities: _Densities,
+    whole: list[Panels],
+    exact: list[Panels] | None,
+    closed: ExactIntegrals | None,
 ) -> tuple[list[float], list[float]]:
     """Return the area of each face of the complex, and its relative error."""
     found: dict[Cell, tuple[float, float]] = {}
     patches = [face.patch for face in analysis.complex.faces]
+    if closed is not None:
+        outer = [face.patch for face in analysis.boundary.faces]
+        known = zip(outer, closed.face_areas, strict=True)
+        found |= {patch: (area, EXACT) for patch, area in known if area is not None}
     if exact is not None:
-        found |= {patch: (area, EXACT) for patch, area in flat_areas(analysis, patches).items()}
+        left = [patch for patch in patches if patch not in found]
+        found |= {patch: (area, EXACT) for patch, area in flat_areas(analysis, left).items()}
     for side in sides_in_pieces([patch for patch in patches if patch not in found]):
         found |= areas_of_side(densities.area_of(side[0]), analysis, side, whole)
     for patch in patches:

@@ -213,7 +213,7 @@ class Template(Header):
             if self.frame and self.guide
             else "",
             fields=tuple(make_field(d.name, d.value) for d in self.fields),
-            written=self._sums(),
+            written=self._sums,
             mover=mover,
         )
         if not self.layers:

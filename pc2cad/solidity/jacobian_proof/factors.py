@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import lru_cache
 from math import comb
 from typing import Any
 
@@ -148,6 +149,8 @@ def _spreads(atom: Expr) -> bool:
     do its roots.
     """
     inner = atom.args[0] if _is_root(atom) else atom
+    if inner.op == "symbol":
+        return True
     nodes = tuple(walk((inner,)))
     if any(node.op not in ANALYTIC for node in nodes) or _enclosure(inner) is None:
         return False
@@ -235,6 +238,7 @@ def _bernstein(
     return np.asarray(total, dtype=object)
 
 
+@lru_cache(maxsize=64)
 def _powers(degree: int, limits: Range) -> list[BigIntegers]:
     """Return the coefficients of 1, x … x^degree over limits, all times one whole number.
 
