@@ -16,7 +16,7 @@ SEED = np.random.default_rng(7)
 KINDS = {
     "of any size": SEED.uniform(-1, 1, COUNT) * 10.0 ** SEED.uniform(-6, 10, COUNT),
     "of a part": SEED.uniform(-30, 30, COUNT),
-    "of few digits": np.round(SEED.uniform(-100, 100, COUNT), 4),
+    "of few digits": np.round(SEED.uniform(-100, 100, COUNT), 4) + 0.0,  # no -0
     "beside few digits": np.nextafter(np.round(SEED.uniform(-100, 100, COUNT), 4), math.inf),
     "beside powers of two": np.nextafter(2.0 ** np.arange(-20, 32), np.tile([-99, 999], 26)),
     "powers of two": 2.0 ** np.arange(-20, 32),
@@ -56,3 +56,16 @@ def test_few_numbers_of_a_part_are_printed_one_by_one(monkeypatch):
 )
 def test_what_is_short_already_stays(text):
     assert shortest.shorten(text) == text
+
+
+def test_zeros_lose_their_sign_and_other_numbers_keep_it():
+    text = b"(-0.,-0.00000000,-0.5,-0.0000000000000000E+00,-0.25000000,-1.,-0.)  -0."
+    assert shortest.shorten(text) == b"(0.,0.,-0.5,0.,-0.25,-1.,0.)  -0."
+
+
+@pytest.mark.parametrize("rare", range(3))
+def test_a_word_is_found_wherever_it_is(rare):
+    for text in (b"INF", b"(INF", b"INF,NI", b"IN(-INF)", b"INFINF"):
+        assert shortest.holds(text, b"INF", rare)
+    for text in (b"", b"IN", b"NF", b"I.NF,IN", b"F,N,I,FIN"):
+        assert not shortest.holds(text, b"INF", rare)

@@ -8,7 +8,6 @@ whether it enters or leaves where it first meets a face. The kernel prepares all
 
 from __future__ import annotations
 
-import math
 import sys
 from typing import Any
 
@@ -76,7 +75,7 @@ def _first(faces: list[TopoDS_Face], line: gp_Lin) -> tuple[Any, Any]:
     """Return where in its face, and how, a line first meets one of the faces."""
     nearest, state, transition = _FAR, TopAbs_State.TopAbs_OUT, None
     for face in faces:
-        if _soonest(face, line) >= nearest - _CONFUSION:
+        if not _may_meet(face, line, nearest - _CONFUSION):
             continue
         meeting = IntCurvesFace_Intersector(face, _CONFUSION, True, False)
         meeting.Perform(line, -_FAR, nearest)
@@ -88,18 +87,19 @@ def _first(faces: list[TopoDS_Face], line: gp_Lin) -> tuple[Any, Any]:
     return state, transition
 
 
-def _soonest(face: TopoDS_Face, line: gp_Lin) -> float:
-    """Return a parameter of the line before which it does not meet the face; infinite if never.
+def _may_meet(face: TopoDS_Face, line: gp_Lin, last: float) -> bool:
+    """Return false where a line is known not to meet a face before its parameter `last`.
 
     Known only of splines, which lie within any box around their poles; others are quickly met.
     """
     surface = BRep_Tool.Surface_s(face)
     if not isinstance(surface, Geom_BSplineSurface):
-        return -math.inf
-    poles = surface_numbers(surface)[0][..., :3].reshape(-1, 3)
+        return True
+    poles = surface_numbers(surface)[0][..., :3].reshape(-1, 3) - vector(line.Location())
+    if (poles @ vector(line.Direction())).min() >= last:
+        return False
     across = gp_Ax2(line.Location(), line.Direction())
-    axes = [vector(axis) for axis in (across.Direction(), across.XDirection(), across.YDirection())]
-    places = (poles - vector(line.Location())) @ np.array(axes).T
-    low, high = places.min(axis=0), places.max(axis=0)
-    beside = (low[1:] > _CONFUSION).any() or (high[1:] < -_CONFUSION).any()
-    return math.inf if beside else float(low[0])
+    beside = poles @ np.array([vector(across.XDirection()), vector(across.YDirection())]).T
+    return bool(
+        (beside.min(axis=0) <= _CONFUSION).all() and (beside.max(axis=0) >= -_CONFUSION).all()
+    )

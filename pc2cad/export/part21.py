@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pc2cad.errors import KernelError
-from pc2cad.export.shortest import shorten, shortest
+from pc2cad.export.shortest import holds, shorten, shortest
 from pc2cad.trust.names import clean
 
 #: Longest name in characters; the standard allows 256 in the header.
@@ -125,7 +125,7 @@ def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> by
     processor = _PROCESSOR.search(kernel_text, 0, start)
     data = kernel_text[start:]
     # the plain searches are much faster, and nearly always all that is needed
-    suspects = any(part in data for part in (b"NAN", b"INF", b"E+"))
+    suspects = holds(data, b"NAN", 1) or holds(data, b"INF", 2) or holds(data, b"E+", 0)
     if suspects and _NOT_FINITE.search(data):
         raise KernelError("the solid has coordinates that are not finite; nothing was written")
     data = _name(_shorten(data), strings)
@@ -136,8 +136,7 @@ def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> by
 def _shorten(data: bytes) -> bytes:
     # zeros are the most frequent numbers and need no search
     data = data.replace(b"0.000000000000000,", b"0.,").replace(b"0.000000000000000)", b"0.)")
-    data = shorten(data).replace(b"-0.,", b"0.,").replace(b"-0.)", b"0.)")
-    return _COLOUR.sub(_colour, data)
+    return _COLOUR.sub(_colour, shorten(data))
 
 
 def _colour(found: re.Match[bytes]) -> bytes:

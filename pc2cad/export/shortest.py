@@ -29,7 +29,9 @@ _POWERS = np.array([float(10**power) for power in range(23)])
 _HALVES = float(2**27 + 1)
 #: in units of the last of 17 digits, of which two doubles are at least 1.1 apart
 _DOUBT = 1e-6
-_POINT, _ZERO, _NINE, _EXPONENT = b".09E"
+_POINT, _ZERO, _NINE, _EXPONENT, _MINUS = b".09E-"
+#: what ends a zero: a delimiter, or digits that were cut
+_ENDS = np.isin(np.arange(256), list(b",)\0"))
 
 
 def shortest(texts: Iterable[bytes]) -> dict[bytes, bytes]:
@@ -51,7 +53,10 @@ def _with_exponent(text: bytes) -> bytes:
 
 
 def shorten(data: bytes) -> bytes:
-    """Return a text with each number of six or more decimals as short as it can be."""
+    """Return a text with each number of six or more decimals as short as it can be.
+
+    Zeros lose their sign.
+    """
     whole = bytearray(data)
     text = np.frombuffer(whole, np.uint8)
     breaks = np.flatnonzero(text - np.uint8(_ZERO) > 9)
@@ -70,7 +75,27 @@ def shorten(data: bytes) -> bytes:
     known = shortest(data[start:end] for start, end in spans)
     for start, end in spans:
         whole[start:end] = known[data[start:end]].ljust(end - start, b"\0")
+    minus = _places(text, b"-0.", 0)
+    minus = minus[minus < len(text) - 3]
+    text[minus[_ENDS[text[minus + 3]]]] = 0
     return bytes(whole.translate(None, b"\0"))
+
+
+def holds(data: bytes, word: bytes, rare: int) -> bool:
+    """Return whether a text holds a short word, sooner than `in` where a letter of it is rare.
+
+    `rare` is the place of that letter in the word.
+    """
+    return bool(_places(np.frombuffer(data, np.uint8), word, rare).size)
+
+
+def _places(text: Any, word: bytes, rare: int) -> Whole:
+    """Return where a text has a word of which one letter is rare in it."""
+    found = np.flatnonzero(text == np.uint8(word[rare])) - rare
+    found = found[(found >= 0) & (found <= len(text) - len(word))]
+    for place, letter in enumerate(word):
+        found = found[text[found + place] == letter]
+    return found
 
 
 def _cut(text: Any, starts: Whole, points: Whole, ends: Whole, scaled: NDArray[np.bool_]) -> Any:
