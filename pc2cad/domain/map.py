@@ -123,6 +123,19 @@ class Mapping3:
         """Trees of M_u, M_v and M_w."""
         return tuple(derivatives(self.coordinates, name) for name in PARAMETERS)
 
+    @cached_property
+    def speeds(self) -> tuple[float, float, float]:
+        """The largest |M_u|, |M_v| and |M_w| at a few places, no less than the coordinates there.
+
+        A derivative is a difference of terms as large as these.
+        """
+        inside = np.array([0.03, 0.24, 0.52, 0.79, 0.97])
+        points, *tangents = self.frame(*open_grid(inside, inside, inside))
+        coordinates = float(np.nanmax(np.abs(points)))
+        squares = (x * x + y * y + z * z for x, y, z in (np.moveaxis(m, -1, 0) for m in tangents))
+        u, v, w = (max(float(np.nanmax(np.sqrt(square))), coordinates) for square in squares)
+        return u, v, w
+
     def _run(self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         if keys not in self._programs:
             roots = tuple(tree for key in keys for tree in self._trees_of(key))

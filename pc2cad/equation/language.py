@@ -24,6 +24,7 @@ from pc2cad.equation.names import Listed as Listed
 from pc2cad.equation.names import Named as Named
 from pc2cad.equation.names import nearest as nearest
 from pc2cad.equation.points import Combination, Value, kind_of
+from pc2cad.equation.recalled import recalled
 from pc2cad.equation.syntax import (
     RADIANS,
     WORDS,
@@ -68,12 +69,8 @@ def read_expression(text: str, names: Mapping[str, Named], curves: Curves | None
     """
     node = parse(text)
     with bounded():
-        value = _Reader(names, curves or {}).value(node)
-    try:
-        kind_of(value)
-    except InputError as error:
-        raise ExpressionValueError(str(error), node.column) from error
-    return value
+        known = curves or {}
+        return recalled(node, _Reader(names, known).whole, names, known)
 
 
 class _Reader:
@@ -81,6 +78,15 @@ class _Reader:
         self._names = dict(names)
         self._curves = curves
         self._terms = 0
+
+    def whole(self, node: Node) -> Value:
+        """Return the value of a whole expression: a scalar, a point or a free vector."""
+        value = self.value(node)
+        try:
+            kind_of(value)
+        except InputError as error:
+            raise ExpressionValueError(str(error), node.column) from error
+        return value
 
     def value(self, node: Node) -> Value:
         try:
@@ -106,7 +112,7 @@ class _Reader:
             case TripleNode():
                 return points.point(*(self._scalar(x, "a coordinate") for x in node.operands))
             case CallNode():
-                return self._call(node)
+                return recalled(node, self._call, self._names, self._curves)
             case PartNode():
                 return self._part(node)
             case IndexNode():

@@ -41,12 +41,18 @@ def bounded(nodes: int = MOST_NODES) -> Iterator[None]:
         _left.reset(token)
 
 
+def left() -> int:
+    """Return how many nodes and operands may still be made; 0 where they are not counted."""
+    counted = _left.get()
+    return 0 if counted is None else counted[0]
+
+
 def spend(operands: int) -> None:
     """Count a node with so many operands."""
-    left = _left.get()
-    if left is not None:
-        left[0] -= 1 + operands
-        if left[0] < 0:
+    counted = _left.get()
+    if counted is not None:
+        counted[0] -= 1 + operands
+        if counted[0] < 0:
             raise TooLargeError(
                 "the equations written out grow beyond all measure here; look for derivatives of "
                 "derivatives, or for curves within curves, in [let]"

@@ -72,7 +72,9 @@ def find_orientation(mapping: Mapping3) -> Orientation:
     place = _search(watch.see, watch, _worst(places, sign * sine), sign)
     _search(watch.volume, watch, _worst(places, sign * determinant), sign)
     # a zero on a side is normal; moved inside along it, it has to be gone
-    return Orientation(sign, Verdict.UNDECIDED, _zero_near(watch, sign, np.clip(place, 0.05, 0.95)))
+    inside = np.clip(place, 0.05, 0.95)
+    warning = _zero_near(watch, float(sign * watch.see(*inside)), inside)
+    return Orientation(sign, Verdict.UNDECIDED, warning)
 
 
 def _proved_within(mapping: Mapping3, direction: int, low: float, high: float, sign: int) -> bool:
@@ -90,11 +92,12 @@ def _inner_zero(watch: JacobianWatch, sign: int) -> str:
     grid = open_grid(axis, axis, axis)
     sine = sign * watch.see(*grid)
     index = np.unravel_index(np.argmin(sine), sine.shape)
-    return _zero_near(watch, sign, np.array([axis[i] for i in index]))
+    return _zero_near(watch, float(sine[index]), np.array([axis[i] for i in index]))
 
 
-def _zero_near(watch: JacobianWatch, sign: int, place: Array) -> str:
-    if float(sign * watch.see(*place)) >= 100 * ROUNDING:
+def _zero_near(watch: JacobianWatch, sine: float, place: Array) -> str:
+    """Return a warning where the quotient that `watch` sees at a place is nought."""
+    if sine >= 100 * ROUNDING:
         return ""
     return (
         f"det J vanishes inside the box, near {watch.mapping.shown(place)}, without changing its "

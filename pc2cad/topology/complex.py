@@ -6,11 +6,10 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from typing import Literal
 
 from pc2cad.expression.identity import Verdict
-from pc2cad.topology.cells import DIRECTIONS, Cell, Labels, SideKey, Symmetry
+from pc2cad.topology.cells import Cell, Labels, SideKey, Symmetry
 
 Fate = Literal["face", "curve", "point", "interface"]
 
@@ -117,15 +116,15 @@ class BoundaryComplex:
     def faces_beside(self, patch: Cell, directions: Iterable[int]) -> int:
         """Return how many faces have the positions of a patch in some directions."""
         along = tuple(sorted(directions))
-        return self._positions[along][tuple(patch[d] for d in along)]
+        if along not in self._positions:
+            rows = (tuple([face.patch[d] for d in along]) for face in self.faces)
+            self._positions[along] = Counter(rows)
+        return self._positions[along][tuple([patch[d] for d in along])]
 
     @cached_property
     def _positions(self) -> dict[tuple[int, ...], Counter[tuple[int, ...]]]:
-        return {
-            along: Counter(tuple(face.patch[d] for d in along) for face in self.faces)
-            for count in range(len(DIRECTIONS) + 1)
-            for along in combinations(DIRECTIONS, count)
-        }
+        """Faces by their positions in the directions that were asked for."""
+        return {}
 
     @property
     def euler(self) -> int:
