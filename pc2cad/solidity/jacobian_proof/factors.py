@@ -28,9 +28,10 @@ from pc2cad.arrays.scatter import scattered
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import interval
-from pc2cad.expression.normal_form import NormalForm, normal_form
+from pc2cad.expression.normal_form import NormalForm, normal_form, ordered
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import PI, Expr, walk
+from pc2cad.expression.polynomials import polynomials
+from pc2cad.expression.tree import PI, Expr, symbol, walk
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.integer_bernstein import sign_inside
 
@@ -56,7 +57,7 @@ def sign_from_factors(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
     if _has_many_nodes(sum(mapping.derivatives, ())):
         return 0
-    form = normal_form(determinant(mapping.derivatives), MOST_TERMS)
+    form = _form(mapping)
     if not form:
         return 0
     sign, rest = _without_factors(form)
@@ -78,6 +79,20 @@ def sign_from_factors(mapping: Mapping3) -> int:
     # but for no volume, these stay clear of their limits; other atoms may be at theirs
     clear = tuple(axis for axis, atom in enumerate(atoms) if _spreads(atom))
     return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * MOST_COEFFICIENTS)
+
+
+def _form(mapping: Mapping3) -> NormalForm | None:
+    """Return the normal form of det J, times a positive number; None where it is too large."""
+    known = polynomials(mapping.coordinates)
+    if known is None:
+        return normal_form(determinant(mapping.derivatives), MOST_TERMS)
+    own = [symbol(name) for name in PARAMETERS]
+    form = {
+        ordered(dict(zip(own, powers, strict=True))): Fraction(c)
+        for powers, c in known.determinant.items()
+        if c
+    }
+    return form if len(form) <= MOST_TERMS else None
 
 
 def _has_many_nodes(roots: tuple[Expr, ...]) -> bool:
