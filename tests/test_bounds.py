@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from decimal import Decimal, localcontext
 from fractions import Fraction
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.interpolate import BSpline
 from shipped import checked_of
 
 import pc2cad as pc
+from pc2cad.arrays import linear
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import MOST_GATHERED, Place, product
@@ -312,6 +314,37 @@ def test_models_on_pairs_of_boxes_are_those_of_their_product():
     assert np.isfinite(model.radius).tolist() == [[True], [True], [True], [False]]
 
 
+def test_what_is_divided_by_a_root_is_within_its_model():
+    """On the rims of the discs, and as computed against 40 digits at real places."""
+    tree = (1 + U) / call("sqrt", Fraction(1, 3) + U * U + V / 5)
+    assert (tree.op, tree.args[1].op) == ("div", "sqrt")
+    centre, disc = np.array([-0.2, 0.3]), 0.05
+    place = Place(centre, np.full(2, 0.02), np.full(2, disc))
+    (model,) = enclose([tree], ["u", "v"], [place, place], 4)
+    s = np.exp(0.7j * np.arange(9))[:, None, None, None]
+    t = s.reshape(1, -1, 1, 1)
+    u, v = centre[:, None] + disc * s, centre + disc * t
+    terms = sum(model.terms[i, j] * s**i * t**j for i in range(5) for j in range(5 - i))
+    off = np.abs((1 + u) / np.sqrt(1 / 3 + u * u + v / 5) - terms).max(axis=(0, 1))
+    assert (off <= model.radius).all()
+    assert (model.radius <= 12 * off).all()
+    assert (off > 1e-9).all()  # far above the rounding of these samples
+    (computed,) = Program((tree,))({"u": centre[:, None], "v": centre})
+    with localcontext(prec=40):
+        x, y = Decimal(centre[0]), Decimal(centre[1])
+        exact = [
+            [(1 + a) / (1 / Decimal(3) + a * a + b / 5).sqrt() for b in (x, y)] for a in (x, y)
+        ]
+        errors = [
+            [float(abs(Decimal(computed[n, m]) - exact[n][m])) for m in (0, 1)] for n in (0, 1)
+        ]
+    assert (errors <= model.error).all()
+    # nothing is known where what is below the root may be 0
+    near = Place(np.array([0.04]), np.array([0.01]), np.array([0.05]))
+    (model,) = enclose([1 / call("sqrt", U)], ["u"], [near], 4)
+    assert np.isinf(model.radius).all()
+
+
 def test_tanh_is_level_on_wide_discs_far_from_0():
     """Its quotient of series knows nothing there; beside a ridge few boxes then do for many."""
     centre = np.array([-30.0, -12.0, 12.0, 30.0])
@@ -355,14 +388,19 @@ def test_logistic_functions_are_level_on_wide_discs_far_from_0(p: int, q: int) -
     assert as_tanh(untouched) == untouched
 
 
-@pytest.mark.parametrize("boxes", [(3, 2), (40, 25)])
+@pytest.mark.parametrize("boxes", [(3, 2), (20, 20), (40, 25)])
 def test_products_of_terms_are_those_of_polynomials(boxes: tuple[int, int]) -> None:
-    """Of whole numbers, which are exact: laid side by side for few boxes, term by term for many."""
+    """Of whole numbers, which are exact: laid side by side for few boxes, term by term for many.
+
+    Side by side they are added up by a matrix, or by runs where that is too much to multiply.
+    """
     order, rng = 4, np.random.default_rng(3)
     assert (np.prod(boxes) * 70 > MOST_GATHERED) == (boxes == (40, 25))  # 70 pairs are kept
+    assert (np.prod(boxes) * 70 * 15 > linear.ONE_THREAD) == (boxes != (3, 2))  # 15 products
     shapes = [((5, 5, *boxes), (5, 5, *boxes)), ((5, 1, boxes[0], 1), (5, 5, *boxes)),
-              ((2, 3, *boxes), (4, 5, 1, boxes[1]))]  # fmt: skip
-    assert len(shapes) == 3
+              ((2, 3, *boxes), (4, 5, 1, boxes[1])), ((1, 1, 1, 1), (5, 5, *boxes)),
+              ((2, 5, 1, boxes[1]), (5, 1, boxes[0], 1))]  # fmt: skip
+    assert len(shapes) == 5
     for shape, other in shapes:
         x, y = (rng.integers(-9, 10, s).astype(float) for s in (shape, other))
         kept = [np.add.outer(*map(np.arange, s[:2])) <= order for s in (shape, other)]

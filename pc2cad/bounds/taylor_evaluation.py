@@ -18,6 +18,7 @@ from pc2cad.bounds.taylor_functions import (
     FUNCTIONS,
     SEVERAL,
     inverse,
+    inverse_root,
     power,
     real_power,
     whole_power,
@@ -175,7 +176,9 @@ def enclose(
 
 
 def _operands(node: Expr) -> tuple[Expr, ...]:
-    """Return what models are needed of: no coefficients that are numbers."""
+    """Return what models are needed of: no coefficients that are numbers, no roots divided by."""
+    if node.op == "div" and node.args[1].op == "sqrt":
+        return node.args[0], node.args[1].args[0]
     table = node.op == "pieces" and _table(node) is not None
     return node.args[:1] if table else node.args
 
@@ -191,6 +194,9 @@ def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order
         return add(args[0], args[1])
     if op == "neg":
         return neg(args[0])
+    if op == "div" and node.args[1].op == "sqrt":
+        # one power: as a root and its inverse it would be composed twice
+        return mul(args[0], inverse_root(args[1], order), order)
     if op in SEVERAL:
         return SEVERAL[op](*args, order)
     if op == "within":
@@ -262,14 +268,16 @@ def _pieces(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], ord
     size = (np.abs(middle) + period + np.abs(knots).max()) * 8 * UNIT
     local = shift(argument, -start)
     local = Model(local.terms, local.radius + size, local.error + overlap + size)
-    value, table = constant(0.0), _table(node)
+    value: Model | None = None
+    table = _table(node)
     for k in reversed(range(width)):
         if table is None:
             coefficient = _chosen(flat[k::width], index)
         else:
             terms, off = table[:, index, k]
             coefficient = Model(terms[None, None], off, off)
-        value = add(mul(value, local, order), coefficient)
+        value = coefficient if value is None else add(mul(value, local, order), coefficient)
+    assert value is not None
     return value
 
 

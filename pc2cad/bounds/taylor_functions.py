@@ -32,6 +32,12 @@ def square_root(x: Model, order: int) -> Model:
     return _power_series(x, 0.5, order, np.sqrt(c), UNIT)
 
 
+def inverse_root(x: Model, order: int) -> Model:
+    """Return 1/√x, rounded twice, of values whose real part is positive."""
+    c = np.where(x.centre > 0, x.centre, np.nan)
+    return _power_series(x, -0.5, order, 1 / np.sqrt(c), 2 * UNIT)
+
+
 def real_power(x: Model, exponent: float, order: int) -> Model:
     """Return x**exponent for positive x."""
     c = np.where(x.centre > 0, x.centre, np.nan)

@@ -29,6 +29,8 @@ LIBRARY = 8 * UNIT
 TINY = 1e-300
 #: products of two terms each, all boxes together, that are held at once
 MOST_GATHERED = 1 << 15
+#: entries of a matrix that adds up products of pairs
+MOST_SUMMED = 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +61,12 @@ class Model:
     @cached_property
     def size(self) -> Array:
         """The sum of all |terms|."""
-        return np.asarray(self.sizes.sum(axis=0))
+        return _sum(self.sizes)
 
     @cached_property
     def reach(self) -> Array:
         """How far values, computed ones too, may be from `centre`."""
-        total = self.sizes[1:].sum(axis=0)
+        total = _sum(self.sizes[1:])
         return np.asarray((total * (1 + 1e-12) + self.radius + self.error) * SLACK)
 
     @cached_property
@@ -125,9 +127,10 @@ def pad(terms: Array, shape: tuple[int, ...]) -> Array:
 
 def add(x: Model, y: Model) -> Model:
     """Return x + y."""
-    shape = tuple(max(p, q) for p, q in zip(x.terms.shape[:2], y.terms.shape[:2], strict=True))
+    (a, b), (c, d) = x.terms.shape[:2], y.terms.shape[:2]
+    shape = max(a, c), max(b, d)
     total = pad(x.terms, shape) + pad(y.terms, shape)
-    size = np.abs(total).sum(axis=(0, 1)) * UNIT
+    size = _sum(np.abs(total).reshape(-1, *total.shape[2:])) * UNIT
     radius = (x.radius + y.radius + size) * SLACK + TINY
     return Model(total, radius, (x.error + y.error + size + UNIT * radius) * SLACK + TINY)
 
@@ -152,9 +155,9 @@ def mul(x: Model, y: Model, order: int) -> Model:
     radius = radius + 4 * (order + 2) ** 2 * UNIT * x.size * y.size
     if len(by_x) + len(by_y) - 2 > order:
         # what the factors have from each degree on, the highest degree first
-        rest = np.cumsum(by_y[::-1], axis=0)
+        rest = by_y[::-1].cumsum(axis=0)
         beyond = by_x[order + 2 - len(by_y) :]
-        radius = radius + (beyond * rest[: len(beyond)]).sum(axis=0)
+        radius = radius + _sum(beyond * rest[: len(beyond)])
     error = x.largest * y.error + y.largest * (x.error + UNIT * x.largest)
     return Model(total, radius * (1 + 1e-14) + TINY, error * (1 + 1e-14) + TINY)
 
@@ -162,10 +165,9 @@ def mul(x: Model, y: Model, order: int) -> Model:
 def product(x: Array, y: Array, order: int) -> Array:
     """Return the products of terms, up to a total degree of `order`."""
     (a, b), (c, d) = x.shape[:2], y.shape[:2]
-    if (a == 1 and d == 1) or (b == 1 and c == 1):
-        # one factor varies along s, the other along t: every term is one product
-        total = x * y
-        return _up_to(order, total)
+    if (a == 1 and d == 1) or (b == 1 and c == 1) or a * b == 1 or c * d == 1:
+        # a factor does not vary, or one varies along s, the other along t: one product per term
+        return _up_to(order, x * y)
     if b == d == 1 or a == c == 1:
         return _along_one(x, y, order)
     boxes = np.broadcast_shapes(x.shape[2:], y.shape[2:])
@@ -196,6 +198,12 @@ class _Pairs:
     term: Integers
     shape: tuple[int, int]
 
+    @cached_property
+    def sums(self) -> Array:
+        """The matrix that adds up the products of the pairs, (products, pairs)."""
+        which = np.repeat(np.arange(len(self.starts)), np.diff(self.starts, append=len(self.first)))
+        return np.asarray(np.arange(len(self.starts))[:, None] == which, dtype=float)
+
 
 @lru_cache(maxsize=256)
 def _pairs(first: tuple[int, int], second: tuple[int, int], order: int) -> _Pairs:
@@ -212,13 +220,18 @@ def _pairs(first: tuple[int, int], second: tuple[int, int], order: int) -> _Pair
 
 def _gathered(x: Array, y: Array, pairs: _Pairs, boxes: tuple[int, ...]) -> Array:
     """Return the products of terms from all pairs side by side: few calls where boxes are few."""
-    rows = []
-    for terms, which in ((x, pairs.first), (y, pairs.second)):
-        wide = np.broadcast_to(terms, (*terms.shape[:2], *boxes))
-        rows.append(wide.reshape(terms.shape[0] * terms.shape[1], -1).take(which, axis=0))
-    rows[0] *= rows[1]
-    total = np.zeros((pairs.shape[0] * pairs.shape[1], rows[0].shape[1]))
-    total[pairs.term] = np.add.reduceat(rows[0], pairs.starts, axis=0)
+    # each factor has as many boxes as it varies over
+    first = x.reshape(-1, *x.shape[2:]).take(pairs.first, axis=0)
+    second = y.reshape(-1, *y.shape[2:]).take(pairs.second, axis=0)
+    whole = next((f for f in (first, second) if f.shape[1:] == boxes), None)
+    rows = np.multiply(first, second, out=whole).reshape(len(first), -1)
+    size = len(pairs.starts) * len(rows)
+    if size <= MOST_SUMMED and size * rows.shape[1] <= linear.ONE_THREAD:
+        sums = linear.product(pairs.sums, rows)
+    else:
+        sums = np.add.reduceat(rows, pairs.starts, axis=0)
+    total = np.zeros((prod(pairs.shape), rows.shape[1]))
+    total[pairs.term] = sums
     return total.reshape(*pairs.shape, *boxes)
 
 
@@ -263,10 +276,13 @@ def by_degree(sizes: Array) -> Array:
         return np.asarray(sizes[:, 0])
     if a == 1:
         return np.asarray(sizes[0])
-    result = np.zeros((a + b - 1, *sizes.shape[2:]))
-    for i in range(a):
-        result[i : i + b] += sizes[i]
-    return result
+    total = linear.product(_collect(a, b, a + b), sizes.reshape(a * b, -1))
+    return total.reshape(-1, *sizes.shape[2:])
+
+
+def _sum(values: Array) -> Array:
+    """Return the sum along the first axis."""
+    return np.asarray(np.add.reduce(values, axis=0))
 
 
 def compose(
