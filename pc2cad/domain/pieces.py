@@ -38,23 +38,25 @@ def in_piece(
     All faces and edges of the piece take their trees from these: many have the parts of all pieces.
     Every span is run through from 0 to 1 in the trees' own symbols.
     """
-    alone = coordinates
+    whole, single = coordinates, False
     for name, span in zip(PARAMETERS, spans, strict=True):
-        alone = _along(alone, name, span)
-    local = {
-        name: number(low) + (number(high) - number(low)) * symbol(name)
-        for name, (low, high) in zip(PARAMETERS, spans, strict=True)
-    }
-    whole = substitute(alone, local)
+        whole, fewer = _along(whole, name, span)
+        single = single or fewer
     trees = cancel_terms(resolve_pieces(whole))
-    return trees, alone != coordinates or trees != whole
+    return trees, single or trees != whole
 
 
 @lru_cache(maxsize=1024)
-def _along(coordinates: tuple[Expr, ...], name: str, span: tuple[float, float]) -> tuple[Expr, ...]:
-    """Return trees without what is not met on a span of one parameter."""
-    low, high = (number(x).payload for x in span)
-    return resolve_pieces(coordinates, (name, low, high))
+def _along(
+    trees: tuple[Expr, ...], name: str, span: tuple[float, float]
+) -> tuple[tuple[Expr, ...], bool]:
+    """Return trees in the local parameter of a span of one parameter, without what is not met.
+
+    Also whether something is not. Pieces side by side have most of these spans in common.
+    """
+    low, high = (number(x) for x in span)
+    alone = resolve_pieces(trees, (name, low.payload, high.payload))
+    return substitute(alone, {name: low + (high - low) * symbol(name)}), alone != trees
 
 
 @lru_cache(maxsize=1024)

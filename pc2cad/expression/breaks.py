@@ -87,13 +87,19 @@ def resolve_pieces(
         return known[node]
 
     def below(node: Expr) -> tuple[Expr, ...]:
+        if "pieces" not in node.ops:
+            return ()
         if node.op != "pieces" or only(node) is node:
             return node.args
         return (only(node),)
 
+    if "pieces" not in ops_of(roots):
+        return roots
     done: dict[Expr, Expr] = {}
     for node in walk(roots, below):
-        if node.op == "pieces" and known[node] is not node:
+        if "pieces" not in node.ops:
+            done[node] = node
+        elif node.op == "pieces" and known[node] is not node:
             done[node] = done[known[node]]
         else:
             args = tuple(done[arg] for arg in node.args)
@@ -141,14 +147,10 @@ def _met(
 
     None where the argument is no affine function of one parameter, or goes round once or more.
     """
-    argument = node.args[0]
-    if len(argument.symbols) != 1 or not is_affine(argument):
+    limits = _limits(node.args[0], span)
+    if limits is None:
         return None
-    (name,) = argument.symbols
-    limits = (float(span[1]), float(span[2])) if span and span[0] == name else (0.0, 1.0)
-    low, high = sorted(evaluate(argument, {name: x}) for x in limits)
-    if not high - low < inf:  # a table beyond its range
-        return None
+    low, high = limits
     breaks, _, _, closed = node.payload
     period, last, row = breaks[-1] - breaks[0], len(breaks) - 2, node.payload.width
     laps = range(1)
@@ -170,6 +172,22 @@ def _met(
                 coefficients = node.args[1 + i * row : 1 + (i + 1) * row]
                 found.append((breaks[i] + lap * period, coefficients))
     return found
+
+
+@lru_cache(maxsize=256)
+def _limits(
+    argument: Expr, span: tuple[str, Fraction, Fraction] | None
+) -> tuple[float, float] | None:
+    """Return what an argument runs between, None where it is no affine function of one parameter.
+
+    Tables often have their argument in common: those of the coordinates of one profile do.
+    """
+    if len(argument.symbols) != 1 or not is_affine(argument):
+        return None
+    (name,) = argument.symbols
+    limits = (float(span[1]), float(span[2])) if span and span[0] == name else (0.0, 1.0)
+    low, high = sorted(evaluate(argument, {name: x}) for x in limits)
+    return (low, high) if high - low < inf else None  # beyond the range of a table
 
 
 @lru_cache(maxsize=256)

@@ -72,19 +72,26 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     places = ({n: x + 0.11 * i for i, n in enumerate(names)} for x in (0.13, 0.37, 0.58))
     nodes = list(walk(roots))
     tables = [values_of(nodes, place) for place in places]
+    sums = [node for node in nodes if node.op == "add" and node.symbols]
+    steady = {node for node in sums if _is_steady(node, tables)}
+    if not steady:
+        return roots
     done: dict[Expr, Expr] = {}
     for node in nodes:
-        args = tuple(done[arg] for arg in node.args)
+        args = tuple([done[arg] for arg in node.args])
         done[node] = node if args == node.args else rebuild(node, args)
-        if node.op != "add" or not done[node].symbols:
-            continue
-        first, *others = (table[node] for table in tables)
-        size = max(abs(table[arg]) for table in tables for arg in node.args)
-        if all(abs(value - first) <= ROUNDING * size for value in others):
+        if node in steady and done[node].symbols:
             form = _form(done[node])
             if form is not None and not any(a.symbols for m in form for a, _ in m):
                 done[node] = tree_of(form)
     return tuple(done[root] for root in roots)
+
+
+def _is_steady(node: Expr, tables: list[dict[Expr, float]]) -> bool:
+    """Say whether a sum has one value at several places, but for rounding of its terms."""
+    first, *others = [table[node] for table in tables]
+    size = max([abs(table[arg]) for table in tables for arg in node.args])
+    return all(abs(value - first) <= ROUNDING * size for value in others)
 
 
 @lru_cache(maxsize=512)
