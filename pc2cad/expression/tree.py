@@ -361,8 +361,7 @@ def walk(
     roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] | None = None
 ) -> Iterator[Expr]:
     """Yield every node below `roots` once, operands (those that `below` gives) before it."""
-    seen: set[Expr] = set()
-    opened: set[Expr] = set()
+    seen, opened = set[Expr](), set[Expr]()
     stack = list(reversed(roots))
     while stack:
         node = stack.pop()
@@ -370,9 +369,10 @@ def walk(
             continue
         if node not in opened:
             args = node.args if below is None else below(node)
-            if args and (left := [arg for arg in args[::-1] if arg not in seen]):
+            if args:
                 opened.add(node)
-                stack += (node, *left)
+                stack.append(node)
+                stack += args[::-1]
                 continue
         seen.add(node)
         yield node
