@@ -7,7 +7,7 @@ import pytest
 
 from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import Model, Place
-from pc2cad.expression import evaluation
+from pc2cad.expression import carried, evaluation
 from pc2cad.expression.carried import Carried, begin_build
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.tree import Expr, call, symbol
@@ -18,6 +18,7 @@ u, v = symbol("u"), symbol("v")
 
 @pytest.fixture(autouse=True)
 def _nothing_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(carried, "_trees", carried._Trees())
     monkeypatch.setattr(evaluation, "_carried", Carried(evaluation.MOST_CARRIED))
 
 
