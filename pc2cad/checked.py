@@ -1,14 +1,16 @@
 """What is known of a map before anything is represented: the value that all ways out begin with.
 
-    PointEquation  ─limits→     Limits          of a channel: what is near to break it
-                   ─sample→     SampledSides    M over the unit box, finite on its sides
+    PointEquation  ─sample→     SampledSides    M over the unit box, finite on its sides
                    ─orient→     Orientation     the sign of det J, or a fold
                    ─analyse→    Analysis        which sides collapse, coincide, bound
                    ─integrate→  MassProperties  volume, area, centroid of the equation
                    ─solidity→   Solidity        no overlap
                                 ⇒ CheckedMap    ⇒ B-rep, volume splines, meshes, points
 
-Each stage takes the results before it and returns one frozen value.
+Each stage takes the results before it and returns one frozen value. The limits of a channel say
+what is near to break it. Where it is proved that nothing does they are worked out when asked for;
+where something is sampled they are looked at as well (*limits*), and where a stage refuses the map
+they are the closer reason.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pc2cad.bounds.extremes import Extreme, largest_value, least_value
@@ -30,6 +33,7 @@ from pc2cad.equation.degrees import degrees_remark
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.expression.carried import begin_build
+from pc2cad.expression.identity import Verdict
 from pc2cad.geometry.scale import Scale
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
@@ -57,10 +61,15 @@ class CheckedMap:
 
     analysis: Analysis
     orientation: Orientation
-    #: of a channel: how far it is from breaking
-    limits: tuple[Limit, ...]
+    #: how deep layers may be, where that is known
+    depths: tuple[Limit, ...]
     mass: MassProperties
     solidity: Solidity
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """Of a channel: how far it is from breaking, by search when it is first asked for."""
+        return (*find_limits(self.equation), *self.depths)
 
     @property
     def equation(self) -> PointEquation:
@@ -155,7 +164,8 @@ class Stages:
     def __init__(self, progress: Progress | None = None) -> None:
         self._progress = progress
         self.times: dict[str, float] = {}
-        #: what is put behind the message of a NotASolidError, worked out where there is one
+        #: what is put behind the message of a NotASolidError, worked out where there is one; a
+        #: remark that knows a closer reason raises it
         self.remarks: list[Callable[[], str]] = []
 
     def __call__(self, name: str, run: Callable[[], Result]) -> Result:
@@ -189,12 +199,8 @@ def check_map(
     """
     begin_build()
     run = stages or Stages()
-    limits = run("limits", lambda: find_limits(equation))
+    run.remarks += (lambda: _limits_remark(equation), lambda: degrees_remark(equation))
     depths = run("depth", lambda: find_depth(equation)) if equation.depth is not None else ()
-    if limits:
-        run.remarks.append(lambda: f"limits of the channel: {describe(limits)}")
-    run.remarks.append(lambda: degrees_remark(equation))
-    check_limits(limits)
     check_depth(depths)
     sides = run("sample", lambda: sample_sides(equation))
     orientation = run("orient", lambda: find_orientation(sides.map))
@@ -204,7 +210,17 @@ def check_map(
     if accept is not None:
         accept(mass)
     solidity = run("solidity", lambda: check_solidity(analysis, orientation.sign, faces))
-    return CheckedMap(analysis, orientation, (*limits, *depths), mass, solidity)
+    checked = CheckedMap(analysis, orientation, depths, mass, solidity)
+    if not (faces and orientation.verdict is Verdict.PROVED):
+        run("limits", lambda: check_limits(checked.limits))
+    return checked
+
+
+def _limits_remark(equation: PointEquation) -> str:
+    """Return the limits of a channel; raise ChannelLimitError where they are why it is no solid."""
+    limits = find_limits(equation)
+    check_limits(limits)
+    return f"limits of the channel: {describe(limits)}" if limits else ""
 
 
 def halved(checked: CheckedMap) -> CheckedMap:

@@ -95,6 +95,7 @@ def compile_checked(
 def _compiled(checked: CheckedMap, options: CompileOptions, run: Stages) -> Body:
     """Return the body of a checked map; raise what its stages raise."""
     from pc2cad.brep.build import build
+    from pc2cad.channels.limits import check_limits
     from pc2cad.part import Body
     from pc2cad.representation.boundary import represent
     from pc2cad.representation.embedding import embed
@@ -102,6 +103,8 @@ def _compiled(checked: CheckedMap, options: CompileOptions, run: Stages) -> Body
 
     model = run("represent", lambda: represent(checked, options))
     embedding = run("embed", lambda: embed(checked, model))
+    if not embedding.proved:
+        run("limits", lambda: check_limits(checked.limits))
     built = run("build", lambda: build(model))
     report = run("validate", lambda: validate(checked, model, built, embedding))
     return Body(checked, model, built, replace(report, times=run.times))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -208,8 +208,6 @@ class EquationReport:
     genus: tuple[int, ...]
     #: of a channel: what frame carries its section along which guide; otherwise nothing
     frame: str
-    #: of a channel: how far it is from breaking, by search (sampled)
-    limits: tuple[LimitReport, ...]
     #: det J keeps its sign: proved or sampled
     determinant: str
     #: inner images with winding number 1, and how near parts of the boundary may come, untouched
@@ -226,6 +224,8 @@ class EquationReport:
     integrals: Integrals
     #: the solids of a part in layers, from w = 0 up
     layers: tuple[LayerReport, ...] = ()
+    #: finds how far a channel is from breaking, by search (sampled)
+    limits: Callable[[], tuple[LimitReport, ...]] = field(default=tuple, repr=False, compare=False)
 
 
 @dataclass(frozen=True, repr=False)
@@ -280,8 +280,7 @@ class Report(Evidence):
     steps: tuple[StepReport, ...] = ()
     #: what is unusual about the map but does not hinder, in sentences
     warnings: tuple[str, ...] = ()
-    #: seconds per stage
-    times: Mapping[str, float] = field(default_factory=dict)
+    times: Mapping[str, float] = field(default_factory=dict)  #: seconds per stage
 
     def __repr__(self) -> str:
         """Return one line: the name, the figures and the evidence."""
@@ -339,7 +338,7 @@ class Report(Evidence):
     @property
     def limits(self) -> tuple[LimitReport, ...]:
         """Of a channel: how far it is from breaking, by search (sampled)."""
-        return self.one.limits
+        return self.one.limits()
 
     @property
     def determinant(self) -> str:
@@ -380,6 +379,7 @@ class Report(Evidence):
         else:
             known, order = asdict(self), _OF_EQUATION
             known |= known["own"] | {"equation": known["own"]["integrals"]}
+            known["limits"] = [asdict(limit) for limit in self.limits]
         known |= {"deviation": self.deviation, "evidence": self.evidence}
         return {key: known[key] for key in order}
 

@@ -292,10 +292,6 @@ def _own(
             if model.faces[members[0]].cells[0] in shell.faces
         ),
         frame=checked.equation.frame,
-        limits=tuple(
-            LimitReport(limit.name, limit.value, limit.breaks_at, limit.sentence)
-            for limit in checked.limits
-        ),
         determinant=checked.orientation.verdict.value,
         images=checked.solidity.images,
         contact_clearance=(
@@ -316,6 +312,10 @@ def _own(
             properties.centroid, properties.relative_error,
         ),
         layers=layers,
+        limits=lambda: tuple(
+            LimitReport(limit.name, limit.value, limit.breaks_at, limit.sentence)
+            for limit in checked.limits
+        ),
     )  # fmt: skip
 
 

@@ -191,8 +191,11 @@ def test_stages_are_told_and_timed_in_order() -> None:
     told: list[str] = []
     stages = Stages(told.append)
     checked = check_map(point_equation(WAVY), stages=stages)
-    assert told == ["limits", "sample", "orient", "analyse", "integrate", "solidity"]
+    assert told == ["sample", "orient", "analyse", "integrate", "solidity", "limits"]
     assert list(stages.times) == told
+    of_faces = Stages()
+    check_map(point_equation(WAVY), stages=of_faces, faces=True)
+    assert list(of_faces.times) == told[:-1]  # det J is proved, the faces are to be
     assert checked.orientation.sign == 1
     assert check_map(point_equation((v, u, w))).orientation.axes == (1, 0, 2)
 

@@ -52,12 +52,11 @@ U, V, W = pc.parameters()
 
 def unexamined(equation: PointEquation) -> CheckedMap:
     """A map of which the samples' word on overlaps is not asked."""
-    from pc2cad.channels.limits import find_limits
     from pc2cad.integrals.mass_properties import integrate
 
     analysis = analyse(equation)
     return CheckedMap(
-        analysis, find_orientation(analysis.map), find_limits(equation), integrate(analysis),
+        analysis, find_orientation(analysis.map), (), integrate(analysis),
         Solidity(1, 0.0, 0),
     )  # fmt: skip
 

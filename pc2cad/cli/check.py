@@ -128,13 +128,13 @@ def _layers_and_limits(own: EquationReport, units: str) -> Iterator[str]:
                 for x in own.layers
             ]
         )  # fmt: skip
-    if own.limits:
-        layers_only = all(limit.name == "depth" for limit in own.limits)
+    if limits := own.limits():
+        layers_only = all(limit.name == "depth" for limit in limits)
         what = "layers" if layers_only else "channel"
         yield f"\nLimits of the {what} ({units}; found by search)"
         yield table(
             [("", "found", "breaks at", "where")]
-            + [(x.name, f"{x.value:.6g}", f"{x.breaks_at:.6g}", x.sentence) for x in own.limits]
+            + [(x.name, f"{x.value:.6g}", f"{x.breaks_at:.6g}", x.sentence) for x in limits]
         )
 
 
