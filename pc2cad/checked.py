@@ -34,6 +34,7 @@ from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import NotASolidError, ToleranceNotReachedError
 from pc2cad.expression.carried import begin_build
 from pc2cad.expression.identity import Verdict
+from pc2cad.expression.tree import ValueDomainError
 from pc2cad.geometry.scale import Scale
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
@@ -164,8 +165,8 @@ class Stages:
     def __init__(self, progress: Progress | None = None) -> None:
         self._progress = progress
         self.times: dict[str, float] = {}
-        #: what is put behind the message of a NotASolidError, worked out where there is one; a
-        #: remark that knows a closer reason raises it
+        #: what is put behind the message where the map is refused or has no value, worked out then;
+        #: a remark that knows a closer reason raises it
         self.remarks: list[Callable[[], str]] = []
 
     def __call__(self, name: str, run: Callable[[], Result]) -> Result:
@@ -175,7 +176,7 @@ class Stages:
         start = time.perf_counter()
         try:
             result = run()
-        except NotASolidError as error:
+        except (NotASolidError, ValueDomainError) as error:
             said = "; ".join(filter(None, (remark() for remark in self.remarks)))
             if said:
                 error.args = (f"{error} ({said})",)

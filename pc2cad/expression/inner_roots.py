@@ -101,11 +101,18 @@ def _zeros(tree: Expr, name: str) -> list[Fraction]:
         turns = sign_changes(slope) if slope.symbols else None
         for place in turns.places if turns else ():
             simple = (low + (high - low) * place).limit_denominator(_LARGEST)
-            if abs(float(simple - low) / float(high - low) - float(place)) < _FOUND:
-                (value,) = substitute((row,), {name: number(simple)})
-                if is_identically_zero(value):
-                    found.append(simple)
+            is_near = abs(float(simple - low) / float(high - low) - float(place)) < _FOUND
+            if is_near and _is_zero_at(row, {name: number(simple)}):
+                found.append(simple)
     return found
+
+
+def _is_zero_at(tree: Expr, values: dict[str, Expr]) -> bool:
+    """Say whether a tree vanishes at a place; where it has no value there, it does not."""
+    try:
+        return is_identically_zero(*substitute((tree,), values))
+    except ValueDomainError:
+        return False
 
 
 def _vanishes_nowhere(tree: Expr, name: str) -> bool:
