@@ -46,12 +46,7 @@ class _Side:
 
     def __call__(self, places: Array, across: Array = _ACROSS) -> Array:
         """Return points (places, across, 3)."""
-        return self._ordered(self.mapping.points(*self._grid(places, across)))
-
-    def line(self, places: Array, across: Array) -> tuple[Array, Array]:
-        """Return points and derivatives along the direction that is followed; shapes as points."""
-        points, slopes = self.mapping.line(self.along, *self._grid(places, across))
-        return self._ordered(points), self._ordered(slopes)
+        return self.ordered(self.mapping.points(*self._grid(places, across)))
 
     def _grid(self, places: Array, across: Array) -> list[Array]:
         grid = [np.array([self.limit])] * 3
@@ -59,7 +54,8 @@ class _Side:
         shapes = ((-1, 1, 1), (1, -1, 1), (1, 1, -1))
         return [axis.reshape(shape) for axis, shape in zip(grid, shapes, strict=True)]
 
-    def _ordered(self, values: Array) -> Array:
+    def ordered(self, values: Array) -> Array:
+        """Return values (…, 3) over the box as (places, across, 3)."""
         other = 3 - self.along - self.normal
         return np.moveaxis(values, (self.along, other), (0, 1)).reshape(
             values.shape[self.along], values.shape[other], 3
@@ -81,11 +77,16 @@ def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[
             for side in rows
             if _closes(few[side.normal, side.limit], scale)
         ]
-        for (first, points), (second, others) in combinations_with_replacement(closed, 2):
-            for turned in (False, True):
-                there = others[:, ::-1] if turned else others
-                if _alike(points, there):
-                    found[along].update(_cuts(first, second, there, turned, scale))
+        searches = [
+            search
+            for (first, points), (second, others) in combinations_with_replacement(closed, 2)
+            for turned in (False, True)
+            if _alike(points, there := others[:, ::-1] if turned else others)
+            for search in [_Search(first, second, there, turned, scale)]
+        ]
+        _follow(searches)
+        for search in searches:
+            found[along].update(_cuts(search))
     return found
 
 
@@ -145,15 +146,79 @@ def _alike(first: Array, second: Array) -> bool:
     return bool(apart <= _ALIKE * extent)
 
 
-def _cuts(first: _Side, second: _Side, there: Array, turned: bool, scale: Scale) -> set[Fraction]:
-    """Return where a direction has to be cut for two sides (or one) to coincide cell by cell.
+class _Search:
+    """The places along a side at which it goes through two points (2, 3) of the same or another.
 
-    `there` are the uniform points of the second one.
+    The points are those of the first side at the first place that is tried; `there` are the uniform
+    points of the second one.
     """
-    across = _ACROSS[::-1] if turned else _ACROSS
-    points, own = first(_TRIED), first == second
+
+    def __init__(
+        self, first: _Side, second: _Side, there: Array, turned: bool, scale: Scale
+    ) -> None:
+        self.first, self.second, self.scale = first, second, scale
+        self.across = _ACROSS[::-1] if turned else _ACROSS
+        self.points = first(_TRIED)
+        away = np.linalg.norm(there - self.points[0], axis=-1).max(axis=1)
+        lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1))
+        self.at = _uniform()[lowest]
+        self.is_over = False
+        self._off = np.full(len(self.at), np.inf)
+
+    def step(self, k: int, points: Array, slope: Array) -> None:
+        """Take the step of Newton's method of a number."""
+        rest = points - self.points[0]
+        before, self._off = self._off, np.abs(rest).max(axis=(1, 2))
+        if k > _SURE and not (self._off < 0.5 * before).any():
+            self.is_over = True
+            return
+        with np.errstate(all="ignore"):
+            step = (rest * slope).sum(axis=(1, 2)) / (slope * slope).sum(axis=(1, 2))
+        moved = (self.at - np.clip(step, -0.01, 0.01)) % 1
+        self.at = np.where(np.isfinite(step), moved, self.at)
+
+    def met(self) -> list[float]:
+        """Return the places at which the points are met."""
+        left = np.abs(self.second(self.at, self.across) - self.points[0]).max(axis=(1, 2))
+        return [float(x) for x in self.at[left <= _LEFT * self.scale.same_point]]
+
+
+def _follow(searches: Sequence[_Search]) -> None:
+    """Take the steps of searches along one direction, those across one normal together."""
+    alike = all(s.second.mapping.is_alike_together for s in searches)
+    groups: dict[int, list[_Search]] = {}
+    for i, search in enumerate(searches):
+        groups.setdefault(search.second.normal if alike else -1 - i, []).append(search)
+    for k in range(_STEPS):
+        for group in groups.values():
+            going = [search for search in group if not search.is_over]
+            if going:
+                for search, line in zip(going, _lines(going), strict=True):
+                    search.step(k, *line)
+
+
+def _lines(searches: Sequence[_Search]) -> list[tuple[Array, Array]]:
+    """Return points and derivatives (n, 2, 3) at the places of searches across one normal."""
+    side = searches[0].second
+    other = 3 - side.along - side.normal
+    counts = [len(search.at) for search in searches]
+    grid = [np.empty(0)] * 3
+    grid[side.along] = np.concatenate([search.at for search in searches])[:, None]
+    grid[side.normal] = np.repeat([search.second.limit for search in searches], counts)[:, None]
+    grid[other] = np.repeat([search.across for search in searches], counts, axis=0)
+    axes = (side.along, other, side.normal)
+    u, v, w = (np.moveaxis(x[..., None], (0, 1, 2), axes) for x in grid)
+    found = (side.ordered(values) for values in side.mapping.line(side.along, u, v, w))
+    ends = np.cumsum(counts)[:-1]
+    return list(zip(*(np.split(values, ends) for values in found), strict=True))
+
+
+def _cuts(search: _Search) -> set[Fraction]:
+    """Return where a direction has to be cut for two sides (or one) to coincide cell by cell."""
+    second, points, own = search.second, search.points, search.first == search.second
+    near = _LEFT * search.scale.same_point
     found: set[Fraction] = set()
-    for place in _meeting(points[0], second, there, across, scale):
+    for place in search.met():
         for reverse in (False, True):
             shift = (place + _TRIED[0] if reverse else place - _TRIED[0]) % 1
             part = Fraction(shift).limit_denominator(MOST_PARTS) % 1
@@ -165,31 +230,10 @@ def _cuts(first: _Side, second: _Side, there: Array, turned: bool, scale: Scale)
             elif part == 0 and not reverse:
                 continue
             moved = (float(part) - _TRIED if reverse else float(part) + _TRIED) % 1
-            if np.abs(second(moved, across) - points).max() > _LEFT * scale.same_point:
+            if np.abs(second(moved, search.across) - points).max() > near:
                 continue
             if not reverse:
                 found.update(Fraction(k, part.denominator) for k in range(1, part.denominator))
             else:
                 found.update({part, *((part / 2, (part + 1) / 2) if own else ())})
     return {place for place in found if 0 < place < 1}
-
-
-def _meeting(
-    point: Array, side: _Side, there: Array, across: Array, scale: Scale
-) -> Sequence[float]:
-    """Return the places along a side at which it goes through the two points (2, 3) of another."""
-    away = np.linalg.norm(there - point, axis=-1).max(axis=1)
-    lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1))
-    at = _uniform()[lowest]
-    off = np.full(len(at), np.inf)
-    for k in range(_STEPS):
-        points, slope = side.line(at, across)
-        rest = points - point
-        before, off = off, np.abs(rest).max(axis=(1, 2))
-        if k > _SURE and not (off < 0.5 * before).any():
-            break
-        with np.errstate(all="ignore"):
-            step = (rest * slope).sum(axis=(1, 2)) / (slope * slope).sum(axis=(1, 2))
-        at = np.where(np.isfinite(step), (at - np.clip(step, -0.01, 0.01)) % 1, at)
-    left = np.abs(side(at, across) - point).max(axis=(1, 2))
-    return [float(x) for x in at[left <= _LEFT * scale.same_point]]
