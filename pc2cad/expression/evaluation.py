@@ -151,8 +151,10 @@ class Program:
             for i, value in zip(self._taken, self._below.carried(values), strict=True):
                 store[i] = value
         with np.errstate(all="ignore"):
-            _run(self._first, store)
-            ranges = tuple(_range(store[k], count) for k, count in self._located.items())
+            ranges: tuple[_Range, ...] = ()
+            if self._located:
+                _run(self._first, store)
+                ranges = tuple(_range(store[k], count) for k, count in self._located.items())
             plan = self._plans.get(ranges)
             if plan is None:
                 plan = self._plan(ranges)

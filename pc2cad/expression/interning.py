@@ -26,6 +26,7 @@ class Interned(Generic[Thing]):
     def __init__(self) -> None:
         self._places: dict[Hashable, _Place[Thing]] = {}
         self._kept: deque[Thing] = deque(maxlen=MOST_KEPT)
+        self._forget_place = self._forget  # one method for all places
 
     def get(self, key: Hashable) -> Thing | None:
         """Return the thing of a key, None where there is none."""
@@ -34,7 +35,7 @@ class Interned(Generic[Thing]):
 
     def keep(self, key: Hashable, thing: Thing) -> Thing:
         """Let a new thing be the one of its key, and return it."""
-        place = _Place(thing, self._forget)
+        place = _Place(thing, self._forget_place)
         place.key = key
         self._places[key] = place
         self._kept.append(thing)

@@ -30,8 +30,8 @@ _SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
 LARGEST_BITS: Final = 4096
 
 _interned: Interned[Expr] = Interned()
-#: the sets of one operation
-_OPS: Final[dict[str, frozenset[str]]] = {}
+#: the sets of symbols and of operations that nodes have: a few, of many nodes
+_sets: Final[dict[frozenset[str], frozenset[str]]] = {}
 
 #: order of continuity of what is one analytic function but for rounding: its breaks do not count
 ANALYTIC: Final = 99
@@ -140,20 +140,18 @@ def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
     if (known := _interned.get(key)) is not None:
         return known
     node = object.__new__(Expr)
-    symbols: frozenset[str] = frozenset((payload,)) if op == "symbol" else frozenset()
-    ops = _OPS.get(op) or _OPS.setdefault(op, frozenset((op,)))
-    for arg in args:
-        if not arg.symbols <= symbols:
-            symbols |= arg.symbols
-        if not arg.ops <= ops:
-            ops |= arg.ops
+    symbols = _united((payload,) if op == "symbol" else (), [arg.symbols for arg in args])
+    ops = _united((op,), [arg.ops for arg in args])
     rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
-    for name, value in (
-        ("op", op), ("args", args), ("payload", payload), ("rank", rank),
-        ("symbols", symbols), ("ops", ops), ("value", None),
-    ):  # fmt: skip
+    values = (args, op, ops, payload, rank, symbols, None)
+    for name, value in zip(Expr.__slots__[1:], values, strict=True):
         object.__setattr__(node, name, value)
     return _interned.keep(key, node)
+
+
+def _united(own: tuple[str, ...], sets: list[frozenset[str]]) -> frozenset[str]:
+    found = frozenset(own).union(*sets)
+    return _sets.setdefault(found, found)
 
 
 def number(value: Number) -> Expr:
@@ -369,10 +367,11 @@ def walk(
             continue
         if node not in opened:
             args = node.args if below is None else below(node)
-            if args:
+            if args and (missing := [arg for arg in args if arg not in seen]):
                 opened.add(node)
                 stack.append(node)
-                stack += args[::-1]
+                missing.reverse()
+                stack += missing
                 continue
         seen.add(node)
         yield node
