@@ -47,6 +47,11 @@ def left() -> int:
     return 0 if counted is None else counted[0]
 
 
+def is_counted() -> bool:
+    """Say whether nodes are counted: then what was made before is made, and counted, again."""
+    return _left.get() is not None
+
+
 def spend(operands: int) -> None:
     """Count a node with so many operands."""
     counted = _left.get()

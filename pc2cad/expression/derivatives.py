@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+from pc2cad.expression.budget import is_counted
 from pc2cad.expression.functions import FUNCTIONS
+from pc2cad.expression.recent import Recent
 from pc2cad.expression.tree import (
     ANALYTIC,
     ONE,
@@ -22,10 +26,29 @@ def derivatives(roots: tuple[Expr, ...], name: str) -> tuple[Expr, ...]:
 
     The derivative of abs is the sign; at 0, where there is none, it evaluates to 0.
     """
+    known = Recent[Expr]() if is_counted() else _known(name)
     done: dict[Expr, Expr] = {}
-    for node in walk(roots, lambda n: n.args if name in n.symbols else ()):
-        done[node] = ZERO if name not in node.symbols else _derivative(node, done)
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        if name not in node.symbols:
+            done[node] = ZERO
+        elif (found := known.get(node)) is not None:
+            done[node] = found
+        else:
+            return node.args
+        return ()
+
+    for node in walk(roots, below):
+        if node not in done:
+            done[node] = _derivative(node, done)
+            known.keep(node, done[node])
     return tuple(done[root] for root in roots)
+
+
+@lru_cache(maxsize=8)
+def _known(_: str) -> Recent[Expr]:
+    """Return the derivatives that are remembered: variants have most of their trees in common."""
+    return Recent()
 
 
 def _derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from math import isfinite
 
 import numpy as np
@@ -102,6 +103,7 @@ def _factors(tree: Expr) -> list[tuple[Expr, Fraction]]:
     return [(tree, Fraction(1))]
 
 
+@lru_cache(maxsize=64)  # variants have most of their roots in common
 def _parted(tree: Expr) -> tuple[tuple[Expr, int], tuple[Expr, int], Expr] | None:
     """Return t and 1-t with the orders of zeros at 0 and 1, and what is left; None without any."""
     if len(tree.symbols) != 1:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 
+from pc2cad.expression.budget import is_counted
+from pc2cad.expression.recent import Recent
 from pc2cad.expression.tree import (
     Expr,
     number,
@@ -26,28 +29,41 @@ def substituted(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr,
     names = frozenset(name for name in found & values.keys() if values[name] is not symbol(name))
     if not names:
         return roots
-    known: dict[Expr, tuple[tuple[Expr, ...], Fraction]] = {}
+    put = tuple([(name, values[name]) for name in sorted(names)])
+    known = Recent[Expr]() if is_counted() else _known(put)
+    chosen: dict[Expr, tuple[tuple[Expr, ...], Fraction]] = {}
+    done: dict[Expr, Expr] = {}
 
     def below(node: Expr) -> tuple[Expr, ...]:
         if node.symbols.isdisjoint(names):
+            done[node] = node
+            return ()
+        if (found := known.get(node)) is not None:
+            done[node] = found
             return ()
         if node.op == "pieces" and node.args[0].symbols <= names:
             (at,) = substituted(node.args[:1], values)
             if at.op == "number":
                 index, local = row_at(node.payload, at.payload)
-                known[node] = piece_rows(node)[index], local
-                return known[node][0]
+                chosen[node] = piece_rows(node)[index], local
+                return chosen[node][0]
         return node.args
 
-    done: dict[Expr, Expr] = {}
     for node in walk(roots, below):
-        if node.symbols.isdisjoint(names):
-            done[node] = node
-        elif node.op == "symbol":
+        if node in done:
+            continue
+        if node.op == "symbol":
             done[node] = values[node.payload]
-        elif node in known:
-            row, local = known[node]
-            done[node] = polynomial(tuple(done[c] for c in row), number(local))
+        elif node in chosen:
+            row, local = chosen[node]
+            done[node] = polynomial(tuple([done[c] for c in row]), number(local))
         else:
-            done[node] = rebuild(node, tuple(done[arg] for arg in node.args))
+            done[node] = rebuild(node, tuple([done[arg] for arg in node.args]))
+        known.keep(node, done[node])
     return tuple(done[root] for root in roots)
+
+
+@lru_cache(maxsize=16)
+def _known(_: tuple[tuple[str, Expr], ...]) -> Recent[Expr]:
+    """Return what is remembered of a substitution: variants have most of their trees in common."""
+    return Recent()
