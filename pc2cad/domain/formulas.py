@@ -15,8 +15,9 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.expression.evaluation import operands
 from pc2cad.expression.functions import FUNCTIONS as KNOWN
+from pc2cad.expression.rewriting import rewrite
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ONE, Expr, Layout, call, number, piece_rows, rewrite, walk
+from pc2cad.expression.tree import ONE, Expr, Layout, call, number, piece_rows, walk
 from pc2cad.expression.waves import written_out
 
 #: functions that a step may be, by what the language calls them

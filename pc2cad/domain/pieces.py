@@ -8,7 +8,8 @@ from functools import lru_cache
 from pc2cad.expression.breaks import resolve_pieces
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
+from pc2cad.expression.rewriting import among
+from pc2cad.expression.tree import Expr, number, substitute, symbol
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.topology.cells import Cell
 
@@ -70,8 +71,5 @@ def degree_in_piece(
 
 def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
     """Say whether a function in pieces depends on a parameter."""
-
-    def below(node: Expr) -> tuple[Expr, ...]:
-        return node.args if "pieces" in node.ops and name in node.symbols else ()
-
-    return any(node.op == "pieces" and name in node.symbols for node in walk(trees, below))
+    among_pieces = among(trees, lambda n: "pieces" in n.ops and name in n.symbols)
+    return any(node.op == "pieces" for node in among_pieces)

@@ -22,6 +22,7 @@ from pc2cad.domain.map import open_grid
 from pc2cad.domain.pieces import degree_in_piece, has_pieces, in_piece, piece_at
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.rewriting import among
 from pc2cad.expression.simplification import cancel
 from pc2cad.expression.tree import Expr, substitute, walk
 from pc2cad.geometry.splines.bernstein import chebyshev_nodes, degree_in, to_powers
@@ -153,12 +154,11 @@ class RestrictedMap:
         name = names[axis]
 
         def below(node: Expr) -> tuple[Expr, ...]:
-            return () if name not in node.symbols or node.op in ("sin", "cos") else node.args
+            waves = node.op in ("sin", "cos")
+            return () if waves else tuple([arg for arg in node.args if name in arg.symbols])
 
-        return not any(
-            name in node.symbols and not _is_power_or_wave(node, name)
-            for node in walk(trees, below)
-        )
+        roots = tuple([root for root in trees if name in root.symbols])
+        return all(_is_power_or_wave(node, name) for node in walk(roots, below))
 
     @cached_property
     def may_be_swept(self) -> bool:
@@ -255,7 +255,7 @@ def _together(
 
 
 def _roots(trees: tuple[Expr, ...]) -> set[Expr]:
-    nodes = walk(trees, lambda n: n.args if "sqrt" in n.ops else ())
+    nodes = among(trees, lambda n: "sqrt" in n.ops)
     return {node for node in nodes if node.op == "sqrt" and node.symbols}
 
 

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
 
-from pc2cad.expression.tree import Expr, Layout, intern, piece_rows, pieces, rewrite, walk
+from pc2cad.expression.rewriting import rewrite
+from pc2cad.expression.tree import Expr, Layout, intern, piece_rows, pieces, walk
 
 #: pieces of one form from which on a table is worth its look-up
 LEAST: Final = 6

@@ -12,7 +12,8 @@ from functools import lru_cache, reduce
 from math import gcd, lcm
 
 from pc2cad.expression.normal_form import normal_form
-from pc2cad.expression.tree import ONE, ZERO, Expr, call, div, number, power, rewrite, walk
+from pc2cad.expression.rewriting import rewrite
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, div, number, power, walk
 
 #: multiples beyond this are left as they are
 LARGEST_MULTIPLE = 12

@@ -13,8 +13,9 @@ from math import ceil, floor, inf
 from pc2cad.errors import InputError
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.rewriting import among, rewrite
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, ops_of, pieces, rebuild, rewrite, walk
+from pc2cad.expression.tree import ANALYTIC, ZERO, Expr, ops_of, pieces, rebuild, walk
 
 #: positions nearer than this (of a direction of length 1) are one break
 SAME_POSITION = 1e-12
@@ -41,7 +42,7 @@ def find_breaks(roots: tuple[Expr, ...], analytic: bool = False) -> tuple[tuple[
     """
     found: tuple[dict[float, int], ...] = ({}, {}, {})
     ordered: tuple[list[float], ...] = ([], [], [])
-    for node in walk(roots, lambda n: n.args if "pieces" in n.ops else ()):
+    for node in among(roots, lambda n: "pieces" in n.ops):
         if node.op != "pieces":
             continue
         argument = node.args[0]
@@ -90,19 +91,15 @@ def resolve_pieces(
         if "pieces" not in node.ops:
             return ()
         if node.op != "pieces" or only(node) is node:
-            return node.args
+            return tuple([arg for arg in node.args if "pieces" in arg.ops])
         return (only(node),)
 
-    if "pieces" not in ops_of(roots):
-        return roots
     done: dict[Expr, Expr] = {}
     for node in walk(roots, below):
-        if "pieces" not in node.ops:
-            done[node] = node
-        elif node.op == "pieces" and known[node] is not node:
+        if node.op == "pieces" and known[node] is not node:
             done[node] = done[known[node]]
         else:
-            args = tuple(done[arg] for arg in node.args)
+            args = tuple([done.get(arg, arg) for arg in node.args])
             done[node] = node if args == node.args else rebuild(node, args)
     return tuple(done[root] for root in roots)
 

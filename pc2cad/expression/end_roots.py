@@ -10,19 +10,9 @@ from fractions import Fraction
 from itertools import product
 
 from pc2cad.expression.normal_form import NormalForm, normal_form
+from pc2cad.expression.rewriting import rewrite
 from pc2cad.expression.sign_changes import sign_changes
-from pc2cad.expression.tree import (
-    ONE,
-    ZERO,
-    Expr,
-    call,
-    number,
-    ops_of,
-    power,
-    rewrite,
-    symbol,
-    walk,
-)
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, ops_of, power, symbol, walk
 
 #: the operations that polynomials are made of: others are not worked out to see them cancel
 POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))

@@ -20,9 +20,10 @@ from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.end_roots import POLYNOMIAL, of_one_sign, root_exponent
 from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.power_series import series_at_zero
+from pc2cad.expression.rewriting import rewrite
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.sign_changes import sign_changes
-from pc2cad.expression.tree import (
+from pc2cad.expression.tree import (  # fmt: skip
     ANALYTIC,
     ONE,
     ZERO,
@@ -31,10 +32,9 @@ from pc2cad.expression.tree import (
     number,
     pieces,
     power,
-    rewrite,
     substitute,
     symbol,
-)  # fmt: skip
+)
 
 #: coefficients of a series, how far it may be taken, and the highest zero that is looked for
 _COUNT, _REACHES, _HIGHEST = 26, (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), 6

@@ -19,6 +19,7 @@ from pc2cad.expression.intervals import interval
 from pc2cad.expression.kink_curves import refuse_curve
 from pc2cad.expression.magnitudes import largest_seen
 from pc2cad.expression.normal_form import NormalForm, normal_form, ordered, tree_of
+from pc2cad.expression.rewriting import among
 from pc2cad.expression.rounded_identity import is_zero_to_rounding
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.sign_changes import in_pieces, sign_changes
@@ -26,6 +27,7 @@ from pc2cad.expression.tree import ONE, PI, Expr, call, number, power, rebuild, 
 
 #: the functions that may hold kinks: a root of a square and the arc of a wave are absolute values
 _KINKED = frozenset(("abs", "sign", "sqrt", "acos", "asin")) | CHOICES
+_BENT = _KINKED | {"pieces"}
 #: where a wave is looked at between two kinks
 _SHARES = (0.21, 0.5, 0.68)
 #: places per parameter at which an argument of two, or three, parameters is looked at
@@ -43,7 +45,8 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
     function whose zeros are too many to be found stays. Raises BreaksNotAlignedError where an
     argument of several parameters changes its sign.
     """
-    if not any(node.op in _KINKED or is_bent_table(node) for node in walk(roots)):
+    bent = among(roots, lambda n: not _BENT.isdisjoint(n.ops))
+    if not any(node.op in _KINKED or is_bent_table(node) for node in bent):
         return roots
     # what is only used in a power of 2 or more has no kink
     bare = {arg for node in walk(roots) if not _is_smooth_power(node) for arg in node.args}

@@ -17,7 +17,8 @@ from pc2cad.arrays.distinct import distinct
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import Expr, walk
+from pc2cad.expression.rewriting import among
+from pc2cad.expression.tree import Expr
 
 #: a part is left alone where the values over it span no more than this share of all
 QUIET = 0.25
@@ -34,7 +35,7 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
 
     The trees' symbols run from 0 to 1 each. Empty where no function does.
     """
-    nodes = frozenset(node for node in walk(trees) if name in node.symbols and _is_steep(node))
+    nodes = frozenset(filter(_is_steep, among(trees, lambda n: name in n.symbols)))
     return _limits(nodes, name) if nodes else np.empty(0)
 
 

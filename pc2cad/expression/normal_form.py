@@ -94,9 +94,13 @@ def with_plain_constants(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     Where trees differ by 8·sqrt(2)/4 for 2·sqrt(2) alone, they become the same ones.
     """
     done: dict[Expr, Expr] = {}
-    for node in walk(roots, lambda n: n.args if n.symbols else ()):
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        return tuple([arg for arg in node.args if arg.args]) if node.symbols else ()
+
+    for node in walk(roots, below):
         if node.symbols:
-            args = tuple([done[arg] for arg in node.args])
+            args = tuple([done.get(arg, arg) for arg in node.args])
             try:
                 done[node] = node if args == node.args else rebuild(node, args)
             except ValueDomainError:  # as in a branch that is taken nowhere

@@ -15,6 +15,7 @@ import numpy as np
 
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.rewriting import rewrite
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import (
     LARGEST_CONSTANT,
@@ -24,7 +25,6 @@ from pc2cad.expression.tree import (
     number,
     ops_of,
     piece_rows,
-    rewrite,
     substitute,
     symbol,
     walk,

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from pc2cad.expression.tree import Expr, call, number, rewrite
+from pc2cad.expression.rewriting import rewrite
+from pc2cad.expression.tree import Expr, call, number
 
 HALF = Fraction(1, 2)
 

@@ -18,6 +18,7 @@ from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
+from pc2cad.expression.rewriting import among, rewrite
 from pc2cad.expression.scalar import evaluate, values_of
 from pc2cad.expression.separable_sums import product_of, products
 from pc2cad.expression.sign_changes import sign_changes
@@ -31,7 +32,6 @@ from pc2cad.expression.tree import (
     ops_of,
     power,
     rebuild,
-    rewrite,
     symbol,
     walk,
 )
@@ -192,7 +192,8 @@ def _squared(radicand: Expr) -> list[Expr]:
 def _divided(root: Expr) -> Expr:
     if "div" not in root.ops or not _is_short(root):
         return root
-    if not any(node.op == "div" and node.args[1].symbols for node in walk((root,))):
+    quotients = among((root,), lambda n: "div" in n.ops)
+    if not any(node.op == "div" and node.args[1].symbols for node in quotients):
         return root
     plain = normal_form(root, LARGEST)
     form = _settled(plain)
@@ -205,8 +206,7 @@ def _value(root: Expr) -> float:
 
 
 def _is_short(root: Expr) -> bool:
-    inner = (node for node in walk((root,)) if node.args)
-    return next(islice(inner, MOST_NODES, None), None) is None
+    return next(islice(among((root,), lambda n: bool(n.args)), MOST_NODES, None), None) is None
 
 
 # -- normal forms in which things cancel -----------------------------------------------------------

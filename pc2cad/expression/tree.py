@@ -384,16 +384,6 @@ def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, 
     return substituted(roots, values)
 
 
-def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> tuple[Expr, ...]:
-    """Return the trees with every node of one operation changed, operands first."""
-    done: dict[Expr, Expr] = {}
-    for node in walk(roots, lambda n: n.args if op in n.ops else ()):
-        args = tuple([done[arg] for arg in node.args]) if op in node.ops else node.args
-        moved = node if args == node.args else rebuild(node, args)
-        done[node] = change(moved) if moved.op == op else moved
-    return tuple(done[root] for root in roots)
-
-
 def ops_of(roots: Iterable[Expr]) -> frozenset[str]:
     """Return the operations of all nodes below some."""
     return frozenset[str]().union(*(root.ops for root in roots))

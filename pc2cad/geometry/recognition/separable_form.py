@@ -22,8 +22,9 @@ from pc2cad.expression.angle_multiples import common_unit, ratio
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.magnitudes import bound, extent, rounding
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.expression.rewriting import among, rewrite
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power, rewrite, walk
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power
 
 #: normal forms of a coordinate that are larger are not looked at
 LARGEST_FORM = 400
@@ -125,8 +126,7 @@ def separate(
     `seen` is how far apart points are that were seen, where somebody has looked at some.
     """
     trees = tuple([_parted(root) for root in roots])
-    mixed = walk(trees, lambda n: n.args if len(n.symbols) > 1 else ())
-    if any(len(node.symbols) > 1 and not _is_sum_of_products(node) for node in mixed):
+    if not all(map(_is_sum_of_products, among(trees, lambda n: len(n.symbols) > 1))):
         return None
     forms = []
     for root in trees:
@@ -221,7 +221,7 @@ def _parted(root: Expr) -> Expr:
 
     Cells side by side often have a coordinate in common.
     """
-    waves = (n for n in walk((root,), lambda n: () if _WAVES.isdisjoint(n.ops) else n.args))
+    waves = among((root,), lambda n: not _WAVES.isdisjoint(n.ops))
     if all(node.op not in _WAVES or _sum_apart(node) is node for node in waves):
         return root
     (parted,) = rewrite(rewrite((root,), "sin", _sum_apart), "cos", _sum_apart)

@@ -11,8 +11,9 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.expression.normal_form import NormalForm, normal_form
+from pc2cad.expression.rewriting import among
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ANALYTIC, Expr, walk
+from pc2cad.expression.tree import ANALYTIC, Expr
 from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
 
 
@@ -23,13 +24,12 @@ def degree_in(roots: Sequence[Expr], name: str) -> int | None:
     pieces: whoever uses the degree must put knots at their breaks.
     """
     degrees: dict[Expr, int] = {}
-    for node in walk(tuple(roots), lambda n: n.args if name in n.symbols else ()):
-        varies = name in node.symbols
-        degree = _node_degree(node, [degrees[arg] for arg in node.args]) if varies else 0
+    for node in among(tuple(roots), lambda n: name in n.symbols):
+        degree = _node_degree(node, [degrees.get(arg, 0) for arg in node.args])
         if degree is None:
             return None
         degrees[node] = degree
-    largest = max(degrees[root] for root in roots)
+    largest = max(degrees.get(root, 0) for root in roots)
     return largest if largest <= LARGEST_DEGREE else None
 
 
