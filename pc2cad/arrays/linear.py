@@ -44,6 +44,17 @@ def cross(a: Array, b: Array) -> Array:
     return result
 
 
+def lengths(vectors: Array) -> Array:
+    """Return the lengths of vectors (…, 3)."""
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors (…, 3) at length 1; those of no length stay."""
+    length = lengths(vectors)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0)[..., None])
+
+
 def product(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return a @ b of vectors and matrices, or of one matrix with each of a stack."""
     if a.ndim == 1 or b.ndim == 1:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.arrays.linear import cross
+from pc2cad.arrays.linear import cross, unit
 from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 from pc2cad.topology.cells import normal_direction
 
@@ -102,12 +102,6 @@ def _level(stacks: list[_Stack], faces: list[list[int]], factors: list[tuple[int
     factor[order] = np.repeat(factors, counts, axis=0)
     face = np.repeat(order, sizes)
     return Level(low, high, axes, radii, face, place, start, shape, factor)
-
-
-def unit(vectors: Array) -> Array:
-    """Return vectors (…, 3) at length 1; those of no length stay."""
-    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
-    return np.asarray(vectors / np.where(length > 0, length, 1.0)[..., None])
 
 
 def spread(vectors: Array) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.boxes import meeting
 from pc2cad.arrays.distinct import distinct
-from pc2cad.arrays.linear import cross
+from pc2cad.arrays.linear import cross, unit
 from pc2cad.domain.analysis import Analysis
 from pc2cad.solidity.bounding_volumes import (
     BETWEEN,
@@ -38,7 +38,6 @@ from pc2cad.solidity.bounding_volumes import (
     opposite_faces,
     overshoots,
     spread,
-    unit,
 )
 from pc2cad.solidity.face_mesh import FaceMesh
 

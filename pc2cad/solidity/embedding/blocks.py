@@ -13,11 +13,12 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.boxes import meeting
 from pc2cad.arrays.distinct import distinct
+from pc2cad.arrays.linear import lengths, unit
 from pc2cad.geometry.sheets import Patches, projected
 from pc2cad.solidity.embedding.holds import hold
 from pc2cad.solidity.embedding.levels import is_graph
 from pc2cad.solidity.embedding.separation import boxes
-from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces, lengths, unit
+from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
 from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall, joint
 
 #: sheets of no more patches are held by the control points of each from the first

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.arrays.linear import cross
+from pc2cad.arrays.linear import cross, unit
 from pc2cad.geometry.sheets import projected, restriction
-from pc2cad.solidity.embedding.surfaces import POINT, SAME, Surfaces, unit
+from pc2cad.solidity.embedding.surfaces import POINT, SAME, Surfaces
 
 #: the name of a vertex as the end of a line
 _VERTEX = -2

@@ -14,9 +14,9 @@ from functools import reduce
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.arrays.linear import lengths
 from pc2cad.geometry.sheets import Patches
 from pc2cad.solidity.embedding.separation import boxes
-from pc2cad.solidity.embedding.surfaces import lengths
 from pc2cad.solidity.embedding.windows import Cones, around, joint
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.solidity.embedding.surfaces import lengths, unit
+from pc2cad.arrays.linear import lengths, unit
 
 #: what rounding leaves of the product with a normal, relative
 _UNIT = 1e-15

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.linear import lengths, unit
 from pc2cad.solidity.embedding.cells import ENDS, Cells, Joints
 from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
-from pc2cad.solidity.embedding.surfaces import lengths, unit
 
 #: rounding of the sums and products of unit vectors here
 _UNIT = 1e-12

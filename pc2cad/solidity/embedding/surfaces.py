@@ -20,17 +20,6 @@ SAME_WEIGHT = 1e-12
 POINT = -1
 
 
-def unit(vectors: Array) -> Array:
-    """Return vectors (…, 3) at length 1; those of no length stay."""
-    length = lengths(vectors)
-    return np.asarray(vectors / np.where(length > 0, length, 1.0)[..., None])
-
-
-def lengths(vectors: Array) -> Array:
-    """Return the lengths of vectors (…, 3)."""
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
-
-
 @dataclass(frozen=True, eq=False)
 class Surfaces:
     """All sheets of a boundary as arrays over their patches, raised to one degree."""

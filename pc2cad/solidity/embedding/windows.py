@@ -16,9 +16,9 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct_rows
-from pc2cad.arrays.linear import cross
+from pc2cad.arrays.linear import cross, lengths, unit
 from pc2cad.solidity.embedding.cells import Cells, cells_of
-from pc2cad.solidity.embedding.surfaces import Surfaces, lengths, unit
+from pc2cad.solidity.embedding.surfaces import Surfaces
 
 #: from a cell to the four corners of the rectangle round it and the other one, in steps
 _SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
