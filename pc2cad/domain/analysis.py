@@ -23,7 +23,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.boxes import Near
 from pc2cad.domain.cusps import with_cusps, with_joints
 from pc2cad.domain.map import Mapping3, local_map, open_grid
-from pc2cad.domain.pieces import in_piece, piece_at
+from pc2cad.domain.pieces import piece_at
 from pc2cad.domain.splits import folds, shifts
 from pc2cad.equation.point_equation import LayersError, PointEquation
 from pc2cad.errors import NotASolidError
@@ -390,7 +390,7 @@ class MapQuestions:
         spans, values = piece_at(patch, self._bounds)
         names = [PARAMETERS[d] for d in directions_of(patch)]
         values |= zip(names, local or map(symbol, names), strict=True)
-        return substitute(in_piece(self._map.coordinates, spans)[0], values)
+        return substitute(self._map.pieces.trees(spans)[0], values)
 
 
 def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:

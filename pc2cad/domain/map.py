@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array
+from pc2cad.domain.pieces import Pieces
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.expression.breaks import trim_pieces
 from pc2cad.expression.derivatives import derivatives
@@ -117,6 +118,11 @@ class Mapping3:
         Series are products of matrices, whose sums are rounded by their shapes.
         """
         return "fourier" not in ops_of(self.coordinates)
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """What M is on the pieces of its box."""
+        return Pieces(self.coordinates)
 
     @cached_property
     def derivatives(self) -> tuple[tuple[Expr, ...], ...]:

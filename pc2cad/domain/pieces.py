@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 from pc2cad.expression.breaks import resolve_pieces
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.rewriting import among
+from pc2cad.expression.simplification import cancel
 from pc2cad.expression.tree import Expr, number, substitute, symbol
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.topology.cells import Cell
 
+_Span: TypeAlias = tuple[float, float]
+_Spans: TypeAlias = tuple[_Span, ...]
 
-def piece_at(
-    cell: Cell, bounds: Sequence[Sequence[float]]
-) -> tuple[tuple[tuple[float, float], ...], dict[str, Expr]]:
+
+def piece_at(cell: Cell, bounds: Sequence[Sequence[float]]) -> tuple[_Spans, dict[str, Expr]]:
     """Return the spans of the piece that a cell is in, or at a limit of, and which limits: 0 or 1.
 
     `bounds` are the ascending limits of the pieces of each direction.
@@ -30,46 +32,76 @@ def piece_at(
     return tuple(spans), limits
 
 
-@lru_cache(maxsize=1024)
-def in_piece(
-    coordinates: tuple[Expr, ...], spans: tuple[tuple[float, float], ...]
-) -> tuple[tuple[Expr, ...], bool]:
-    """Return trees in the local parameters of a piece of the box, and whether it is one of several.
+class Pieces:
+    """M on each piece of its box, in the piece's local parameters: found once for every piece.
 
-    All faces and edges of the piece take their trees from these: many have the parts of all pieces.
-    Every span is run through from 0 to 1 in the trees' own symbols.
+    All faces and edges of a piece take their trees from these: many have the parts of all pieces.
+    What is remembered lives as long as the map, and grows with its pieces.
     """
-    whole, single = coordinates, False
-    for name, span in zip(PARAMETERS, spans, strict=True):
-        whole, fewer = _along(whole, name, span)
-        single = single or fewer
-    trees = cancel_terms(resolve_pieces(whole))
-    return trees, single or trees != whole
 
+    def __init__(self, coordinates: tuple[Expr, ...]) -> None:
+        self._coordinates = coordinates
+        self._found: dict[_Spans, tuple[tuple[Expr, ...], bool]] = {}
+        self._cut: dict[tuple[tuple[Expr, ...], str, _Span], tuple[tuple[Expr, ...], bool]] = {}
+        self._sides: dict[tuple[_Spans, tuple[tuple[str, Expr], ...]], tuple[Expr, ...]] = {}
+        self._degrees: dict[tuple[_Spans, str], int | None] = {}
 
-@lru_cache(maxsize=1024)
-def _along(
-    trees: tuple[Expr, ...], name: str, span: tuple[float, float]
-) -> tuple[tuple[Expr, ...], bool]:
-    """Return trees in the local parameter of a span of one parameter, without what is not met.
+    def trees(self, spans: _Spans) -> tuple[tuple[Expr, ...], bool]:
+        """Return the trees of a piece, and whether it is one of several.
 
-    Also whether something is not. Pieces side by side have most of these spans in common.
-    """
-    low, high = (number(x) for x in span)
-    alone = resolve_pieces(trees, (name, low.payload, high.payload))
-    return substitute(alone, {name: low + (high - low) * symbol(name)}), alone != trees
+        Every span is run through from 0 to 1 in the trees' own symbols.
+        """
+        if spans not in self._found:
+            whole, single = self._coordinates, False
+            for name, span in zip(PARAMETERS, spans, strict=True):
+                whole, fewer = self._along(whole, name, span)
+                single = single or fewer
+            trees = cancel_terms(resolve_pieces(whole))
+            self._found[spans] = trees, single or trees != whole
+        return self._found[spans]
 
+    def restricted(self, spans: _Spans, limits: Mapping[str, Expr]) -> tuple[Expr, ...]:
+        """Return the trees of a piece at some of its limits, without what cancels."""
+        key = spans, tuple(limits.items())
+        if key not in self._sides:
+            trees, single = self.trees(spans)
+            side = substitute(trees, dict(limits))
+            # what one piece alone makes of a root or a quotient could not be seen before, nor
+            # what a side makes of a root
+            new = not single and (roots := _roots(side)) and not roots <= _roots(trees)
+            self._sides[key] = cancel(side) if single or new else side
+        return self._sides[key]
 
-@lru_cache(maxsize=1024)
-def degree_in_piece(
-    coordinates: tuple[Expr, ...], spans: tuple[tuple[float, float], ...], name: str
-) -> int | None:
-    """Return the degree of a piece's trees in a parameter; None where they are no polynomials."""
-    trees, _ = in_piece(coordinates, spans)
-    return None if has_pieces(trees, name) else degree_in(trees, name)
+    def degree(self, spans: _Spans, name: str) -> int | None:
+        """Return the degree of a piece's trees in a parameter; None for no polynomials."""
+        key = spans, name
+        if key not in self._degrees:
+            trees, _ = self.trees(spans)
+            self._degrees[key] = None if has_pieces(trees, name) else degree_in(trees, name)
+        return self._degrees[key]
+
+    def _along(
+        self, trees: tuple[Expr, ...], name: str, span: _Span
+    ) -> tuple[tuple[Expr, ...], bool]:
+        """Return trees in the local parameter of a span of one parameter, without what is not met.
+
+        Also whether something is not. Pieces side by side have most of these spans in common.
+        """
+        key = trees, name, span
+        if key not in self._cut:
+            low, high = (number(x) for x in span)
+            alone = resolve_pieces(trees, (name, low.payload, high.payload))
+            local = substitute(alone, {name: low + (high - low) * symbol(name)})
+            self._cut[key] = local, alone != trees
+        return self._cut[key]
 
 
 def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
     """Say whether a function in pieces depends on a parameter."""
     among_pieces = among(trees, lambda n: "pieces" in n.ops and name in n.symbols)
     return any(node.op == "pieces" for node in among_pieces)
+
+
+def _roots(trees: tuple[Expr, ...]) -> set[Expr]:
+    nodes = among(trees, lambda n: "sqrt" in n.ops)
+    return {node for node in nodes if node.op == "sqrt" and node.symbols}

@@ -19,12 +19,10 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
-from pc2cad.domain.pieces import degree_in_piece, has_pieces, in_piece, piece_at
+from pc2cad.domain.pieces import has_pieces, piece_at
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.rewriting import among
-from pc2cad.expression.simplification import cancel
-from pc2cad.expression.tree import Expr, substitute, walk
+from pc2cad.expression.tree import Expr, walk
 from pc2cad.geometry.splines.bernstein import chebyshev_nodes, degree_in, to_powers
 from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
 from pc2cad.topology.cells import Cell, directions_of
@@ -76,7 +74,7 @@ class RestrictedMap:
     _points: dict[_Places, Array] = field(default_factory=dict, repr=False)
     _normals: dict[_Places, Array] = field(default_factory=dict, repr=False)
 
-    @property
+    @cached_property
     def pieces(self) -> tuple[Piece, ...]:
         """The direction pieces along which the cell extends."""
         return tuple((d, self.cell[d]) for d in directions_of(self.cell))
@@ -127,14 +125,14 @@ class RestrictedMap:
         """Say whether an edge's trees show at once that it is run through at one velocity."""
         ((direction, _),) = self.pieces
         spans, _ = piece_at(self.cell, self.analysis.bounds)
-        return degree_in_piece(self.analysis.map.coordinates, spans, PARAMETERS[direction]) == 1
+        return self.analysis.map.pieces.degree(spans, PARAMETERS[direction]) == 1
 
     @cached_property
     def trees(self) -> tuple[tuple[Expr, ...], tuple[str, ...]]:
         """The coordinate trees in local parameters, and the names of those."""
         spans, limits = piece_at(self.cell, self.analysis.bounds)
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        return _restricted(self.analysis.map.coordinates, spans, tuple(limits.items())), names
+        return self.analysis.map.pieces.restricted(spans, limits), names
 
     @cached_property
     def form(self) -> Separation | None:
@@ -171,21 +169,6 @@ class RestrictedMap:
             return _flat_rank(values[1:], values[:1]) < 2
         values = self(SECTIONS[::2], SECTIONS[::2])
         return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
-
-
-@lru_cache(maxsize=1024)
-def _restricted(
-    coordinates: tuple[Expr, ...],
-    spans: tuple[tuple[float, float], ...],
-    limits: tuple[tuple[str, Expr], ...],
-) -> tuple[Expr, ...]:
-    """Return the trees of a piece at some of its limits, without what cancels."""
-    trees, single = in_piece(coordinates, spans)
-    restricted = substitute(trees, dict(limits))
-    # what one piece alone makes of a root or a quotient could not be seen before, nor what a
-    # side makes of a root
-    new = not single and (roots := _roots(restricted)) and not roots <= _roots(trees)
-    return cancel(restricted) if single or new else restricted
 
 
 def sampled(functions: Sequence[RestrictedMap], *local: Array) -> Iterator[Array]:
@@ -252,11 +235,6 @@ def _together(
                     for column, shape in zip(columns, shapes, strict=True)
                 ],
             )
-
-
-def _roots(trees: tuple[Expr, ...]) -> set[Expr]:
-    nodes = among(trees, lambda n: "sqrt" in n.ops)
-    return {node for node in nodes if node.op == "sqrt" and node.symbols}
 
 
 class DirectionClasses:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.pieces import degree_in_piece, piece_at
+from pc2cad.domain.pieces import piece_at
 from pc2cad.domain.restrictions import RestrictedMap, look_across
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.integrals.quadrature import gauss
@@ -52,9 +52,9 @@ def flat_areas(analysis: Analysis, patches: Iterable[Cell]) -> dict[Cell, float]
 def _degrees(analysis: Analysis, patch: Cell) -> tuple[int, ...] | None:
     """Return the degrees of a patch along its directions, None where it is no polynomial."""
     spans, _ = piece_at(patch, analysis.bounds)
-    trees, degrees = analysis.map.coordinates, []
+    degrees = []
     for d in directions_of(patch):
-        degree = degree_in_piece(trees, spans, PARAMETERS[d])
+        degree = analysis.map.pieces.degree(spans, PARAMETERS[d])
         if degree is None or degree > MOST_DEGREE:
             return None
         degrees.append(degree)

@@ -18,7 +18,7 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.pieces import degree_in_piece, piece_at
+from pc2cad.domain.pieces import piece_at
 from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap, sampled
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr, walk
@@ -160,7 +160,7 @@ def _is_plain(function: RestrictedMap, axis: int) -> bool:
     analysis = function.analysis
     spans, _ = piece_at(function.cell, analysis.bounds)
     direction = function.pieces[axis][0]
-    degree = degree_in_piece(analysis.map.coordinates, spans, PARAMETERS[direction])
+    degree = analysis.map.pieces.degree(spans, PARAMETERS[direction])
     return (degree is not None and degree <= _LOW_DEGREE) or _has_no_waves(analysis.map.coordinates)
 
 

@@ -221,7 +221,7 @@ def _parted(root: Expr) -> Expr:
 
     Cells side by side often have a coordinate in common.
     """
-    waves = among((root,), lambda n: not _WAVES.isdisjoint(n.ops))
+    waves = among((root,), lambda n: bool(n.symbols) and not _WAVES.isdisjoint(n.ops))
     if all(node.op not in _WAVES or _sum_apart(node) is node for node in waves):
         return root
     (parted,) = rewrite(rewrite((root,), "sin", _sum_apart), "cos", _sum_apart)
