@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -28,6 +29,7 @@ from pc2cad.brep.kernel import (
     as_edge,
     as_face,
     as_solid,
+    shapes_in,
 )
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import EdgeFunction, SurfaceFunction, Trace
@@ -172,7 +174,7 @@ def images(
     algorithm: BRepAlgoAPI_BuilderAlgo, shape: TopoDS_Shape, found: IndexedMapOfShape
 ) -> list[int]:
     """Return the numbers, among the shapes found in a result, of what became of a shape."""
-    made = [*algorithm.Modified(shape)] or [shape]
+    made = shapes_in(algorithm.Modified(shape)) or [shape]
     return [index for part in made if (index := found.FindIndex(part))]
 
 
@@ -187,13 +189,18 @@ class NamedEdge:
     ends: frozenset[int]
     #: what a report calls its curve
     curve: str
-    #: along it, (PLACES, 3)
-    points: Array
 
     @property
     def label(self) -> str:
         """What a report calls it: both faces."""
         return " / ".join(label(names) for names in self.names)
+
+    @cached_property
+    def points(self) -> Array:
+        """Points along it, (PLACES, 3)."""
+        first, last = self.range
+        curve, places = self._curve, np.linspace(first, last, PLACES)
+        return np.array([curve.Value(t).Coord() for t in places.tolist()])
 
     @property
     def length(self) -> float:
@@ -246,7 +253,7 @@ def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
         faces.Add(face)
     for index in range(1, parents.Extent() + 1):
         edge = as_edge(parents.FindKey(index))
-        owners = [faces.FindIndex(face) - 1 for face in parents.FindFromIndex(index)]
+        owners = [faces.FindIndex(face) - 1 for face in shapes_in(parents.FindFromIndex(index))]
         if len(owners) == 2 and not BRep_Tool.Degenerated_s(edge):
             one, other = (shape.faces[owner] for owner in owners)
             if one[1] != other[1]:
@@ -255,7 +262,7 @@ def edges_between(shape: NamedShape) -> Iterator[NamedEdge]:
                 yield NamedEdge(
                     edge, (one[1], other[1]), (owners[0], owners[1]),
                     frozenset(map(vertices.Add, ends)),
-                    _CURVES.get(kind, kind), _points(edge),
+                    _CURVES.get(kind, kind),
                 )  # fmt: skip
 
 
@@ -280,12 +287,6 @@ def edge_functions(
             traces.append(Trace(path_function(path), surfaces[index]))
         curve = curve_function(BRep_Tool.Curve_s(named.edge, first, last), origin)
         yield EdgeFunction(curve, (first, last), (traces[0], traces[1]))
-
-
-def _points(edge: TopoDS_Edge) -> Array:
-    first, last = BRep_Tool.Range_s(edge)
-    curve = BRep_Tool.Curve_s(edge, first, last)
-    return np.array([curve.Value(t).Coord() for t in np.linspace(first, last, PLACES).tolist()])
 
 
 def listed(given: Sequence[TopoDS_Shape]) -> ListOfShape:

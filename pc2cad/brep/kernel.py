@@ -5,7 +5,7 @@ To import this module is to import OCP, and it may be done wherever that may.
 
 from __future__ import annotations
 
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Shape
 
 try:
     from OCP.TColgp import TColgp_Array1OfPnt as Array1OfPnt
@@ -58,4 +58,16 @@ __all__ = [
     "as_solid",
     "as_vertex",
     "as_wire",
+    "shapes_in",
 ]
+
+
+def shapes_in(found: ListOfShape) -> list[TopoDS_Shape]:
+    """Return the shapes of a list of the kernel's.
+
+    Beginning to iterate over one costs as much as a hundred other calls, and most hold one or two.
+    """
+    size = found.Size()
+    if size > 2:
+        return [*found]
+    return [found.First(), found.Last()][:size] if size else []

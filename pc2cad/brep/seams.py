@@ -60,7 +60,7 @@ def seams_of(shape: NamedShape) -> Iterator[Seam]:
             edge = as_edge(edges.FindKey(index))
             if BRep_Tool.Degenerated_s(edge):
                 vertex = TopExp.FirstVertex_s(edge)
-                alone = len([*at_vertex.FindFromKey(vertex)]) == 1
+                alone = at_vertex.FindFromKey(vertex).Size() == 1
                 if alone and not seen.FindIndex(vertex):
                     seen.Add(vertex)
                     yield _pole(np.array(BRep_Tool.Pnt_s(vertex).Coord()), names)
