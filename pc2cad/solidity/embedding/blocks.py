@@ -15,6 +15,7 @@ from pc2cad.arrays.boxes import meeting
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import lengths, unit
 from pc2cad.geometry.sheets import Patches, projected
+from pc2cad.solidity.embedding.above_planes import PlaneSides, sides_of_planes
 from pc2cad.solidity.embedding.holds import hold
 from pc2cad.solidity.embedding.levels import is_graph
 from pc2cad.solidity.embedding.separation import boxes
@@ -42,6 +43,7 @@ def near_pairs(surfaces: Surfaces, noise: float, every: bool = False) -> tuple[I
         pairs = pairs[(row[pairs[:, 0]] < 0) | (row[pairs[:, 0]] != row[pairs[:, 1]])]
     graphs = np.array([_is_graph(sheet.patches, noise) for sheet in surfaces.sheets])
     pairs = pairs[(pairs[:, 0] != pairs[:, 1]) | ~graphs[pairs[:, 0]]]
+    search.look_at_planes(pairs)
     count = len(surfaces.sheets)
     for depth in range(len(search.levels) - 1, -1, -1):
         if depth + 1 < len(search.levels):
@@ -68,6 +70,8 @@ class _Level:
     cones: tuple[Cones, Cones]
     #: rows and columns of blocks of each sheet
     shapes: Integers
+    #: smaller blocks by those that they are parts of, and the first of each one's
+    parts: tuple[Integers, Integers] | None = None
 
     @cached_property
     def start(self) -> Integers:
@@ -92,7 +96,7 @@ class _Level:
         low, high = self.low[order], self.high[order]
         s, t = (_merged(cones, order, first) for cones in self.cones)
         return _Level(np.minimum.reduceat(low, first), np.maximum.reduceat(high, first), (s, t),
-                      shapes)  # fmt: skip
+                      shapes, (order, first))  # fmt: skip
 
 
 def _parents(
@@ -149,6 +153,7 @@ class _Search:
     surfaces: Surfaces
     noise: float
     _across: dict[tuple[int, int], list[Cones]] = field(default_factory=dict)
+    _planes: list[PlaneSides] = field(default_factory=list)
 
     @cached_property
     def levels(self) -> list[_Level]:
@@ -199,11 +204,20 @@ class _Search:
             found = cones_of(steps, self.noise)
             cones.axes[patches], cones.radii[patches] = found.axes, found.radii
 
+    def look_at_planes(self, pairs: Integers) -> None:
+        """Find out on which sides of the planes blocks are of sheets, which are in pairs."""
+        found = sides_of_planes(self.surfaces, pairs, self.noise)
+        for level in self.levels:
+            if level.parts is not None:
+                found = found.merged(*level.parts)
+            self._planes.append(found)
+
     def left(self, depth: int, pairs: Integers) -> Integers:
         """Return the pairs of blocks that are not parted."""
         level = self.levels[depth]
         if depth + 1 < len(self.levels):
             pairs = pairs[self._meet(level, pairs)]
+        pairs = pairs[~self._planes[depth].part(pairs, level.sheet)]
         pairs, corners = self._left_beside(depth, pairs)
         if depth == 0:
             # the others are held by their own control points
@@ -265,7 +279,7 @@ class _Search:
         s, t = (joint([cones[rows] for rows in corners]) for cones in level.cones)
         result = (one == other) & is_alone(s, t)
         # no ways across part what has tangents all round
-        walls = np.flatnonzero((one != other) & (s.reach * t.reach < 2))
+        walls = np.flatnonzero((one != other) & (s.slopes[0] ** 2 + t.slopes[0] ** 2 < 1))
         keys = one[walls] * len(self.surfaces.sheets) + other[walls]
         for key in distinct(keys):
             i, j = divmod(int(key), len(self.surfaces.sheets))

@@ -109,6 +109,8 @@ class _Descent:
         stuck_depth = 0.0
         for level in range(DEEPEST):
             pairs, joined, depth = self._undone(cells, pairs)
+            if len(pairs) == 0:
+                break
             hopeless = joined & (joined.sum() > MOST_JOINED or level >= DEEPEST_JOINED)
             meeting, small = self._met(cells, pairs, joined)
             if meeting is not None:

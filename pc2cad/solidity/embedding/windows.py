@@ -22,6 +22,10 @@ from pc2cad.solidity.embedding.surfaces import Surfaces
 
 #: from a cell to the four corners of the rectangle round it and the other one, in steps
 _SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+#: the chord of a right angle
+_RIGHT = np.sqrt(2.0)
+#: rounding of the sums and products of unit vectors here
+_UNIT = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +47,15 @@ class Cones:
         return Cones(self.axes.reshape(-1, 3), self.radii.ravel())
 
     @property
-    def reach(self) -> Array:
-        """1 and the radius; too much for every test where there is no vector."""
-        return np.asarray(1 + np.where(self.radii >= 0, self.radii, 2.0))
+    def slopes(self) -> tuple[Array, Array]:
+        """Sine and cosine of half the angle at the tip.
+
+        It is a right angle, too wide for every test, where sums may leave a cone, and where there
+        is no vector.
+        """
+        chord = np.where((self.radii >= 0) & (self.radii < _RIGHT), self.radii, _RIGHT)
+        square = chord * chord
+        return chord * np.sqrt(1 - square / 4), 1 - square / 2
 
 
 def around(vectors: Array, reach: Array | float, noise: float) -> Cones:
@@ -81,14 +91,31 @@ def joint(parts: Sequence[Cones]) -> Cones:
 
 
 def is_alone(s: Cones, t: Cones) -> Booleans:
-    """Say where no vectors of two cones are parallel."""
-    return np.asarray(lengths(cross(s.axes, t.axes)) > s.reach * t.reach - 1)
+    """Say where no vectors of two cones are parallel: both half angles are less than that between.
+
+    Opposite vectors are parallel too.
+    """
+    (sine, cosine), (other, base) = s.slopes, t.slopes
+    narrow = cosine * base > sine * other
+    between = lengths(cross(s.axes, t.axes))
+    return np.asarray(narrow & (between > sine * base + cosine * other + _UNIT))
 
 
 def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
-    """Say where no vectors of three cones lie in a plane."""
-    volume = np.abs(np.einsum("...i,...i->...", cross(s.axes, t.axes), w.axes))
-    return np.asarray(volume > s.reach * t.reach * w.reach - 1)
+    """Say where no vectors of three cones lie in a plane.
+
+    A plane of normal n, |n| = 1, has a vector of a cone round a if |n·a| is no more than the sine
+    of its half angle. All three such numbers together leave n in a parallelepiped round the origin,
+    which is to have its corners within the unit sphere.
+    """
+    cones = (s, t, w)
+    faces = [cross(cones[k - 2].axes, cones[k - 1].axes) for k in range(3)]
+    volume = np.abs(np.einsum("...i,...i->...", faces[2], w.axes))
+    p, q, r = (cone.slopes[0][..., None] * face for cone, face in zip(cones, faces, strict=True))
+    corner = lengths(p + q + r)
+    for other in (p + q - r, p - q + r, q + r - p):
+        np.maximum(corner, lengths(other), out=corner)
+    return np.asarray(volume > corner + _UNIT)
 
 
 def parted_walls(cells: Cells, pairs: Integers, noise: float) -> Booleans:

@@ -1,0 +1,156 @@
+"""What parts blocks of patches before any patch is made: cones of tangents, and planes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pc2cad.geometry.carriers import Plane, SplineSurface
+from pc2cad.geometry.sheets import Sheet, SheetSide, patches_of, surface_patches
+from pc2cad.solidity.embedding.above_planes import sides_of_planes
+from pc2cad.solidity.embedding.surfaces import Surfaces
+from pc2cad.solidity.embedding.windows import Cones, is_alone, is_wall
+
+
+def cones(axes, degrees):
+    """Cones of half angles about axes."""
+    axes = np.asarray(axes, dtype=float)
+    axes = axes / np.linalg.norm(axes, axis=-1, keepdims=True)
+    return Cones(axes, 2 * np.sin(np.radians(np.asarray(degrees, dtype=float)) / 2))
+
+
+def rays(rng, cone, count):
+    """Unit vectors of one cone, most of them on it."""
+    axis, half = cone.axes[0], 2 * np.arcsin(cone.radii[0] / 2)
+    first = np.cross(axis, rng.normal(size=3))
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    turn = rng.uniform(0, 2 * np.pi, count)[:, None]
+    tilt = np.where(rng.uniform(size=(count, 1)) < 0.8, half, half * rng.uniform(size=(count, 1)))
+    return np.cos(tilt) * axis + np.sin(tilt) * (np.cos(turn) * first + np.sin(turn) * second)
+
+
+@pytest.mark.parametrize("between", [10, 60, 90, 120, 175])
+def test_cones_have_no_vectors_in_common_up_to_the_angle_between_them(between):
+    angle = np.radians(between)
+    room = min(between, 180 - between)
+    axes = [1, 0, 0], [np.cos(angle), np.sin(angle), 0]
+    for share in (0.1, 0.5, 0.9):
+        s = cones([axes[0]] * 2, [share * room - 1e-3, share * room + 1e-3])
+        t = cones([axes[1]] * 2, [(1 - share) * room] * 2)
+        assert is_alone(s, t).tolist() == [True, False]
+
+
+def test_cones_of_more_than_half_of_space_or_of_nothing_are_never_alone():
+    axes = np.array([[1.0, 0, 0]] * 3)
+    radii = np.array([1.5, 2.0, -np.inf])
+    s, t = Cones(axes, radii), Cones(np.roll(axes, 1, axis=1), np.zeros(3))
+    w = Cones(np.roll(axes, 2, axis=1), np.zeros(3))
+    assert not is_alone(s, t).any()
+    assert not is_alone(t, s).any()
+    for three in ((s, t, w), (t, w, s), (w, s, t)):
+        assert not is_wall(*three).any()
+
+
+def test_three_cones_at_right_angles_are_a_wall_up_to_the_sphere_round_a_cube():
+    """The corner of the cube of half sides sin a is on the unit sphere where sin a = 1/√3."""
+    limit = np.degrees(np.arcsin(1 / np.sqrt(3)))
+    widths = np.array([limit - 1e-6, limit + 1e-6])
+    s, t, w = (cones([axis] * 2, widths) for axis in np.eye(3))
+    assert is_wall(s, t, w).tolist() == [True, False]
+
+
+def test_no_vectors_of_three_cones_lie_in_a_plane_where_that_is_said():
+    rng = np.random.default_rng(3)
+    said, least = 0, np.inf
+    for _ in range(300):
+        three = [cones(rng.normal(size=(1, 3)), rng.uniform(0, 50, 1)) for _ in range(3)]
+        s, t, w = (rays(rng, cone, 400) for cone in three)
+        volume = np.einsum("ni,ni->n", np.cross(s, t), w)
+        if is_wall(*three)[0]:
+            said += 1
+            least = min(least, np.abs(volume).min())
+            assert np.abs(np.sign(volume).sum()) == len(volume)
+        elif np.abs(np.sign(volume).sum()) == len(volume):
+            # wherever it is not said, somewhat wider cones do have such vectors
+            wider = [cones(c.axes, np.degrees(2 * np.arcsin(c.radii / 2)) * 1.5 + 3) for c in three]
+            s, t, w = (rays(rng, cone, 20_000) for cone in wider)
+            volume = np.einsum("ni,ni->n", np.cross(s, t), w)
+            assert np.abs(np.sign(volume).sum()) < len(volume)
+    assert said >= 30
+    assert least < 0.1
+
+
+# -- planes ----------------------------------------------------------------------------------------
+
+
+def above_floor(dip: float, weight: float = 1.0):
+    """A spline that stands on the floor along its side s = 0, and the floor as a plane face."""
+    inner = np.linspace(0, 1, 9)
+    knots = np.concatenate((np.zeros(3), inner, np.ones(3)))
+    count = len(knots) - 4
+    at = np.array([knots[i + 1 : i + 4].mean() for i in range(count)])
+    x, y = np.meshgrid(at, at, indexing="ij")
+    poles = np.stack((y, 0.1 * x, x), axis=-1)
+    poles[6, 5, 2] -= dip
+    weights = np.ones((count, count))
+    weights[3, 3] = weight
+    patches = surface_patches(SplineSurface((3, 3), (knots, knots), poles, weights))
+    names = [(0, (0, 1)), (1, (1, 2)), (2, (3, 2)), (3, (0, 3))]
+    sides = tuple(SheetSide(edge, at_ends, inner) for edge, at_ends in names)
+    unit = np.array([0.0, 1.0])
+    nets = np.array([[[0, 0, 0, 1], [0, -1, 0, 1]], [[1, 0, 0, 1], [1, -1, 0, 1.0]]])[None, None]
+    floor_sides = [(3, (0, 3)), (4, (3, 5)), (5, (4, 5)), (6, (0, 4))]
+    floor = Sheet(1, 1, patches_of(nets), tuple(SheetSide(e, v, unit) for e, v in floor_sides),
+                  plane=Plane(np.zeros(3), np.array([0.0, 0, 1])))  # fmt: skip
+    return Surfaces([Sheet(0, 0, patches, sides), floor], np.full((7, 2, 3), np.nan))
+
+
+def parted(surfaces, pairs=((0, 1),)):
+    """Which patches of the first sheet the plane of the second parts from its face, (8, 8)."""
+    found = sides_of_planes(surfaces, np.array(pairs), 1e-12)
+    patches = np.arange(64)
+    rows = np.column_stack((patches, np.full(64, 64)))
+    one = found.part(rows, surfaces.sheet_of)
+    assert np.array_equal(one, found.part(rows[:, ::-1], surfaces.sheet_of))
+    return one.reshape(8, 8)
+
+
+def test_a_sheet_that_stands_on_a_plane_is_parted_from_it_but_for_their_side():
+    assert parted(above_floor(0.0)).all()
+    assert parted(above_floor(0.0), [(1, 0)]).all()
+
+
+def test_patches_of_a_pole_below_the_plane_are_not_parted():
+    """A pole counts for the four patches along each parameter that are made of it."""
+    found = parted(above_floor(0.9))
+    assert np.argwhere(~found).min(axis=0).tolist() == [3, 2]
+    assert np.argwhere(~found).max(axis=0).tolist() == [6, 5]
+    assert (~found).sum() == 16
+
+
+def test_a_side_that_the_plane_face_does_not_have_is_not_left_out():
+    surfaces = above_floor(0.0)
+    first = surfaces.sheets[0]
+    along = first.sides[0].along
+    named = (SheetSide(0, (8, 1), along), first.sides[1], SheetSide(2, (9, 2), along),
+             SheetSide(7, (8, 9), along))  # fmt: skip
+    other = Surfaces([Sheet(0, 0, first.patches, named), surfaces.sheets[1]],
+                     np.full((8, 2, 3), np.nan))  # fmt: skip
+    found = parted(other)
+    assert not found[0].any()
+    assert found[1:].all()
+
+
+def test_nothing_is_said_with_weights_of_both_signs():
+    assert not parted(above_floor(0.0, weight=-0.1)).any()
+
+
+def test_blocks_are_parted_where_all_their_patches_are():
+    surfaces = above_floor(0.9)
+    found = sides_of_planes(surfaces, np.array([[0, 1]]), 1e-12)
+    order = np.arange(65)
+    merged = found.merged(order, np.arange(0, 65, 8))
+    sheet = np.array([0] * 8 + [1])
+    rows = np.column_stack((np.arange(8), np.full(8, 8)))
+    assert merged.part(rows, sheet).tolist() == parted(surfaces).all(axis=1).tolist()
