@@ -28,8 +28,11 @@ class Form:
     def columns(self, points: Array, normals: Array) -> Array:
         """Return the integrands at places, (n, 5 + k)."""
         first = np.empty((len(points), 5))
-        first[:, 0] = (points * normals).sum(axis=1)
-        first[:, 1] = np.sqrt((normals * normals).sum(axis=1))
+        # coordinate by coordinate: sums over rows of three take thrice as long
+        flux = points * normals
+        first[:, 0] = flux[:, 0] + flux[:, 1] + flux[:, 2]
+        squares = normals * normals
+        first[:, 1] = np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2])
         first[:, 2:] = points * points * normals
         return first if self.more is None else np.hstack((first, self.more(points, normals)))
 

@@ -19,7 +19,7 @@ from pc2cad.brep.spline_numbers import curve_numbers, surface_numbers
 from pc2cad.errors import KernelError
 from pc2cad.geometry.splines.spline_basis import (
     SparseRows,
-    basis_matrix,
+    basis_matrices,
     local_bases,
     spline_jets,
     windows,
@@ -302,13 +302,13 @@ class Patch:
 
     def _jet(self, s: Array, t: Array) -> tuple[Array, Array]:
         """Return points and outward normals (of the parameters' own length) on a grid."""
-        p = self.degrees
-        basis = [_basis(x, k, n) for x, k, n in zip((s, t), self.knots, p, strict=True)]
-        slope = [_basis(x, k[1:-1], n - 1) for x, k, n in zip((s, t), self.knots, p, strict=True)]
+        (a, slope_a), (b, slope_b) = (
+            _bases(x, k, n) for x, k, n in zip((s, t), self.knots, self.degrees, strict=True)
+        )
         point, ds, dt = project(
-            _tensor(basis[0], self.poles, basis[1]),
-            _tensor(slope[0], self._nets[0], basis[1]),
-            _tensor(basis[0], self._nets[1], slope[1]),
+            _tensor(a, self.poles, b),
+            _tensor(slope_a, self._nets[0], b),
+            _tensor(a, self._nets[1], slope_b),
         )
         return point, self.sign * cross(ds, dt)
 
@@ -346,10 +346,13 @@ def legendre(order: int) -> tuple[Array, Array]:
     return x, weight
 
 
-def _basis(t: Array, knots: Array, degree: int) -> Array | SparseRows:
-    """Return the values of all basis functions at t: sparse where there are many."""
-    table = basis_matrix(knots, degree, t)
-    return table.toarray() if table.shape[1] <= DENSE else table
+def _bases(t: Array, knots: Array, degree: int) -> list[Array | SparseRows]:
+    """Return the values at t of all basis functions, and of those of the derivative's poles.
+
+    Sparse where there are many.
+    """
+    tables = basis_matrices(knots, degree, t)
+    return [table.toarray() if table.shape[1] <= DENSE else table for table in tables]
 
 
 def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:

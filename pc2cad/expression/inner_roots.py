@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise, product
 
 import numpy as np
@@ -115,6 +116,7 @@ def _is_zero_at(tree: Expr, values: dict[str, Expr]) -> bool:
         return False
 
 
+@lru_cache(maxsize=256)  # variants of a template have many of their roots in common
 def _vanishes_nowhere(tree: Expr, name: str) -> bool:
     """Say whether enclosures on even cells prove it, as they do of most functions at once."""
     ends = np.arange(_CELLS + 1) / _CELLS

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
 
+from pc2cad.expression.recent import Recent
 from pc2cad.expression.tree import Expr, walk
 
 _NAN = float("nan")
@@ -34,8 +36,29 @@ def evaluate(root: Expr, values: Mapping[str, float]) -> float:
 
 def evaluate_all(roots: tuple[Expr, ...], values: Mapping[str, float]) -> dict[Expr, float]:
     """Return the values of the trees and of nodes below them (see `evaluate`)."""
-    # constants keep their values: definitions that use one another are looked at one by one
-    return values_of(walk(roots, lambda n: () if n.value is not None else n.args), values)
+    # 0 and -0 are equal, and their reciprocals are not
+    known = _known(tuple([(n, x, math.copysign(1, x)) for n, x in sorted(values.items())]))
+    store: dict[Expr, float] = {}
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        # constants keep their values: definitions that use one another are looked at one by one
+        found = node.value if node.value is not None else known.get(node)
+        if found is None:
+            return node.args
+        store[node] = found
+        return ()
+
+    for node in walk(roots, below):
+        if node not in store:
+            _take(node, store, values)
+            known.keep(node, store[node])
+    return store
+
+
+@lru_cache(maxsize=64)
+def _known(_: tuple[tuple[str, float, float], ...]) -> Recent[float]:
+    """Return the values that are remembered of a place: the same few are asked for trees alike."""
+    return Recent()
 
 
 def values_of(nodes: Iterable[Expr], values: Mapping[str, float]) -> dict[Expr, float]:
@@ -44,14 +67,19 @@ def values_of(nodes: Iterable[Expr], values: Mapping[str, float]) -> dict[Expr, 
     for node in nodes:
         if node.value is not None:
             store[node] = node.value
-            continue
-        try:
-            store[node] = _value(node, [store[arg] for arg in node.args], values)
-        except (ValueError, ZeroDivisionError, OverflowError):
-            store[node] = _NAN
-        if not node.symbols:
-            object.__setattr__(node, "value", store[node])
+        else:
+            _take(node, store, values)
     return store
+
+
+def _take(node: Expr, store: dict[Expr, float], values: Mapping[str, float]) -> None:
+    """Put the value of a node into a store that has those of its operands."""
+    try:
+        store[node] = _value(node, [store[arg] for arg in node.args], values)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        store[node] = _NAN
+    if not node.symbols:
+        object.__setattr__(node, "value", store[node])
 
 
 def _value(node: Expr, args: list[float], values: Mapping[str, float]) -> float:

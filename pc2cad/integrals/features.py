@@ -157,12 +157,10 @@ def _places(spans: Array, share: Array) -> Array:
 
 def _columns(share: Array) -> Array:
     """Return the products of Legendre's polynomials up to degree 3: they are nearly orthogonal."""
-    x = 2 * share - 1
-    alone = np.ones_like(x), x, (3 * x**2 - 1) / 2, (5 * x**3 - 3 * x) / 2
-    every = pairs(range(len(alone)), repeat=x.shape[1])
-    rows = [
-        np.prod([alone[d][:, k] for k, d in enumerate(degrees)], axis=0)
-        for degrees in every
-        if sum(degrees) < len(alone)
-    ]
-    return np.stack(rows, axis=1)
+    x = 2 * share.T - 1
+    alone = np.stack((np.ones_like(x), x, (3 * x**2 - 1) / 2, (5 * x**3 - 3 * x) / 2))
+    degrees = [row for row in pairs(range(len(alone)), repeat=len(x)) if sum(row) < len(alone)]
+    first, *others = (alone[list(row), k] for k, row in enumerate(zip(*degrees, strict=True)))
+    for other in others:
+        first *= other
+    return np.ascontiguousarray(first.T)

@@ -64,7 +64,7 @@ def integrate_field(
         values = field.at(u, v, w, points) / size
         columns = np.concatenate((np.ones((*determinant.shape, 1)), values), axis=-1)
         # beside the volume, so that an integral of nothing has an error of its field's size
-        return Samples(columns * determinant[..., None], terms, points, np.stack(tangents))
+        return Samples(columns * determinant[..., None], terms, points, tangents)
 
     found, error = _integrated(analysis, field, weighted)
     whole = np.sum(found, axis=0)
@@ -147,7 +147,7 @@ def _moments(
             mass = density * determinant
             columns = [mass, *(mass * way[..., i] for i in range(3))]
             columns += [mass * way[..., i] * way[..., j] for i, j in PAIRS]
-        return Samples(np.stack(columns, axis=-1), terms, points, np.stack(tangents))
+        return Samples(np.stack(columns, axis=-1), terms, points, tangents)
 
     found, error = _integrated(analysis, field, moments)
     scale = largest * np.array([1.0] + [reach] * 3 + [reach**2] * 6)

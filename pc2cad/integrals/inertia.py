@@ -85,7 +85,7 @@ def second_moments(analysis: Analysis, about: Vector) -> SecondMoments:
         with np.errstate(all="ignore"):
             values = [from_centre[..., i] * from_centre[..., j] * determinant for i, j in PAIRS]
             size = size * (from_centre * from_centre).sum(axis=-1)
-        return Samples(np.stack(values, axis=-1), size, points, np.stack(tangents))
+        return Samples(np.stack(values, axis=-1), size, points, tangents)
 
     limits = narrowed(analysis, limits_of(analysis))
     found = settle(second, limits, partial(by_layer, analysis))

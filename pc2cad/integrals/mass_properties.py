@@ -198,7 +198,7 @@ class _Densities:
         with np.errstate(all="ignore"):
             for axis, centre in enumerate(self.centre):
                 values[1 + axis] = (points[..., axis] - centre) * determinant
-        return Samples(np.moveaxis(values, 0, -1), size, points, np.stack(tangents))
+        return Samples(np.moveaxis(values, 0, -1), size, points, tangents)
 
     def measure(self, u: Array, v: Array, w: Array) -> Samples:
         """Return det J and (M - centre) det J, and note no sign."""

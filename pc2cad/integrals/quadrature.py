@@ -46,9 +46,10 @@ class Samples:
     values: Array
     #: size of the terms that the first integrand is a sum of (n, L): its rounding goes with it
     terms: Array
-    #: a point that moves along the line, and its derivative: (n, L, 3) each, or None
+    #: a point that moves along the line, and its derivatives along u, v and w, or along the line
+    #: alone: (n, L, 3) each, or None
     points: Array | None = None
-    tangents: Array | None = None
+    tangents: Sequence[Array] | None = None
 
 
 Sampler = Callable[[Array], Samples]
@@ -270,7 +271,8 @@ class _Work:
         scales = np.add.reduceat(terms, starts, axis=0).max(axis=1)
         miss = np.zeros(len(low))
         if seen.points is not None and seen.tangents is not None:
-            way = np.add.reduceat(seen.tangents[:n] * weights[:, None, None], starts, axis=0)
+            (along,) = seen.tangents
+            way = np.add.reduceat(along[:n] * weights[:, None, None], starts, axis=0)
             at = seen.points[n:]
             gone = at[len(low) :] - at[: len(low)]
             reach = 64 * EPSILON * float(np.abs(seen.points).max())

@@ -126,7 +126,7 @@ def panels_for(
         for d, x in zip(others, across, strict=True):
             places[d] = x[None, :]
         seen = density(*places)
-        tangents = None if seen.tangents is None else seen.tangents[direction]
+        tangents = None if seen.tangents is None else [seen.tangents[direction]]
         return Samples(seen.values, seen.terms, seen.points, tangents)
 
     look = all(len(set(row)) > 1 for row in limits)

@@ -11,10 +11,13 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.expression.normal_form import NormalForm, normal_form
-from pc2cad.expression.rewriting import among
+from pc2cad.expression.recent import Recent
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ANALYTIC, Expr
+from pc2cad.expression.tree import ANALYTIC, Expr, walk
 from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
+
+#: what is remembered as the degree of a tree that is not polynomial
+NO_POLYNOMIAL = -1
 
 
 def degree_in(roots: Sequence[Expr], name: str) -> int | None:
@@ -24,13 +27,30 @@ def degree_in(roots: Sequence[Expr], name: str) -> int | None:
     pieces: whoever uses the degree must put knots at their breaks.
     """
     degrees: dict[Expr, int] = {}
-    for node in among(tuple(roots), lambda n: name in n.symbols):
-        degree = _node_degree(node, [degrees.get(arg, 0) for arg in node.args])
+    known = _degrees(name)
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        degree = known.get(node)
         if degree is None:
-            return None
+            return tuple([arg for arg in node.args if name in arg.symbols])
         degrees[node] = degree
+        return ()
+
+    for node in walk(tuple([root for root in roots if name in root.symbols]), below):
+        if node not in degrees:
+            degree = _node_degree(node, [degrees.get(arg, 0) for arg in node.args])
+            degrees[node] = NO_POLYNOMIAL if degree is None else degree
+            known.keep(node, degrees[node])
+        if degrees[node] == NO_POLYNOMIAL:
+            return None
     largest = max(degrees.get(root, 0) for root in roots)
     return largest if largest <= LARGEST_DEGREE else None
+
+
+@lru_cache(maxsize=8)
+def _degrees(_: str) -> Recent[int]:
+    """Return what is remembered of degrees in a symbol: most trees are asked for several times."""
+    return Recent()
 
 
 def _node_degree(node: Expr, known: list[int]) -> int | None:

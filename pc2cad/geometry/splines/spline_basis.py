@@ -132,5 +132,11 @@ def windows(poles: Array, *widths: int) -> Array:
 
 def basis_matrix(knots: Array, degree: int, t: Array) -> SparseRows:
     """Return the values of all functions at t, (len(t), functions)."""
-    first, values = local_basis(knots, degree, t)
-    return SparseRows(first[:, None] + np.arange(degree + 1), values, len(knots) - degree - 1)
+    return basis_matrices(knots, degree, t)[0]
+
+
+def basis_matrices(knots: Array, degree: int, t: Array) -> tuple[SparseRows, SparseRows]:
+    """Return what `basis_matrix` does, and the same of one degree less, of the inner knots."""
+    first, values, lower = local_bases(knots, degree, t)
+    index, size = first[:, None] + np.arange(degree + 1), len(knots) - degree - 1
+    return SparseRows(index, values, size), SparseRows(index[:, :-1], lower, size - 1)

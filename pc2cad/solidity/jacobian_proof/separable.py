@@ -10,6 +10,7 @@ one by one.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -243,6 +244,7 @@ def _ends(breaks: tuple[float, ...]) -> Place:
     return Place(centre, half, half)
 
 
+@lru_cache(maxsize=64)  # without breaks, those of all parts are alike
 def _boxes(count: int, least: int, breaks: tuple[float, ...]) -> Place:
     """Return equal boxes of [0, 1], cut at the breaks: at least so many between any two."""
     ends = np.array([0.0, *breaks, 1.0])
