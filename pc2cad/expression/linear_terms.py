@@ -7,65 +7,106 @@ digits, and above all the sharpness of an enclosure, which cannot know that both
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Final
 
+from pc2cad.expression.budget import is_counted
+from pc2cad.expression.recent import Recent
 from pc2cad.expression.tree import ONE, ZERO, Expr, number, rebuild, walk
 
 #: a tree as a linear form: coefficients of the nodes that are no sums
 _Terms = dict[Expr, Fraction]
+#: linear forms with more terms are not remembered: chains of sums have one another's
+MOST_TERMS: Final = 32
+
+#: what is remembered: variants of a template, and the pieces of a map, have most trees in common
+_forms: Final[Recent[_Terms]] = Recent()
+_without: Final[Recent[Expr]] = Recent()
 
 
 def cancel_terms(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return equal trees in which no sum, however nested, holds a term and its opposite.
 
     Sums in which nothing cancels keep their form, so that what several trees share stays shared.
+    What becomes of a tree does not depend on others.
     """
+    known = Recent[Expr]() if is_counted() else _without
     done: dict[Expr, Expr] = {}
     terms: dict[Expr, _Terms] = {}
-    for node in walk(roots):
-        args = tuple(done[arg] for arg in node.args)
-        moved = node if args == node.args else rebuild(node, args)
-        if moved not in terms:
-            moved = _record(moved, terms)
-        done[node] = moved
-    return tuple(done[root] for root in roots)
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        found = known.get(node)
+        if found is None:
+            return node.args
+        done[node] = found
+        return ()
+
+    for node in walk(roots, below):
+        if node not in done:
+            args = tuple([done[arg] for arg in node.args])
+            moved = node if args == node.args else rebuild(node, args)
+            done[node] = _without_lost(moved, terms)
+            known.keep(node, done[node])
+    return tuple([done[root] for root in roots])
 
 
-def _record(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
-    """Work out the terms of a node whose operands are known; return the node without those lost."""
-    if node.op == "number":
-        terms[node] = {ONE: node.payload} if node.payload else {}
-    elif node.op == "add":
-        left, right = (_terms_of(arg, terms) for arg in node.args)
-        total = dict(left)
-        for atom, coefficient in right.items():
-            total[atom] = total.get(atom, Fraction(0)) + coefficient
-        lost = any(not coefficient for coefficient in total.values())
-        total = {atom: coefficient for atom, coefficient in total.items() if coefficient}
-        if lost:
+def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
+    """Return a node of whose operands nothing is lost without the terms that it loses."""
+    if node.op == "add":
+        total = _terms_of(node, terms)
+        if len(total) < len({*_terms_of(node.args[0], terms), *_terms_of(node.args[1], terms)}):
             node = ZERO
             for atom, coefficient in total.items():
                 node = node + number(coefficient) * atom
-        terms[node] = total
-    elif node.op == "neg":
-        terms[node] = {a: -c for a, c in _terms_of(node.args[0], terms).items()}
-    elif node.op == "mul" and node.args[0].op == "number":
-        factor: Fraction = node.args[0].payload
-        terms[node] = {a: factor * c for a, c in _terms_of(node.args[1], terms).items()}
-        if len(terms[node]) == 1 and node.args[1].op == "mul":
-            # a number times a multiple is one multiple
-            ((atom, coefficient),) = terms[node].items()
-            multiple = number(coefficient) * atom
-            terms[multiple] = terms[node]
-            node = multiple
-    else:
-        terms[node] = {node: Fraction(1)}
+    elif node.op == "mul" and node.args[0].op == "number" and node.args[1].op == "mul":
+        found = _terms_of(node, terms)
+        if len(found) == 1:  # a number times a multiple is one multiple
+            ((atom, coefficient),) = found.items()
+            node = number(coefficient) * atom
     return node
 
 
 def _terms_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
+    """Return the linear form of a tree as it is; `terms` holds those found before."""
+
+    def below(inner: Expr) -> tuple[Expr, ...]:
+        if inner in terms:
+            return ()
+        found = _forms.get(inner)
+        if found is None:
+            return _summed(inner)
+        terms[inner] = found
+        return ()
+
     if node not in terms:
-        # folding made a node that was no operand before: its own operands may be new as well
-        for inner in walk((node,)):
+        for inner in walk((node,), below):
             if inner not in terms:
-                _record(inner, terms)
+                terms[inner] = _form_of(inner, terms)
+                if len(terms[inner]) <= MOST_TERMS:
+                    _forms.keep(inner, terms[inner])
     return terms[node]
+
+
+def _summed(node: Expr) -> tuple[Expr, ...]:
+    """Return the operands that a node's form is made of: none for an atom."""
+    if node.op in ("add", "neg"):
+        return node.args
+    return node.args[1:] if node.op == "mul" and node.args[0].op == "number" else ()
+
+
+def _form_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
+    """Return the linear form of a node whose operands have theirs."""
+    if node.op == "number":
+        return {ONE: node.payload} if node.payload else {}
+    if node.op == "add":
+        left, right = (terms[arg] for arg in node.args)
+        total = dict(left)
+        for atom, coefficient in right.items():
+            before = total.get(atom)
+            total[atom] = coefficient if before is None else before + coefficient
+        return {atom: coefficient for atom, coefficient in total.items() if coefficient}
+    if node.op == "neg":
+        return {a: -c for a, c in terms[node.args[0]].items()}
+    if node.op == "mul" and node.args[0].op == "number":
+        factor: Fraction = node.args[0].payload
+        return {a: factor * c for a, c in terms[node.args[1]].items()}
+    return {node: Fraction(1)}
