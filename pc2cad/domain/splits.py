@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -73,16 +74,15 @@ def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[
         rows = [_Side(mapping, d, limit, along) for d, limit in sorted(limits) if d != along]
         few = _few(mapping, along)
         closed = [
-            (side, side(_uniform()))
+            _Closed(side, side(_uniform()))
             for side in rows
             if _closes(few[side.normal, side.limit], scale)
         ]
         searches = [
-            search
-            for (first, points), (second, others) in combinations_with_replacement(closed, 2)
+            _Search(first, second, turned, scale)
+            for first, second in combinations_with_replacement(closed, 2)
             for turned in (False, True)
-            if _alike(points, there := others[:, ::-1] if turned else others)
-            for search in [_Search(first, second, there, turned, scale)]
+            if _alike(first, second, turned)
         ]
         _follow(searches)
         for search in searches:
@@ -140,29 +140,51 @@ def _closes(points: Array, scale: Scale) -> bool:
     return bool(min(moves) > 1000 * scale.same_point)
 
 
-def _alike(first: Array, second: Array) -> bool:
-    extent = float(np.ptp(first.reshape(-1, 3), axis=0).max())
-    apart = float(np.abs(first.mean(axis=0) - second.mean(axis=0)).max())
-    return bool(apart <= _ALIKE * extent)
+@dataclass(frozen=True, eq=False)
+class _Closed:
+    """A side that closes along its direction, and its points at the uniform places."""
+
+    side: _Side
+    points: Array
+
+    @cached_property
+    def mean(self) -> Array:
+        """The means over the places, (2, 3)."""
+        return np.asarray(self.points.mean(axis=0))
+
+    @cached_property
+    def extent(self) -> float:
+        """The largest extent of all points along an axis."""
+        return float(np.ptp(self.points.reshape(-1, 3), axis=0).max())
+
+    @cached_property
+    def tried(self) -> Array:
+        """The points at the places at which a shift is tried, (6, 2, 3)."""
+        return self.side(_TRIED)
+
+
+def _alike(first: _Closed, second: _Closed, turned: bool) -> bool:
+    there = second.mean[::-1] if turned else second.mean
+    return bool(float(np.abs(first.mean - there).max()) <= _ALIKE * first.extent)
 
 
 class _Search:
     """The places along a side at which it goes through two points (2, 3) of the same or another.
 
-    The points are those of the first side at the first place that is tried; `there` are the uniform
-    points of the second one.
+    The points are those of the first side at the first place that is tried.
     """
 
-    def __init__(
-        self, first: _Side, second: _Side, there: Array, turned: bool, scale: Scale
-    ) -> None:
-        self.first, self.second, self.scale = first, second, scale
+    def __init__(self, first: _Closed, second: _Closed, turned: bool, scale: Scale) -> None:
+        self.first, self.second, self.scale = first.side, second.side, scale
         self.across = _ACROSS[::-1] if turned else _ACROSS
-        self.points = first(_TRIED)
+        self.points = first.tried
+        there = second.points[:, ::-1] if turned else second.points
         away = np.linalg.norm(there - self.points[0], axis=-1).max(axis=1)
         lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1))
         self.at = _uniform()[lowest]
         self.is_over = False
+        #: places at which the points are met, in the end
+        self.met: list[float] = []
         self._off = np.full(len(self.at), np.inf)
 
     def step(self, k: int, points: Array, slope: Array) -> None:
@@ -177,10 +199,10 @@ class _Search:
         moved = (self.at - np.clip(step, -0.01, 0.01)) % 1
         self.at = np.where(np.isfinite(step), moved, self.at)
 
-    def met(self) -> list[float]:
-        """Return the places at which the points are met."""
-        left = np.abs(self.second(self.at, self.across) - self.points[0]).max(axis=(1, 2))
-        return [float(x) for x in self.at[left <= _LEFT * self.scale.same_point]]
+    def close(self, points: Array) -> None:
+        """Keep the places at which the points are met, of those whose points are given."""
+        left = np.abs(points - self.points[0]).max(axis=(1, 2))
+        self.met = [float(x) for x in self.at[left <= _LEFT * self.scale.same_point]]
 
 
 def _follow(searches: Sequence[_Search]) -> None:
@@ -193,12 +215,18 @@ def _follow(searches: Sequence[_Search]) -> None:
         for group in groups.values():
             going = [search for search in group if not search.is_over]
             if going:
-                for search, line in zip(going, _lines(going), strict=True):
+                for search, line in zip(going, zip(*_lines(going), strict=True), strict=True):
                     search.step(k, *line)
+    for group in groups.values():
+        for search, points in zip(group, _lines(group, still=True)[0], strict=True):
+            search.close(points)
 
 
-def _lines(searches: Sequence[_Search]) -> list[tuple[Array, Array]]:
-    """Return points and derivatives (n, 2, 3) at the places of searches across one normal."""
+def _lines(searches: Sequence[_Search], still: bool = False) -> list[list[Array]]:
+    """Return points and derivatives (n, 2, 3) at the places of searches across one normal.
+
+    Points alone where they stand still.
+    """
     side = searches[0].second
     other = 3 - side.along - side.normal
     counts = [len(search.at) for search in searches]
@@ -208,9 +236,10 @@ def _lines(searches: Sequence[_Search]) -> list[tuple[Array, Array]]:
     grid[other] = np.repeat([search.across for search in searches], counts, axis=0)
     axes = (side.along, other, side.normal)
     u, v, w = (np.moveaxis(x[..., None], (0, 1, 2), axes) for x in grid)
-    found = (side.ordered(values) for values in side.mapping.line(side.along, u, v, w))
+    mapping = side.mapping
+    found = [mapping.points(u, v, w)] if still else mapping.line(side.along, u, v, w)
     ends = np.cumsum(counts)[:-1]
-    return list(zip(*(np.split(values, ends) for values in found), strict=True))
+    return [np.split(side.ordered(values), ends) for values in found]
 
 
 def _cuts(search: _Search) -> set[Fraction]:
@@ -218,7 +247,7 @@ def _cuts(search: _Search) -> set[Fraction]:
     second, points, own = search.second, search.points, search.first == search.second
     near = _LEFT * search.scale.same_point
     found: set[Fraction] = set()
-    for place in search.met():
+    for place in search.met:
         for reverse in (False, True):
             shift = (place + _TRIED[0] if reverse else place - _TRIED[0]) % 1
             part = Fraction(shift).limit_denominator(MOST_PARTS) % 1
