@@ -29,17 +29,18 @@ def winding_numbers(points: Array, triangles: Array, seed: int = 0) -> Integers:
     if len(triangles) == 0:
         return np.zeros(len(points), dtype=np.int64)
     turn = ray_frame(seed)
-    corners = triangles @ turn
-    places = points @ turn
-    low = corners[..., :2].reshape(-1, 2).min(axis=0)
-    extent = corners[..., :2].reshape(-1, 2).max(axis=0) - low
+    # coordinate by coordinate: (3, corner, triangle) and (3, point)
+    corners = np.ascontiguousarray((triangles.reshape(-1, 3) @ turn).reshape(-1, 3, 3).T)
+    places = np.ascontiguousarray((points @ turn).T)
+    low = corners[:2].min(axis=(1, 2))
+    extent = corners[:2].max(axis=(1, 2)) - low
     # no more columns than points: most triangles then lie in one
     columns = int(np.clip(np.sqrt(min(len(triangles), 2 * len(points))), 1, 1024))
     cell = np.where(extent > 0, extent, 1.0) / columns
     starts, members = _columns(corners, low, cell, columns)
-    index = np.floor((places[:, :2] - low) / cell).astype(np.int64)
-    inside = ((index >= 0) & (index < columns)).all(axis=1)
-    column = np.where(inside, index[:, 0] * columns + index[:, 1], 0)
+    i, j = np.floor((places[:2] - low[:, None]) / cell[:, None]).astype(np.int64)
+    inside = (i >= 0) & (i < columns) & (j >= 0) & (j < columns)
+    column = np.where(inside, i * columns + j, 0)
     counts = np.where(inside, starts[column + 1] - starts[column], 0)
     result = np.zeros(len(points), dtype=np.int64)
     edges = np.flatnonzero(np.diff(np.cumsum(counts) // _PAIRS)) + 1
@@ -49,23 +50,24 @@ def winding_numbers(points: Array, triangles: Array, seed: int = 0) -> Integers:
             np.cumsum(counts[part]) - counts[part], counts[part]
         )
         triangle = members[starts[column[owner]] + offset]
-        np.add.at(result, owner, _crossings(places[owner], corners[triangle]))
+        np.add.at(result, owner, _crossings(places[:, owner], corners[:, :, triangle]))
     return result
 
 
 def _columns(corners: Array, low: Array, cell: Array, columns: int) -> tuple[Integers, Integers]:
-    """Return the triangles of every column as starts (columns² + 1,) and members."""
-    a, b, c = corners[:, 0, :2], corners[:, 1, :2], corners[:, 2, :2]
-    lowest, highest = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    first = np.clip(np.floor((lowest - low) / cell), 0, columns - 1).astype(np.int64)
-    last = np.clip(np.floor((highest - low) / cell), 0, columns - 1).astype(np.int64)
+    """Return the triangles (3, 3, m) of every column as starts (columns² + 1,) and members."""
+    flat, low, cell = corners[:2], low[:, None], cell[:, None]
+    first, last = (
+        np.clip(np.floor((ends - low) / cell), 0, columns - 1).astype(np.int64)
+        for ends in (flat.min(axis=1), flat.max(axis=1))
+    )
     spans = last - first + 1
-    counts = spans[:, 0] * spans[:, 1]
-    triangle = np.repeat(np.arange(len(corners)), counts)
+    counts = spans[0] * spans[1]
+    triangle = np.repeat(np.arange(corners.shape[2]), counts)
     offset = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
-    across = spans[triangle, 1]
-    i = first[triangle, 0] + offset // across
-    j = first[triangle, 1] + offset % across
+    across = spans[1, triangle]
+    i = first[0, triangle] + offset // across
+    j = first[1, triangle] + offset % across
     counts = np.bincount(i * columns + j, minlength=columns * columns)
     starts = np.concatenate(([0], np.cumsum(counts)))
     # short integers are sorted by counting, in linear time
@@ -75,14 +77,20 @@ def _columns(corners: Array, low: Array, cell: Array, columns: int) -> tuple[Int
 
 
 def _crossings(points: Array, corners: Array) -> Integers:
-    """Return the sign with which a ray along +z from each point crosses its triangle, or 0."""
-    x, y = (corners[:, :, k] - points[:, None, k] for k in (0, 1))
+    """Return the sign with which a ray along +z from each point crosses its triangle, or 0.
+
+    Points are (3, n), corners (3, 3, n): coordinates first, then the corners.
+    """
+    x, y = (corners[k] - points[k] for k in (0, 1))
     # twice the signed areas of the triangles that the point makes with each side; the side
     # opposite to a corner carries its barycentric weight
-    a, b, c = (x[:, i] * y[:, j] - x[:, j] * y[:, i] for i, j in ((1, 2), (2, 0), (0, 1)))
+    a, b, c = (x[i] * y[j] - x[j] * y[i] for i, j in ((1, 2), (2, 0), (0, 1)))
     up, down = (a > 0) & (b > 0) & (c > 0), (a < 0) & (b < 0) & (c < 0)
-    z = corners[:, :, 2]
+    sign = up.astype(np.int64) - down
+    (met,) = np.nonzero(sign)
+    a, b, c = (weight[met] for weight in (a, b, c))
+    z = corners[2][:, met]
     with np.errstate(invalid="ignore", divide="ignore"):
-        height = (a * z[:, 0] + b * z[:, 1] + c * z[:, 2]) / (a + b + c)
-    above = height > points[:, 2]
-    return np.asarray((up & above).astype(np.int64) - (down & above).astype(np.int64))
+        height = (a * z[0] + b * z[1] + c * z[2]) / (a + b + c)
+    sign[met[~(height > points[2, met])]] = 0
+    return np.asarray(sign)
