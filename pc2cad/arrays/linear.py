@@ -44,9 +44,25 @@ def cross(a: Array, b: Array) -> Array:
     return result
 
 
+def dots(a: Array, b: Array) -> Array:
+    """Return the products of vectors (…, 3), the same bits however they lie in memory.
+
+    Where they are many, np.einsum takes thrice as long; its order of adding is kept.
+    """
+    shares = a * b
+    total = shares[..., 0] + shares[..., 2]
+    total += shares[..., 1]
+    return np.asarray(total)
+
+
+def heights(vectors: Array, axes: Array) -> Array:
+    """Return the products (n, k) of vectors (n, k, 3) with an axis (n, 3) for each row of them."""
+    return np.asarray((vectors @ axes[..., None])[..., 0])
+
+
 def lengths(vectors: Array) -> Array:
     """Return the lengths of vectors (…, 3)."""
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+    return np.asarray(np.sqrt(dots(vectors, vectors)))
 
 
 def unit(vectors: Array) -> Array:

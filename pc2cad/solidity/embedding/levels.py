@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.arrays.linear import lengths, unit
+from pc2cad.arrays.linear import heights, lengths, unit
 
 #: what rounding leaves of the product with a normal, relative
 _UNIT = 1e-15
@@ -49,7 +49,7 @@ def by_levels(nets: Array, noise: float) -> Booleans:
         along, across = (np.diff(turned, axis=k).reshape(len(nets), -1, 3) for k in (1, 2))
         found = np.zeros(len(nets), dtype=bool)
         for normal, room in _normals(along, noise):
-            steps, rests = (np.einsum("nki,ni->nk", x, normal) for x in (across, along))
+            steps, rests = (heights(x, normal) for x in (across, along))
             level = np.abs(rests).max(axis=1) <= room
             for rise in (steps, -steps):
                 found |= level & (rise.min(axis=1) >= -room) & (rise.max(axis=1) > _CLEAR * room)

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.arrays.linear import lengths, unit
+from pc2cad.arrays.linear import heights, lengths, unit
 from pc2cad.solidity.embedding.cells import ENDS, Cells, Joints
 from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
 
@@ -65,20 +65,20 @@ def half_space(chords: Array, has: Booleans, ways: Array, there: Booleans) -> Bo
     """Say where no chord is a sum of ways: unit vectors (n, k, 3), and which of them count."""
     axis = unit(np.where(has[..., None], chords, 0.0).sum(axis=1))
     normal = _amid(ways, there, axis)
-    forward = np.where(has, np.einsum("nki,ni->nk", chords, axis), 1.0).min(axis=1)
-    off = np.where(has, np.abs(np.einsum("nki,ni->nk", chords, normal)), 0.0).max(axis=1)
-    least = np.where(there, np.einsum("nki,ni->nk", ways, normal), 1.0).min(axis=1)
+    forward = np.where(has, heights(chords, axis), 1.0).min(axis=1)
+    off = np.where(has, np.abs(heights(chords, normal)), 0.0).max(axis=1)
+    least = np.where(there, heights(ways, normal), 1.0).min(axis=1)
     known = has.any(axis=1) & there.any(axis=1)
     return np.asarray(known & (forward > _UNIT) & (least > 0) & (least * forward > off + _UNIT))
 
 
 def _amid(rays: Array, there: Booleans, axis: Array) -> Array:
     """Return directions (n, 3) across axes that are amid rays (n, k, 3), seen along the axes."""
-    flat = rays - np.einsum("nki,ni->nk", rays, axis)[..., None] * axis[:, None]
+    flat = rays - heights(rays, axis)[..., None] * axis[:, None]
     flat = np.where(there[..., None], unit(flat), 0.0)
     first = unit(flat.sum(axis=1))
     second = np.cross(axis, first)
-    angle = np.arctan2(np.einsum("nki,ni->nk", flat, second), np.einsum("nki,ni->nk", flat, first))
+    angle = np.arctan2(heights(flat, second), heights(flat, first))
     low = np.where(there, angle, np.inf).min(axis=1, initial=0.0)
     high = np.where(there, angle, -np.inf).max(axis=1, initial=0.0)
     middle = (low + high) / 2
@@ -93,18 +93,16 @@ def _between(first: Array, has: Booleans, second: Array, there: Booleans) -> Arr
     """
     rays, known = np.concatenate((first, -second), axis=1), np.concatenate((has, there), axis=1)
     rays = np.where(known[..., None], rays, 0.0)
-    moments = (
-        np.einsum("nki,nkj->nij", rays, rays) / np.maximum(known.sum(axis=1), 1)[:, None, None]
-    )
+    moments = np.swapaxes(rays, 1, 2) @ rays / np.maximum(known.sum(axis=1), 1)[:, None, None]
     values, axes = np.linalg.eigh(moments + _LEAST * np.eye(3))
-    stretch = np.einsum("nij,nj,nkj->nik", axes, 1 / np.sqrt(values), axes)
-    rays = unit(np.einsum("nki,nij->nkj", rays, stretch))
+    stretch = axes / np.sqrt(values)[:, None] @ np.swapaxes(axes, 1, 2)
+    rays = unit(rays @ stretch)
     count = first.shape[1]
     normal = unit(unit(rays[:, :count].sum(axis=1)) + unit(rays[:, count:].sum(axis=1)))
     best, most = normal.copy(), np.full(len(normal), -np.inf)
     left = np.arange(len(normal))
     for _ in range(_TURNS):
-        values = np.einsum("nki,ni->nk", rays[left], normal)
+        values = heights(rays[left], normal)
         values = np.where(known[left], values, np.inf)
         worst = values.argmin(axis=1)
         least = values[np.arange(len(left)), worst]
@@ -122,7 +120,7 @@ def _on_two_sides(
     first: Array, has: Booleans, second: Array, there: Booleans, normal: Array
 ) -> Booleans:
     """Say where planes part rays (n, k, 3), and which of them count, whichever lie above."""
-    one, other = (np.einsum("nki,ni->nk", rays, normal) for rays in (first, second))
+    one, other = (heights(rays, normal) for rays in (first, second))
     result = np.zeros(len(normal), dtype=bool)
     for sign in (1.0, -1.0):
         low = np.where(has, sign * one, 1.0).min(axis=1)
@@ -215,7 +213,7 @@ class Separation:
         origin, normal = (part[sheets] for part in cells.surfaces.planes)
         n = cells.surfaces.degree + 1
         gap = cells.points[rows].reshape(len(rows), -1, 3) - origin[:, None]
-        height = np.einsum("nki,ni->nk", gap, normal)
+        height = heights(gap, normal)
         edges, vertices = cells.surfaces.borders
         face = cells.surfaces.plane[sheets]
         on_side = edges[face[:, None], cells.edge[rows]]
@@ -253,8 +251,8 @@ class Separation:
         depth = np.full(len(pairs), np.inf)
         for axis in tries:
             chosen = axis[left]
-            one = np.einsum("nki,ni->nk", points[a[left]], chosen)
-            other = np.einsum("nki,ni->nk", points[b[left]], chosen)
+            one = heights(points[a[left]], chosen)
+            other = heights(points[b[left]], chosen)
             gap = np.maximum(
                 one.min(axis=1) - other.max(axis=1), other.min(axis=1) - one.max(axis=1)
             )

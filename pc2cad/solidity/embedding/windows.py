@@ -16,7 +16,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct_rows
-from pc2cad.arrays.linear import cross, lengths, unit
+from pc2cad.arrays.linear import cross, dots, lengths, unit
 from pc2cad.solidity.embedding.cells import Cells, cells_of
 from pc2cad.solidity.embedding.surfaces import Surfaces
 
@@ -110,7 +110,7 @@ def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
     """
     cones = (s, t, w)
     faces = [cross(cones[k - 2].axes, cones[k - 1].axes) for k in range(3)]
-    volume = np.abs(np.einsum("...i,...i->...", faces[2], w.axes))
+    volume = np.abs(dots(faces[2], w.axes))
     p, q, r = (cone.slopes[0][..., None] * face for cone, face in zip(cones, faces, strict=True))
     corner = lengths(p + q + r)
     for other in (p + q - r, p - q + r, q + r - p):
