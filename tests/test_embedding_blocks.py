@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from pc2cad.geometry.carriers import Plane, SplineSurface
-from pc2cad.geometry.sheets import Sheet, SheetSide, patches_of, surface_patches
+from pc2cad.geometry.sheets import Sheet, SheetSide, patches_of, projected, surface_patches
 from pc2cad.solidity.embedding.above_planes import sides_of_planes
+from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
+from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.surfaces import Surfaces
 from pc2cad.solidity.embedding.windows import Cones, is_alone, is_wall
 
@@ -154,3 +158,46 @@ def test_blocks_are_parted_where_all_their_patches_are():
     sheet = np.array([0] * 8 + [1])
     rows = np.column_stack((np.arange(8), np.full(8, 8)))
     assert merged.part(rows, sheet).tolist() == parted(surfaces).all(axis=1).tolist()
+
+
+# -- pieces ----------------------------------------------------------------------------------------
+
+
+def tube(spans: int, around: int) -> SplineSurface:
+    """A quarter of a bent tube, each span of which turns far."""
+    knots = [np.concatenate((np.zeros(3), np.linspace(0, 1, k + 1), np.ones(3)))
+             for k in (spans, around)]  # fmt: skip
+    s, t = (np.array([k[i + 1 : i + 4].mean() for i in range(len(k) - 4)]) for k in knots)
+    along, across = np.meshgrid(0.5 * np.pi * s, 1.5 * np.pi * t, indexing="ij")
+    radius = 3 + np.cos(across)
+    poles = np.stack((radius * np.cos(along), radius * np.sin(along), np.sin(across)), axis=-1)
+    return SplineSurface((3, 3), (knots[0], knots[1]), poles)
+
+
+@pytest.mark.parametrize(("spans", "around", "pieces"), [(2, 4, 3), (6, 18, 2), (16, 50, 1)])
+def test_patches_that_turn_far_are_held_in_pieces(spans, around, pieces):
+    surface = tube(spans, around)
+    patches = surface_patches(surface)
+    whole, held = hold(patches, surface.poles), hold_in_pieces(patches, surface.poles)
+    assert held.corners.shape == (pieces * spans + 1, pieces * around + 1, 3)
+    low, high = held.limits()
+    cones = [held.tangents(axis, 1e-12) for axis in (0, 1)]
+    nodes = np.linspace(0, 1, 9)
+    bernstein = np.stack([math.comb(3, k) * nodes**k * (1 - nodes) ** (3 - k) for k in range(4)])
+    points = np.einsum("ix,jy,nijc->nxyc", bernstein, bernstein, projected(patches.nets).reshape(
+        -1, 4, 4, 3))  # fmt: skip
+    seven, _ = boxes(points[..., None, :])
+    assert (seven >= low[:, None, None] - 1e-12).all()
+    assert (seven <= high[:, None, None] + 1e-12).all()
+    for axis, cone in enumerate(cones):
+        chords = np.diff(points, axis=1 + axis)
+        ways = chords / np.linalg.norm(chords, axis=-1, keepdims=True)
+        off = np.linalg.norm(ways - cone.axes[:, None, None], axis=-1).max(axis=(1, 2))
+        assert (off <= cone.radii + 1e-12).all()
+        if pieces > 1:
+            # nearer than the patches as they are, and no nearer than they are
+            before = whole.tangents(axis, 1e-12)
+            assert np.median(cone.radii) < 0.9 * np.median(before.radii)
+    if pieces > 1:
+        wide, narrow = (np.subtract(*h.limits()[::-1]) for h in (whole, held))
+        assert np.median(narrow) < 0.95 * np.median(wide)

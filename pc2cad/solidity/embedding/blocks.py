@@ -16,7 +16,7 @@ from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import lengths, unit
 from pc2cad.geometry.sheets import Patches, projected
 from pc2cad.solidity.embedding.above_planes import PlaneSides, sides_of_planes
-from pc2cad.solidity.embedding.holds import hold
+from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
 from pc2cad.solidity.embedding.levels import is_graph
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
@@ -185,7 +185,7 @@ class _Search:
         for index in np.flatnonzero(self._large).tolist():
             part = slice(surfaces.start[index], surfaces.start[index] + level.shapes[index].prod())
             patches = surfaces.sheets[index].patches
-            held = hold(patches, projected(patches.poles))
+            held = hold_in_pieces(patches, projected(patches.poles))
             level.low[part], level.high[part] = held.limits()
             for axis, cones in enumerate(level.cones):
                 found = held.tangents(axis, self.noise)

@@ -2,14 +2,17 @@
 
 In its own coordinates from 0 to 1 a patch F is within (|F_ss| + |F_tt|)/8 of the bilinear patch of
 its corners, and its tangents along s are within (|F_ss| + |F_st|)/2 of one of the two chords
-along s: second derivatives at their largest, which no pole of theirs exceeds. Of a fit with many
-spans these are small, and the corners are one point per span.
+along s: second derivatives at their largest, which no pole of theirs exceeds. Of k × k pieces of it
+these are a k²-th. Of a fit with many spans they are small, and the corners are one point per span;
+patches that turn far are held in pieces, which have fewer corners than they have control points.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
+from math import comb
 
 import numpy as np
 
@@ -19,14 +22,17 @@ from pc2cad.geometry.sheets import Patches
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.windows import Cones, around, joint
 
+#: most pieces along each parameter, and how far the tangents of one may turn (radians, about)
+MOST_PIECES, TURN = 3, 0.33
+
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """Corners of a grid of patches, and how much these bend: without weights."""
+    """Corners of a grid of patches in k × k pieces, and how much these bend: without weights."""
 
-    #: (n+1, m+1, 3)
+    #: (kn+1, km+1, 3)
     corners: Array
-    #: largest |F_ss|, |F_st| and |F_tt| of each patch in its own coordinates, (n, m) each
+    #: largest |F_ss|, |F_st|, |F_tt| of each patch's pieces in their own coordinates, (n, m) each
     bends: tuple[Array, Array, Array]
 
     @property
@@ -36,7 +42,7 @@ class Hold:
     def limits(self) -> tuple[Array, Array]:
         """Return limits of the patches in seven directions, (n·m, 7) each."""
         low, high = (
-            reduce(least, (values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:]))
+            reduce(least, self._within(values))
             for values, least in zip(
                 boxes(self.corners[..., None, :]), (np.minimum, np.maximum), strict=True
             )
@@ -46,16 +52,39 @@ class Hold:
 
     def tangents(self, axis: int, noise: float) -> Cones:
         """Return cones of the tangents along s or t."""
-        chords = np.diff(self.corners, axis=axis)
-        reach = (self.bends[2 * axis] + self.bends[1]) / 2
-        sides = (chords[:, :-1], chords[:, 1:]) if axis == 0 else (chords[:-1], chords[1:])
-        return joint([around(side, reach, noise) for side in sides]).flat()
+        return self._around(np.diff(self.corners, axis=axis), self._reach(axis), noise)
 
     def ways(self, noise: float) -> Cones:
         """Return cones of all values themselves."""
-        c, bow = self.corners, self._bow
-        corners = (c[:-1, :-1], c[1:, :-1], c[:-1, 1:], c[1:, 1:])
-        return joint([around(corner, bow, noise) for corner in corners]).flat()
+        return self._around(self.corners, self._bow, noise)
+
+    @property
+    def turn(self) -> float:
+        """How far the tangents of a patch turn on average, along both directions together."""
+        total = 0.0
+        for axis in (0, 1):
+            chords = np.diff(self.corners, axis=axis)
+            length = float(lengths(chords).sum()) * self._bow.size / (chords.size // 3)
+            total += float(self._reach(axis).sum()) / length if length else 0.0
+        return total
+
+    def _reach(self, axis: int) -> Array:
+        return (self.bends[2 * axis] + self.bends[1]) / 2
+
+    def _around(self, vectors: Array, reach: Array, noise: float) -> Cones:
+        """Return the cones, in one row, of all that is nearer than a reach to a patch's vectors."""
+        return joint([around(each, reach, noise) for each in self._within(vectors)]).flat()
+
+    def _within(self, values: Array) -> Sequence[Array]:
+        """Return the values (kn.., km.., …) that belong to the patches, one of each at a time."""
+        n, m = self.bends[0].shape
+        k = (len(self.corners) - 1) // n
+        last = (n - 1) * k, (m - 1) * k
+        return [
+            values[a : a + last[0] + 1 : k, b : b + last[1] + 1 : k]
+            for a in range(values.shape[0] - last[0])
+            for b in range(values.shape[1] - last[1])
+        ]
 
 
 def hold(patches: Patches, poles: Array) -> Hold:
@@ -73,16 +102,32 @@ def hold(patches: Patches, poles: Array) -> Hold:
             largest = _largest(largest, patches.knots[axis], patches.index[axis], order)
             largest = np.swapaxes(largest, 0, axis)
         bends.append(largest)
-    return Hold(_corners(patches, poles), (bends[0], bends[1], bends[2]))
+    return Hold(_corners(patches, poles, 1), (bends[0], bends[1], bends[2]))
 
 
-def _corners(patches: Patches, poles: Array) -> Array:
+def hold_in_pieces(patches: Patches, poles: Array) -> Hold:
+    """Return what holds patches in as many pieces of each as they turn far."""
+    whole = hold(patches, poles)
+    pieces = min(int(np.ceil(whole.turn / TURN)), MOST_PIECES)
+    if pieces <= 1:
+        return whole
+    s, st, t = (bend / (pieces * pieces) for bend in whole.bends)
+    return Hold(_corners(patches, poles, pieces), (s, st, t))
+
+
+def _corners(patches: Patches, poles: Array, pieces: int) -> Array:
+    """Return the corners of all pieces of the patches, so many along s and t each."""
     assert patches.matrices is not None
     for axis in (0, 1):
         index, matrices = patches.index[axis], patches.matrices[axis]
-        ends = np.concatenate((matrices[:, 0], matrices[-1:, -1]))
-        rows = np.swapaxes(poles, 0, axis)[np.concatenate((index, index[-1:]))]
-        poles = np.swapaxes(np.einsum("kj,kj...->k...", ends, rows), 0, axis)
+        degree = matrices.shape[1] - 1
+        at, k = np.arange(pieces)[:, None] / pieces, np.arange(degree + 1)
+        shares = np.array([comb(degree, i) for i in k.tolist()]) * at**k * (1 - at) ** (degree - k)
+        rows = np.swapaxes(poles, 0, axis)
+        inner = (shares @ matrices) @ rows[index].reshape(*index.shape, -1)
+        end = matrices[-1:, -1:] @ rows[index[-1:]].reshape(1, degree + 1, -1)
+        points = np.concatenate((inner.reshape(-1, inner.shape[-1]), end[0]))
+        poles = np.swapaxes(points.reshape(-1, *rows.shape[1:]), 0, axis)
     return poles
 
 
