@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.expression.evaluation import operands
 from pc2cad.expression.functions import FUNCTIONS as KNOWN
+from pc2cad.expression.operations import operands
 from pc2cad.expression.rewriting import rewrite
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, Expr, Layout, call, number, piece_rows, walk

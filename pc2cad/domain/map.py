@@ -40,6 +40,8 @@ _NEAR, _NEARER = 1e-6, 1e-9
 _BLUNT = 1e-4, 1e-5
 #: a speed below this share of the largest one nearby is rounding
 _NOISE = 1e-9
+#: what programs are made of: the points, or these with all derivatives
+_POINTS, _FRAME = ("M",), ("M", *PARAMETERS)
 #: parts of the box that are looked at where roots vanish inside
 _MOST_PARTS = 64
 
@@ -143,15 +145,18 @@ class Mapping3:
         return u, v, w
 
     def _run(self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
-        if keys not in self._programs:
-            roots = tuple(tree for key in keys for tree in self._trees_of(key))
-            self._programs[keys] = Program(roots)
+        # points are often all that is asked for; derivatives have most of their trees in common
+        held = keys if keys == _POINTS else _FRAME
+        if held not in self._programs:
+            roots = tuple(tree for key in held for tree in self._trees_of(key))
+            self._programs[held] = Program(roots)
+        which = tuple([3 * held.index(key) + axis for key in keys for axis in range(3)])
         values: Mapping[str, Array] = {
             name: np.asarray(value, dtype=float)
             for name, value in zip(PARAMETERS, (u, v, w), strict=True)
         }
         shape = np.broadcast_shapes(*(value.shape for value in values.values()))
-        columns = self._programs[keys](values)
+        columns = self._programs[held](values, which)
         results = []
         for i in range(0, len(columns), 3):
             # one coordinate after the other in memory: products of coordinates are then fast

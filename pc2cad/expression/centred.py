@@ -16,9 +16,10 @@ import numpy as np
 
 from pc2cad.arrays import Booleans, Integers
 from pc2cad.expression.enclosures import enclose
-from pc2cad.expression.evaluation import operands, program
+from pc2cad.expression.evaluation import program
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.intervals import Interval, interval
+from pc2cad.expression.operations import operands
 from pc2cad.expression.tree import (
     ZERO,
     Expr,

@@ -18,7 +18,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.expression import wave_values
-from pc2cad.expression.evaluation import operands, program
+from pc2cad.expression.evaluation import program
 from pc2cad.expression.functions import FUNCTIONS
 from pc2cad.expression.intervals import (
     INFINITE,
@@ -30,6 +30,7 @@ from pc2cad.expression.intervals import (
     whole_line_where,
     with_sign_of,
 )
+from pc2cad.expression.operations import operands
 from pc2cad.expression.tree import Expr
 
 

@@ -8,36 +8,40 @@ not n·m·k times. This factoring by parameter is what makes channels fast.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache, partial
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from pc2cad.expression.alike import with_tables
 from pc2cad.expression.carried import Carried, earlier_trees, meet
-from pc2cad.expression.functions import FUNCTIONS
+from pc2cad.expression.operations import Run, operands, operation, worked_from
 from pc2cad.expression.piece_values import (
     Located,
     Rows,
     Value,
-    from_rows,
-    from_table,
     locate,
     numbered,
     rows_of,
 )
-from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, walk
-from pc2cad.expression.wave_values import values
 
-_Run = Callable[..., Value]
 #: where a result goes, the operation, and where its operands are
-_Step = tuple[int, _Run, tuple[int, ...]]
+_Step = tuple[int, Run, tuple[int, ...]]
 #: the same, and what is not needed after it
-_Timed = tuple[int, _Run, tuple[int, ...], tuple[int, ...]]
+_Timed = tuple[int, Run, tuple[int, ...], tuple[int, ...]]
 #: the first and the last piece in which there are places
 _Range = tuple[int, int]
+
+
+class _Plan(NamedTuple):
+    """How some trees are worked out."""
+
+    steps: list[_Timed]
+    #: where values of earlier builds go, and which these are
+    taken: tuple[int, ...]
+    rows: tuple[int, ...]
 
 
 #: plans of one program that are remembered
@@ -46,12 +50,6 @@ MOST_PLANS = 2048
 LEAST_CARRIED: Final = 16
 #: bytes of such values
 MOST_CARRIED: Final = 1 << 25
-
-_BINARY: dict[str, Callable[[Value, Value], Value]] = {
-    "add": np.add,
-    "mul": np.multiply,
-    "div": np.divide,
-}
 
 
 class Program:
@@ -70,8 +68,10 @@ class Program:
         #: values of the nodes that hold no symbol, worked out once
         self._constants: list[Value] = [None] * len(nodes)
         self._symbols: list[tuple[int, str]] = []
-        #: where the values of the program below go, in its order
-        self._taken = tuple(index[node] for node in (self._below.roots if self._below else ()))
+        #: where the values of the program below go, and which of its trees they are
+        self._taken = {
+            index[node]: k for k, node in enumerate(self._below.roots if self._below else ())
+        }
         self._steps: list[_Step] = []
         #: of functions in pieces that are functions: which operands the coefficients are
         self._rows: dict[int, Rows] = {}
@@ -95,13 +95,13 @@ class Program:
                         self._steps.append((located[key], run, before[:1]))
                     if len(before) > 1:
                         self._rows[i], before = rows_of(before, width)
-                    self._steps.append((i, _step(node), (located[key], *before[1:])))
+                    self._steps.append((i, operation(node), (located[key], *before[1:])))
                 elif node.symbols:
-                    self._steps.append((i, _step(node), before))
+                    self._steps.append((i, operation(node), before))
                 elif node.op == "number":
                     self._constants[i] = np.float64(float(node.payload))
                 else:
-                    self._constants[i] = _step(node)(*(self._constants[k] for k in before))
+                    self._constants[i] = operation(node)(*(self._constants[k] for k in before))
         #: where places are located, and in how many pieces
         self._located = {
             before[0]: len(self._rows[i]) for i, _, before in self._steps if i in self._rows
@@ -124,9 +124,11 @@ class Program:
 
         What they have in common is kept once: there may be hundreds of them of a hundred steps.
         """
-        self._plans: dict[tuple[_Range, ...], list[_Timed]] = {}
+        self._plans: dict[tuple[tuple[int, ...], tuple[_Range, ...]], _Plan] = {}
         #: steps of functions in pieces, by where they go and the pieces in which places are
         self._among: dict[tuple[int, _Range], _Step] = {}
+        #: the symbols of some trees, by their numbers
+        self._names: dict[tuple[int, ...], list[str]] = {}
         #: steps by their identity and what is not needed after them
         self._timed: dict[tuple[int, ...], _Timed] = {}
 
@@ -135,47 +137,51 @@ class Program:
         position = {step[0]: k for k, step in enumerate(self._steps)}
         return position, {k for k, constant in enumerate(self._constants) if constant is not None}
 
-    def __call__(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
-        """Evaluate all trees; the results have the broadcast shape of what each one depends on.
+    def __call__(
+        self, values: Mapping[str, Value], which: tuple[int, ...] | None = None
+    ) -> tuple[Value, ...]:
+        """Evaluate all trees, or those of some numbers.
 
-        Values outside a function's domain come out as nan or inf, without a warning: the caller
-        decides whether a place is a fault.
+        The results have the broadcast shape of what each one depends on. Values outside a
+        function's domain come out as nan or inf, without a warning: the caller decides whether a
+        place is a fault.
         """
-        return self._worked_out(values)
-
-    def _worked_out(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
         store = self._constants.copy()
         for i, name in self._symbols:
             store[i] = values[name]
-        if self._below is not None:
-            for i, value in zip(self._taken, self._below.carried(values), strict=True):
-                store[i] = value
+        outputs = self._outputs if which is None else tuple([self._outputs[k] for k in which])
         with np.errstate(all="ignore"):
             ranges: tuple[_Range, ...] = ()
             if self._located:
                 _run(self._first, store)
                 ranges = tuple(_range(store[k], count) for k, count in self._located.items())
-            plan = self._plans.get(ranges)
-            if plan is None:
-                plan = self._plan(ranges)
-            _run(plan, store)
+            plan = self._plans.get((outputs, ranges)) or self._plan(outputs, ranges)
+            if self._below is not None:
+                known = self._below.carried(values, plan.rows)
+                for i, value in zip(plan.taken, known, strict=True):
+                    store[i] = value
+            _run(plan.steps, store)
         # what is carried is nobody's to change
-        return tuple(_copy(store[k]) if k in self._taken else store[k] for k in self._outputs)
+        return tuple([_copy(store[k]) if k in self._taken else store[k] for k in outputs])
 
-    def carried(self, values: Mapping[str, Value]) -> tuple[Value, ...]:
+    def carried(self, values: Mapping[str, Value], which: tuple[int, ...]) -> tuple[Value, ...]:
         """Return what calling it returns, not to be changed: from an earlier call if there was one.
 
         That was with arrays of the same bits, laid out alike.
         """
-        key: list[object] = [self]
-        for _, name in self._symbols:
+        key: list[object] = [self, which]
+        if which not in self._names:
+            self._names[which] = sorted(
+                frozenset[str]().union(*(self.roots[k].symbols for k in which))
+            )
+        for name in self._names[which]:
             value = values[name]
             if type(value) is not np.ndarray or value.dtype != np.float64:
-                return self._worked_out(values)
+                return self(values, which)
             key += (value.shape, value.strides, value.tobytes())
         known = _carried.get(whole := tuple(key))
         if known is None:
-            known = self._worked_out(values)
+            known = self(values, which)
             size = sum(part.nbytes for part in known)
             _carried.keep(whole, known, size + sum(len(x) for x in key if isinstance(x, bytes)))
         return known
@@ -209,16 +215,16 @@ class Program:
             self._among[among] = slot, partial(run, rows, first), chosen
         return self._among[among]
 
-    def _plan(self, ranges: tuple[_Range, ...]) -> list[_Timed]:
-        """Return the steps that are left where places are in ranges of pieces."""
+    def _plan(self, outputs: tuple[int, ...], ranges: tuple[_Range, ...]) -> _Plan:
+        """Return what is left to work some values out where places are in ranges of pieces."""
         if len(self._plans) >= MOST_PLANS:
             self._forget()
         among = dict(zip(self._located, ranges, strict=True))
         done = {step[0] for step in self._first}
-        needed = [self._position[i] for i in self._needed(self._outputs, among) - done]
+        needed = [self._position[i] for i in self._needed(outputs, among) - done]
         #: what is not let go of, or has been
-        kept = {*self._outputs, *done, *self._fixed}
-        plan: list[_Timed] = []
+        kept = {*outputs, *done, *self._fixed}
+        steps: list[_Timed] = []
         for k in sorted(needed, reverse=True):
             step = self._step(self._steps[k][0], among)
             last = [x for x in step[2] if x not in kept]
@@ -227,9 +233,11 @@ class Program:
             timed = self._timed.get(key)
             if timed is None:
                 timed = self._timed[key] = *step, key[1:]
-            plan.append(timed)
-        plan.reverse()
-        self._plans[ranges] = plan
+            steps.append(timed)
+        steps.reverse()
+        taken = tuple([i for i in self._taken if i in kept])
+        plan = _Plan(steps, taken, tuple([self._taken[i] for i in taken]))
+        self._plans[outputs, ranges] = plan
         return plan
 
 
@@ -239,7 +247,7 @@ _Below = dict[Expr, tuple[Expr, ...]]
 
 
 def _all_below(roots: tuple[Expr, ...]) -> _Below:
-    return {node: _operands(node) for node in walk(roots, _operands)}
+    return {node: worked_from(node) for node in walk(roots, worked_from)}
 
 
 def _parted(roots: tuple[Expr, ...]) -> tuple[_Below, Program | None]:
@@ -252,7 +260,7 @@ def _parted(roots: tuple[Expr, ...]) -> tuple[_Below, Program | None]:
 
     def operands_of(node: Expr) -> tuple[Expr, ...]:
         old = node in earlier and node.op != "symbol"
-        found[node] = () if old else _operands(node)
+        found[node] = () if old else worked_from(node)
         return found[node]
 
     nodes = list(walk(roots, operands_of))
@@ -300,91 +308,6 @@ def _range(located: Located, count: int) -> _Range:
     return (first, last) if 2 * (last - first + 1) <= count else (0, count - 1)
 
 
-def operands(node: Expr) -> tuple[Expr, ...]:
-    """Return what a program works out before the node: no coefficients of pieces, if constant."""
-    table = node.op == "pieces" and not any(c.symbols for c in node.args[1:])
-    return node.args[:1] if table else node.args
-
-
 def program(roots: tuple[Expr, ...]) -> list[Expr]:
     """Return the nodes below the roots, operands first, without those that make tables."""
     return list(walk(roots, operands))
-
-
-def _operands(node: Expr) -> tuple[Expr, ...]:
-    """Return what has to be worked out before a node: a difference is one operation, not two."""
-    if node.op == "add":
-        a, b = node.args
-        if b.op == "neg":
-            return a, b.args[0]
-        if a.op == "neg":
-            return b, a.args[0]
-    return operands(node)
-
-
-def _step(node: Expr) -> _Run:
-    """Return the operation of a node on the values of its operands."""
-    op, payload = node.op, node.payload
-    if op == "add" and "neg" in (node.args[0].op, node.args[1].op):
-        return np.subtract
-    if op == "constant":
-        value = np.float64(np.pi if payload == "pi" else np.e)
-        return lambda: value
-    if op in _BINARY:
-        return _BINARY[op]
-    if op == "neg":
-        return np.negative
-    if op == "pow":
-        return _power_step(node.args[1])
-    if op == "pieces":
-        return _pieces_step(node)
-    if op == "fourier":
-        return partial(values, payload)
-    if op in _CHOICES:
-        return _CHOICES[op]
-    function: _Run = getattr(np, FUNCTIONS[op].numpy_name)
-    return function
-
-
-def _where(condition: Value, a: Value, b: Value) -> Value:
-    chosen = np.where(condition >= 0, a, b)
-    return np.where(np.isnan(condition), np.nan, chosen) if np.isnan(condition).any() else chosen
-
-
-def _within(t: Value, low: Value, high: Value) -> Value:
-    return np.where((t >= low) & (t <= high), t, np.nan)
-
-
-_CHOICES: dict[str, _Run] = {"where": _where, "within": _within}
-
-
-def _power_step(exponent: Expr) -> _Run:
-    if exponent.op != "number" or exponent.payload.denominator != 1:
-        return np.power
-    n = int(exponent.payload)
-    if 0 < n <= 8:
-        return lambda a, _: _integer_power(a, n)
-    return lambda a, _: np.power(a, float(n))
-
-
-def _integer_power(a: Value, n: int) -> Value:
-    """Multiply repeatedly: faster than np.power and right to an ulp or two."""
-    result = None
-    while n:
-        if n & 1:
-            result = a if result is None else result * a
-        n >>= 1
-        if n:
-            a = a * a
-    return result
-
-
-def _pieces_step(node: Expr) -> _Run:
-    width = node.payload[1]
-    if not node.symbols:
-        constant = np.float64(evaluate(node, {}))
-        return lambda *_: constant
-    if len(operands(node)) > 1:
-        return from_rows
-    table = [float(c.payload) if c.op == "number" else evaluate(c, {}) for c in node.args[1:]]
-    return partial(from_table, np.array(table).reshape(-1, width).T.copy())
