@@ -73,7 +73,9 @@ CHANNELS = ("channel_ellipse", "channel_contour", "channel_sine", "helical_chann
 def _spline_faces(
     checked: CheckedMap, tolerance: float
 ) -> list[tuple[RestrictedMap, SplineSurface]]:
-    model, analysis = represent(checked, CompileOptions(tolerance)), checked.analysis
+    # of degree 5 a round wall is no rational spline: that would have a parameter of its own
+    options = CompileOptions(tolerance, max_degree=5)
+    model, analysis = represent(checked, options), checked.analysis
     return [
         (RestrictedMap(analysis, analysis.boundary.faces[face.cells[0]].patch), face.carrier)
         for face in model.faces

@@ -18,10 +18,10 @@ from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.bounds.cells import Cells, Direction, conversion_loss, halving, to_bernstein, windows
+from pc2cad.bounds.homogeneous_spline import HomogeneousSpline, homogeneous
 from pc2cad.bounds.remainder import Remainders
 from pc2cad.bounds.separable import Products, Slabs, Whole, function_of
 from pc2cad.bounds.taylor_evaluation import Known
-from pc2cad.bounds.taylor_models import UNIT
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks
 from pc2cad.expression.end_roots import take_out_ends
 from pc2cad.expression.linear_terms import cancel_terms
@@ -30,7 +30,6 @@ from pc2cad.expression.sigmoids import as_tanh
 from pc2cad.expression.tree import Expr
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.splines.bernstein import degree_in
-from pc2cad.geometry.splines.spline_basis import basis_matrix, local_basis
 
 #: a bound within this factor of the largest sample is sharp enough
 SHARP = 1.45
@@ -74,9 +73,11 @@ def bound_surface(
 ) -> Bound:
     """Bound |M - S| over [0, 1]² at equal parameters; M's trees are in the two named symbols.
 
-    Bounds need not be sharper than `rounding` (a length). What was `known` is used, and added to.
+    Of a rational S = N/ω, where ω is 1 at most, the trees are those of ωM, and what is bounded is
+    |ωM - N|/ω. Bounds need not be sharper than `rounding` (a length). What was `known` is used, and
+    added to.
     """
-    spline = _Spline(carrier.degrees, carrier.knots, carrier.poles)
+    spline = HomogeneousSpline(carrier.degrees, carrier.knots, homogeneous(carrier))
     # what overflows is infinite or nan: nothing is known there
     with np.errstate(all="ignore"):
         return _bound(tuple(trees), tuple(names), spline, known or Known(), rounding)
@@ -85,62 +86,16 @@ def bound_surface(
 def bound_curve(
     trees: Sequence[Expr], name: str, carrier: SplineCurve, known: Known | None = None
 ) -> Bound:
-    """Bound |M - C| over [0, 1] at equal parameters."""
-    spline = _Spline((carrier.degree,), (carrier.knots,), carrier.poles[:, None])
+    """Bound |M - C| over [0, 1] at equal parameters; of a rational C as `bound_surface` does."""
+    spline = HomogeneousSpline((carrier.degree,), (carrier.knots,), homogeneous(carrier)[:, None])
     with np.errstate(all="ignore"):
         return _bound(tuple(trees), (name,), spline, known or Known())
-
-
-@dataclass(frozen=True, eq=False)
-class _Spline:
-    """A spline in one or two parameters; poles (n, m, 3), m = 1 where there is no second."""
-
-    degrees: tuple[int, ...]
-    knots: tuple[Array, ...]
-    poles: Array
-
-    def on(self, s: Array, t: Array) -> Slabs:
-        """Return the values on a grid, by slabs."""
-        along = basis_matrix(self.knots[0], self.degrees[0], s)
-        n, m, k = self.poles.shape
-        rows = np.ascontiguousarray((along @ self.poles.reshape(n, m * k)).T)
-        if len(self.knots) == 1:
-            return lambda _: np.asarray(rows.reshape(m, k, len(s)))
-        rows, p = rows.reshape(m, k * len(s)), self.degrees[1]
-        first, across = local_basis(self.knots[1], p, t)
-
-        def values(part: slice) -> Array:
-            # few functions live in a slab: a small full matrix of theirs is the fastest one
-            start, own = first[part], across[part]
-            some = np.zeros((len(own), start[-1] - start[0] + p + 1))
-            np.put_along_axis(some, (start - start[0])[:, None] + np.arange(p + 1), own, axis=1)
-            flat = product(some, rows[start[0] : start[-1] + p + 1])
-            return np.asarray(flat.reshape(len(own), k, len(s)))
-
-        return values
-
-    @property
-    def rounding(self) -> float:
-        """Bound of the error of values, that of the parameters included.
-
-        The basis is positive, a sum of products without cancellation: some 6 roundings per degree;
-        the poles then enter once per direction. A parameter is off by 4 units at most.
-        """
-        size = float(np.sqrt((self.poles * self.poles).sum(axis=-1)).max())
-        result = sum(8 * (p + 2) for p in self.degrees) * UNIT * size
-        for axis, (p, knots) in enumerate(zip(self.degrees, self.knots, strict=True)):
-            gaps = knots[1 + p : -1] - knots[1 : -1 - p]
-            steps = np.diff(self.poles, axis=axis)
-            lengths = np.moveaxis(np.sqrt((steps * steps).sum(axis=-1)), axis, 0)
-            inside = gaps > 0
-            result += 4 * UNIT * p * float((lengths[inside].T / gaps[inside]).max())
-        return result * (1 + 1e-9)
 
 
 def _bound(
     trees: tuple[Expr, ...],
     names: tuple[str, ...],
-    spline: _Spline,
+    spline: HomogeneousSpline,
     known: Known,
     floor: float = 0.0,
 ) -> Bound:
@@ -152,8 +107,9 @@ def _bound(
     directions = [_reused(d, known.finer.get(d.key)) for d in coarse]
     function = function_of(trees, names, known)
     expected = _first_look(function, spline, directions)
-    allowed = max(REMAINDER_SHARE * expected, 4 * spline.rounding, floor)
-    size = float(np.ptp(spline.poles.reshape(-1, 3), axis=0).max())
+    least = spline.least_weight
+    allowed = max(REMAINDER_SHARE * expected * least, 4 * spline.rounding, floor)
+    size = float(np.ptp(spline.poles[..., :3].reshape(-1, 3), axis=0).max())
     reach = [
         _reach(d, expected / size if size else 1.0, p)
         for d, p in zip(directions, spline.degrees, strict=True)
@@ -190,7 +146,7 @@ def direction_along(trees: tuple[Expr, ...], name: str, knots: Array, degree: in
 
 
 def _first_look(
-    function: Whole | Products, spline: _Spline, directions: Sequence[Direction]
+    function: Whole | Products, spline: HomogeneousSpline, directions: Sequence[Direction]
 ) -> float:
     """Return the largest of a few deviations in each cell: about what will be found."""
     places = []
@@ -201,22 +157,26 @@ def _first_look(
     return float(np.sqrt(_squares(gap).max()))
 
 
-def _difference(function: Whole | Products, spline: _Spline, s: Array, t: Array) -> Slabs:
-    """Return S - M on a grid, by slabs."""
+def _difference(function: Whole | Products, spline: HomogeneousSpline, s: Array, t: Array) -> Slabs:
+    """Return S - M on a grid, by slabs; of a rational S the numerator, and the denominator."""
     of_spline, of_function = spline.on(s, t), function.on(s, t)
 
     def gap(part: slice) -> Array:
         result = of_spline(part)
-        result -= of_function(part)
+        result[:, :3] -= of_function(part)
         return result
 
     return gap
 
 
-def _squares(vectors: Array) -> Array:
-    """Return the squared lengths of vectors whose coordinates are along the last axis but one."""
-    x, y, z = (vectors[..., axis, :] for axis in range(3))
-    return np.asarray(x * x + y * y + z * z)
+def _squares(vectors: Array, axis: int = -2) -> Array:
+    """Return the squared lengths of vectors whose coordinates are along one axis.
+
+    A fourth coordinate divides the others.
+    """
+    x, y, z, *weight = np.moveaxis(vectors, axis, 0)
+    squares = x * x + y * y + z * z
+    return np.asarray(squares / weight[0] ** 2 if weight else squares)
 
 
 def _reach(direction: Direction, deviation: float, degree: int) -> float:
@@ -248,7 +208,7 @@ class _Survey:
     def __init__(
         self,
         function: Whole | Products,
-        spline: _Spline,
+        spline: HomogeneousSpline,
         directions: Sequence[Direction],
         rest: Remainders,
         expected: float,
@@ -258,10 +218,14 @@ class _Survey:
         point = Cells(np.array([0.0, 1.0]), 0)
         self._s = directions[0].cells
         self._t = directions[1].cells if len(directions) > 1 else point
-        self._rest = rest
-        lebesgue = self._s.lebesgue * self._t.lebesgue
+        # what is lost of the coefficients of a numerator and of its denominator
+        spread = 1.0 if spline.is_polynomial else 3 / spline.least_weight
+        self._loss = conversion_loss(self._s.degree, self._t.degree) * spread
+        self._along = [part / spline.least_weight for part in rest.along]
+        lebesgue = self._s.lebesgue * self._t.lebesgue / spline.least_weight
+        self._interpolation = rest.interpolation / spline.least_weight
         self._data = (rest.rounding + spline.rounding) * lebesgue
-        self._by_values = rest.by_values + spline.rounding * lebesgue
+        self._by_values = rest.by_values / spline.least_weight + spline.rounding * lebesgue
         known = self._data[np.isfinite(self._data)]
         self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
         self._sizes = np.zeros((self._s.count, self._t.count))
@@ -313,8 +277,8 @@ class _Survey:
 
     def bound(self) -> Bound:
         """Return the bound."""
-        loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
-        rest = np.minimum(self._rest.interpolation + self._data, self._by_values)
+        loss = self._loss * self.sampled
+        rest = np.minimum(self._interpolation + self._data, self._by_values)
         bound = (self._sizes + loss + rest) * (1 + 1e-9)
         largest = float(bound.max())
         if np.isfinite(largest):
@@ -336,16 +300,16 @@ class _Survey:
         There the first or last coefficients across are the side's own.
         """
         axis, end = 1 - side // 2, -(side % 2)
-        known = self._rest.along[axis], self._data, self._by_values
+        known = self._along[axis], self._data, self._by_values
         along, data, by_values = (np.take(x, end, axis=1 - axis) for x in known)
         parts = self._sides[side]
         work = np.concatenate([part.transpose(0, 2, 1) for part, _ in parts])[..., None]
-        gaps = [np.sqrt((gap * gap).sum(axis=1)) for _, gap in parts]
+        gaps = [np.sqrt(_squares(gap, 1)) for _, gap in parts]
         sampled = max(float(gap.max()) for gap in gaps)
         degree = self._directions[axis].cells.degree
         goal = max(SHARP * sampled, float(data[np.isfinite(data)].max(initial=0.0)))
         sizes = _sharpened(work, goal, halving(degree), halving(0))
-        loss = conversion_loss(self._s.degree, self._t.degree) * self.sampled
+        loss = self._loss * self.sampled
         rest = np.minimum(along + data, by_values)
         largest = float(((sizes + loss + rest) * (1 + 1e-9)).max())
         return Bound(max(largest, sampled), sampled, sum(gap.size for gap in gaps))
@@ -367,7 +331,7 @@ def _sharpened(work: Array, goal: float, halves_s: Array, halves_t: Array) -> Ar
     cells = np.arange(len(work))
     result = np.zeros(len(work))
     for depth in range(SHARPEST + 1):
-        sizes = np.sqrt((work * work).sum(axis=1).max(axis=(1, 2)))
+        sizes = np.sqrt(_squares(work, 1).max(axis=(1, 2)))
         keep = sizes > goal
         if depth == SHARPEST:
             keep[:] = False

@@ -24,6 +24,7 @@ from pc2cad.geometry.splines.spline_basis import (
     spline_jets,
     windows,
 )
+from pc2cad.geometry.splines.turns import turning_limits
 
 _Spline = TypeVar("_Spline", Geom_BSplineCurve, Geom2d_BSplineCurve, Geom_BSplineSurface)
 
@@ -139,6 +140,8 @@ _SPANS = 40
 _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
 #: orders of Gauss rules that are compared, and halvings of a span
 _ORDERS, DEEPEST = (4, 8, 12), 24
+#: pieces turn by so much at most (radians) before rules are tried on them
+FARTHEST_TURN = np.pi / 3
 #: how often lines are taken anew; what is sharp beyond that shows in areas that disagree with the
 #: equation's
 MOST_ROUNDS = 4
@@ -159,10 +162,20 @@ class Patch:
     degrees: tuple[int, int]
     sign: float
 
+    @cached_property
+    def _limits(self) -> tuple[Array, Array]:
+        """The ends of the pieces along both directions that rules begin with."""
+        net = project(self.poles)[0]
+        first, second = (distinct(knots) for knots in self.knots)
+        return (
+            turning_limits(first, net.transpose(1, 0, 2), FARTHEST_TURN),
+            turning_limits(second, net, FARTHEST_TURN),
+        )
+
     @property
     def accuracy(self) -> float:
         """What the area is worth: all digits on few pieces (exact forms), a fit's own on many."""
-        pieces = [len(distinct(knots)) - 1 for knots in self.knots]
+        pieces = [len(limits) - 1 for limits in self._limits]
         return 1e-13 if pieces[0] * pieces[1] <= MOST_EXACT_PIECES else 1e-10
 
     def integrate(self, form: Form = FLUX) -> Array:
@@ -184,7 +197,7 @@ class Patch:
         Where spans had to be halved there is something sharp, and it may be sharper between the
         lines of the other direction: these are then taken anew, until no span is halved for it.
         """
-        limits = [distinct(knots) for knots in self.knots]
+        limits = list(self._limits)
         rules: list[tuple[Array, Array]] = []
         for _ in range(MOST_ROUNDS):
             before = [len(x) for x in limits]
@@ -204,7 +217,7 @@ class Patch:
         returned as their limits.
         """
         accuracy = self.accuracy
-        limits = distinct(self.knots[direction])
+        limits = self._limits[direction]
         panels = np.stack((limits[:-1], limits[1:]), axis=1)
         done, starts = list[tuple[Array, Array]](), list[Array]()
         sizes: Array | float = 0.0

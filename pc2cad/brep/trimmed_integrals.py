@@ -40,6 +40,7 @@ from pc2cad.geometry.jets import (
     crossings,
     cuts_between,
 )
+from pc2cad.geometry.splines.turns import turns_of
 
 #: pieces of an angle are not longer than this
 STEP = np.pi / 3
@@ -50,6 +51,8 @@ TRIMMED_ACCURACY = 1e-9
 #: nodes with which a Gauss rule on a piece of an angle leaves less than rounding of waves of up to
 #: six times the angle: a^2n (n!)^4 2^(2n+1) / ((2n+1) (2n)!^3) is 1e-18 for n = 12, a = 6 STEP/2
 ENOUGH = 12
+#: places of a piece of a curve at which it is looked how far it turns
+LOOKS = 9
 #: places that are evaluated at once
 CHUNK = 200_000
 
@@ -297,16 +300,19 @@ def _along_curve(curve: Geom_Curve, first: float, last: float, origin: Array, ax
     if basis.weight is None and isinstance(curve, Geom_BSplineCurve):
         t, weights = gauss_on(cuts, 2 * basis.degree)
         return np.asarray(product(moments(t), weights))
-    pieces = 1 if basis.breaks is not None else max(1, int(np.ceil((last - first) / STEP)))
-    cuts = distinct(np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)]))
+    point, slope = basis.jet(np.linspace(cuts[:-1], cuts[1:], LOOKS, axis=1).ravel())
+    reach, speed = (float(np.abs(x @ axes.T).max()) for x in (point, slope))
+    turns = turns_of(slope.reshape(-1, LOOKS, 3))
+    pieces = np.maximum(np.ceil(turns / STEP - 1e-9), 1).astype(int).tolist()
+    cuts = distinct(np.concatenate(
+        [np.linspace(*ends, count + 1) for ends, count in zip(pairwise(cuts), pieces, strict=True)]
+    ))  # fmt: skip
 
     def rule(cells: Array, orders: tuple[int, ...]) -> Array:
         t, weights = _nodes(cells, orders[0])
         values = moments(t.ravel()).reshape(6, *t.shape)
         return np.asarray((values * weights).sum(axis=-1).T)
 
-    point, slope = basis.jet(distinct(np.linspace(cuts[:-1], cuts[1:], 9)))
-    reach, speed = (float(np.abs(x @ axes.T).max()) for x in (point, slope))
     worth = (last - first) * speed * reach ** np.array([1, 2, 2, 3, 3, 3])
     cells = np.stack((cuts[:-1], cuts[1:]), axis=1)
     return settled(rule, cells, 1, ACCURACY, lambda _: worth + np.finfo(float).tiny)

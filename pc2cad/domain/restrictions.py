@@ -22,7 +22,8 @@ from pc2cad.domain.map import open_grid
 from pc2cad.domain.pieces import has_pieces, piece_at
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import Expr, walk
+from pc2cad.expression.plain_functions import of_powers_or_waves
+from pc2cad.expression.tree import Expr
 from pc2cad.geometry.splines.bernstein import chebyshev_nodes, degree_in, to_powers
 from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
 from pc2cad.topology.cells import Cell, directions_of
@@ -31,6 +32,7 @@ from pc2cad.topology.cells import Cell, directions_of
 if TYPE_CHECKING:
     from pc2cad.geometry.recognition.separable_form import Separation
     from pc2cad.geometry.splines.adaptive_knots import DirectionRules
+    from pc2cad.geometry.splines.arcs import Wave
     from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: unit of rounding of double precision
@@ -70,6 +72,8 @@ class RestrictedMap:
     largest: int = LARGEST_DEGREE
     #: polynomial degree per axis (None: not polynomial), filled in on demand
     degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
+    #: what it is per axis as a wave of a linear angle (None: no such wave), filled in on demand
+    waves: dict[int, Wave | None] = field(default_factory=dict, repr=False)
     #: points and normals on products of parameters, that `look` and `look_across` have seen
     _points: dict[_Places, Array] = field(default_factory=dict, repr=False)
     _normals: dict[_Places, Array] = field(default_factory=dict, repr=False)
@@ -149,14 +153,7 @@ class RestrictedMap:
     def may_be_exact(self, axis: int) -> bool:
         """Say whether powers or waves alone may hold an axis: no other operation meets it."""
         trees, names = self.trees
-        name = names[axis]
-
-        def below(node: Expr) -> tuple[Expr, ...]:
-            waves = node.op in ("sin", "cos")
-            return () if waves else tuple([arg for arg in node.args if name in arg.symbols])
-
-        roots = tuple([root for root in trees if name in root.symbols])
-        return all(_is_power_or_wave(node, name) for node in walk(roots, below))
+        return of_powers_or_waves(trees, names[axis])
 
     @cached_property
     def may_be_swept(self) -> bool:
@@ -319,15 +316,6 @@ class DirectionClasses:
         values = np.moveaxis(self._analysis.map.points(*open_grid(*grid)), direction, 0)
         gap = np.abs(values[len(nodes) :] - values[: len(nodes)]).max()
         return bool(gap <= 10 * self._analysis.scale.same_point)
-
-
-def _is_power_or_wave(node: Expr, name: str) -> bool:
-    if node.op == "pow":
-        exponent = node.args[1].payload if node.args[1].op == "number" else None
-        return exponent is not None and exponent.denominator == 1 and exponent > 0
-    if node.op == "div":
-        return name not in node.args[1].symbols
-    return node.op in ("symbol", "add", "neg", "mul", "sin", "cos")
 
 
 def _flat_rank(points: Array, origins: Array) -> int:

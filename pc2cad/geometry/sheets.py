@@ -16,9 +16,12 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
+from pc2cad.geometry.splines.turns import turning_limits
 
 #: arcs of conics are no longer than this (radians)
 LONGEST_ARC = np.pi / 2
+#: patches of a spline turn by no more: then two side by side are soon seen to be apart
+LONGEST_TURN = np.pi / 6
 #: what is beside a face where no solid is
 OUTSIDE = -1
 
@@ -191,9 +194,21 @@ def spans(knots: Array) -> Array:
     return distinct(knots)
 
 
-def _to_pieces(knots: Array, degree: int) -> tuple[Integers, Array]:
-    """Return the poles of all pieces (k, p+1), and matrices from them to Bernstein coefficients."""
-    points = spans(knots)
+def surface_limits(surface: SplineSurface) -> tuple[Array, Array]:
+    """Return the ends of a spline's pieces along s and t, so short that none turns far."""
+    first, second = (spans(knots) for knots in surface.knots)
+    columns = surface.poles.transpose(1, 0, 2)
+    return (
+        turning_limits(first, columns, LONGEST_TURN),
+        turning_limits(second, surface.poles, LONGEST_TURN),
+    )
+
+
+def _to_pieces(knots: Array, degree: int, points: Array) -> tuple[Integers, Array]:
+    """Return the poles of pieces between points, its knots among them, (k, p+1).
+
+    And matrices from those to Bernstein coefficients.
+    """
     nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
     places = (points[:-1, None] + np.diff(points)[:, None] * nodes).ravel()
     # the last place of a piece counts with it, and not with the next
@@ -226,17 +241,23 @@ def curve_pieces(curve: SplineCurve) -> tuple[Array, Array]:
     """Return a spline's Bézier pieces (k, p+1, 4) and their ends (k+1,)."""
     weights = np.ones(len(curve.poles)) if curve.weights is None else curve.weights
     poles = np.concatenate((curve.poles * weights[:, None], weights[:, None]), axis=1)
-    index, matrices = _to_pieces(curve.knots, curve.degree)
+    points = spans(curve.knots)
+    index, matrices = _to_pieces(curve.knots, curve.degree, points)
     pieces = np.einsum("kij,kjc->kic", matrices, poles[index])
-    return pieces, spans(curve.knots)
+    return pieces, points
 
 
-def surface_patches(surface: SplineSurface) -> Patches:
-    """Return a spline's Bézier patches."""
+def surface_patches(surface: SplineSurface, limits: tuple[Array, Array] | None = None) -> Patches:
+    """Return a spline's Bézier patches between limits along s and t, or between its knots alone.
+
+    Its knots are among the limits.
+    """
+    if limits is None:
+        limits = spans(surface.knots[0]), spans(surface.knots[1])
     weights = np.ones(surface.poles.shape[:2]) if surface.weights is None else surface.weights
     poles = np.concatenate((surface.poles * weights[..., None], weights[..., None]), axis=2)
     (first, one), (second, other) = (
-        _to_pieces(knots, degree)
-        for knots, degree in zip(surface.knots, surface.degrees, strict=True)
+        _to_pieces(knots, degree, points)
+        for knots, degree, points in zip(surface.knots, surface.degrees, limits, strict=True)
     )
     return Patches(poles, (first, second), (one, other), surface.knots)

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 from math import comb
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import vectors
+from pc2cad.bounds.along_arcs import along_arcs
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.bounds.slices import between
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
-from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, pieces, substitute, symbol
+from pc2cad.expression.tree import ZERO, Expr, number, substitute
 from pc2cad.geometry.carriers import Evidence, Plane, Revolution, SplineCurve, SplineSurface
-from pc2cad.geometry.splines.arcs import Arcs
 from pc2cad.geometry.splines.bernstein import bezier_knots, degree_in
 from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.trivariate import SplineVolume
@@ -57,18 +58,25 @@ class Side:
 
 
 def _sides_of(face: ModelFace, function: RestrictedMap, bound: Bound) -> list[Side]:
-    """Return the sides of a face that are bounded with it."""
+    """Return the sides of a face that are bounded with it, rational ones left out."""
     surface = face.carrier
-    if not isinstance(surface, SplineSurface) or surface.weights is not None:
+    if not isinstance(surface, SplineSurface):
         return []
-    rows = (surface.poles[0], surface.poles[-1], surface.poles[:, 0], surface.poles[:, -1])
+    rows, weights = _rows(surface.poles), surface.weights
+    plain = [True] * 4 if weights is None else [bool((row == 1).all()) for row in _rows(weights)]
     found = []
     for k, (row, part) in enumerate(zip(rows, bound.sides, strict=False)):
+        if not plain[k]:
+            continue
         direction, position = function.pieces[k // 2]
         cell = list(function.cell)
         cell[direction] = position + (1 if k % 2 else -1)
         found.append(Side((cell[0], cell[1], cell[2]), surface.knots[1 - k // 2], row, part))
     return found
+
+
+def _rows(net: Array) -> tuple[Array, Array, Array, Array]:
+    return net[0], net[-1], net[:, 0], net[:, -1]
 
 
 def prove_edge(
@@ -288,70 +296,40 @@ def _bound_spline(
     """Bound the distance of a function from its spline, rational ones included.
 
     With the denominator W as a tree, ω as the spline of the weights and N = ω S, all over the
-    spline's parameters, |M - S| = |ω M - N|/ω is at most (|W M - N| + |M| |W - ω|) / (W - |W - ω|).
+    spline's parameters, |M - S| = |ω M - N|/ω is at most (|W M - N| + |M| |W - ω|)/ω.
     """
-    weight = ONE
-    lowest, amiss = 1.0, 0.0
+    weights, lowest, amiss = None, 1.0, 0.0
     for name, parametrisation in zip(names, parametrisations, strict=True):
-        if parametrisation.arcs is None:
+        arcs, order = parametrisation.arcs, parametrisation.order
+        if arcs is None:
             continue
-        trees = substitute(trees, {name: _path(parametrisation.arcs, symbol(name))})
-        if parametrisation.order:
-            factor = _denominator(parametrisation.arcs, symbol(name)) ** parametrisation.order
-            weight = weight * factor
+        trees, factor = along_arcs(trees, name, arcs, order)
+        if order:
+            weights = carrier.weights
             lowest *= parametrisation.lowest * (1 - 1e-12)
-            space = parametrisation.space
-            poles = np.zeros((space.size, 3))
-            poles[:, 0] = parametrisation.weights
-            column = SplineCurve(space.degree, space.knots, poles)
-            gap = bound_curve((factor, ZERO, ZERO), name, column).largest
+            gap = _weights_off(parametrisation, name, factor)
             amiss = amiss + gap + amiss * gap
-    if weight is not ONE:
-        trees = tuple(weight * tree for tree in trees)
-    poles = carrier.poles if carrier.weights is None else _numerators(carrier)
-    numerator = replace(carrier, poles=poles, weights=None)
-    if isinstance(numerator, SplineCurve):
-        bound = bound_curve(trees, names[0], numerator, known)
+    if isinstance(carrier, SplineCurve):
+        bound = bound_curve(trees, names[0], carrier, known)
     else:
-        bound = bound_surface(trees, names, numerator, known=known)
-    if weight is ONE:
+        bound = bound_surface(trees, names, carrier, known=known)
+    if weights is None:
         return bound
     # rounding of the products of poles and weights, and of the places
     size = float(np.sqrt((carrier.poles**2).sum(axis=-1)).max())
-    extra = (size + bound.largest) * (amiss + 1e-15)
-    return replace(bound, largest=(bound.largest + extra) / (lowest - amiss), sides=())
+    extra = (size + bound.largest) * (amiss + 1e-15) / (lowest - amiss)
+    sides = tuple(replace(side, largest=side.largest + extra) for side in bound.sides)
+    return replace(bound, largest=bound.largest + extra, sides=sides)
 
 
-def _numerators(carrier: SplineCurve | SplineSurface) -> Array:
-    assert carrier.weights is not None
-    return np.asarray(carrier.poles * carrier.weights[..., None])
-
-
-def _path(arcs: Arcs, x: Expr) -> Expr:
-    """Return the equation's own parameter as a tree of the spline's, x (see `Arcs.places`)."""
-    half = arcs.extent / arcs.count / 4
-    rows = [
-        (k + Fraction(1, 2) + call("atan", number(arcs.tangent) * y) * number(1 / (2 * half)))
-        / arcs.count
-        for k, y in enumerate(_within(arcs, x))
-    ]
-    return _joined(arcs, x, rows)
-
-
-def _denominator(arcs: Arcs, x: Expr) -> Expr:
-    """Return the denominator of order 1 as a tree (see `Arcs.weight`)."""
-    square = number(arcs.tangent) ** 2
-    return _joined(arcs, x, [(1 + square * y**2) / (1 + square) for y in _within(arcs, x)])
-
-
-def _within(arcs: Arcs, x: Expr) -> list[Expr]:
-    """Return the place on each arc, from -1 to 1."""
-    return [2 * (x * arcs.count - k) - 1 for k in range(arcs.count)]
-
-
-def _joined(arcs: Arcs, x: Expr, rows: list[Expr]) -> Expr:
-    breaks = tuple(Fraction(k, arcs.count) for k in range(arcs.count + 1))
-    return pieces(x, breaks, tuple((row,) for row in rows), 0, closed=False)
+@lru_cache(maxsize=64)  # all faces along a direction have the same
+def _weights_off(parametrisation: Parametrisation, name: str, factor: Expr) -> float:
+    """Return a bound of how far the spline of the weights is off the denominator, a tree."""
+    space = parametrisation.space
+    poles = np.zeros((space.size, 3))
+    poles[:, 0] = parametrisation.weights
+    column = SplineCurve(space.degree, space.knots, poles)
+    return bound_curve((factor, ZERO, ZERO), name, column).largest
 
 
 def _judge(bound: Bound) -> tuple[Evidence, float]:

@@ -38,7 +38,7 @@ from pc2cad.geometry.sheets import (
     elevated,
     patches_of,
     restriction,
-    spans,
+    surface_limits,
     surface_patches,
 )
 from pc2cad.representation.boundary_model import BoundaryModel, ModelEdge, ModelFace
@@ -102,12 +102,12 @@ def sheets_of(model: BoundaryModel) -> tuple[list[Sheet], list[int]]:
 def _curved(boundary: BoundaryComplex, index: int, face: ModelFace) -> Sheet | None:
     carrier, cell = face.carrier, face.cells[0]
     if isinstance(carrier, SplineSurface):
-        places = [spans(knots) for knots in carrier.knots]
+        places = surface_limits(carrier)
         sides = tuple(
             _side(boundary, use, is_upwards(k, use), places[k % 2])
             for k, use in enumerate(face.uses)
         )
-        patches = surface_patches(carrier)
+        patches = surface_patches(carrier, places)
     else:
         assert not isinstance(carrier, Plane)
         region = rectangle_of(face)

@@ -3,8 +3,10 @@
 Faces that are neither planes nor on an analytic surface have to agree along their common edges at
 equal parameters. So all of them take one parametrisation per class of directions. Where it makes a
 face exact, or keeps an edge on an analytic surface, it runs through arcs (`splines.arcs`), and what
-has to be approximated along it is approximated in the arcs' parameter. Elsewhere arcs would only
-make faces rougher, and the equation's own parameter stays.
+has to be approximated along it is approximated in the arcs' parameter. Where all are trigonometric
+polynomials along it, and approximated along others only, it is one arc: nowhere is there a knot,
+and a fit would take more poles. Elsewhere arcs would only make faces rougher, and the equation's
+own parameter stays.
 """
 
 from __future__ import annotations
@@ -65,14 +67,10 @@ class FaceDirection:
     @property
     def wave(self) -> Wave | None:
         """The wave that it is, where it is a trigonometric polynomial of a linear angle."""
-        form = self.function.form if self.function.may_be_exact(self.axis) else None
-        if form is None or form.axes[self.axis].kind != "wave":
-            return None
-        axis = form.axes[self.axis]
-        if not axis.is_linear:
-            return None
-        first, last = axis.turn(1, np.array([0.0, 1.0])).tolist()
-        return Wave(abs(last - first), form.order(self.axis))
+        known = self.function.waves
+        if self.axis not in known:
+            known[self.axis] = _wave(self.function, self.axis)
+        return known[self.axis]
 
 
 class Parametrisations:
@@ -103,7 +101,10 @@ class Parametrisations:
     def _common_arcs(self, directions: Sequence[FaceDirection]) -> tuple[Arcs, int] | None:
         """Return the arcs of a class and the highest order along it; None where it has none."""
         powers = any(self._polynomial(s) is not None for s in directions)
-        if powers or not any(self._completes_a_face(s) for s in directions):
+        if powers or not directions:
+            return None
+        complete = any(self._completes_a_face(s) for s in directions)
+        if not complete and any(s.wave is None for s in directions):
             return None
         waves = [wave for s in directions if (wave := s.wave) is not None]
         ratios = [_ratio(wave.extent, waves[0].extent) for wave in waves]
@@ -115,7 +116,11 @@ class Parametrisations:
         common_wave = Wave(waves[0].extent * float(unit), order)
         if order > LARGEST_ORDER or not self._profile.allows(common_wave):
             return None
-        return common_wave.arcs, order
+        if complete:
+            return common_wave.arcs, order
+        # where all else is fitted, arcs must not be rougher than fits are, nor of higher degree
+        arcs = common_wave.single_arc
+        return (arcs, order) if arcs.degree(order) <= self._profile.degrees[-1] else None
 
     def _completes_a_face(self, direction: FaceDirection) -> bool:
         """Say whether a face is exact as soon as the direction is run through in arcs.
@@ -210,7 +215,7 @@ class Parametrisations:
         smoothness = {b.position: b.smoothness for b in rules.breaks}
         smoothness |= dict.fromkeys(arcs.points.tolist(), 0)
         breaks = tuple(Break(p, smoothness[p]) for p in sorted(smoothness))
-        degrees = sorted({max(degree, 2 * order) for degree in rules.degrees})
+        degrees = sorted({max(degree, arcs.degree(order)) for degree in rules.degrees})
         return replace(rules, degrees=degrees, breaks=breaks, periodic=False)
 
     def _column(self, direction: FaceDirection, aim: Aim) -> Sampler:
@@ -255,6 +260,14 @@ def exact_course(
         return rational_course(wave.arcs, wave.order)
     space = polynomial_space(function, axis, breaks)
     return None if space is None else Parametrisation(space, exact=True)
+
+
+def _wave(function: RestrictedMap, axis: int) -> Wave | None:
+    form = function.form if function.may_be_exact(axis) else None
+    if form is None or form.axes[axis].kind != "wave" or not form.axes[axis].is_linear:
+        return None
+    first, last = form.axes[axis].turn(1, np.array([0.0, 1.0])).tolist()
+    return Wave(abs(last - first), form.order(axis))
 
 
 def _ratio(a: float, b: float) -> Fraction | None:

@@ -4,6 +4,9 @@ With s = tan(θ/2), cos θ = (1-s²)/(1+s²) and sin θ = 2s/(1+s²): a trigonom
 k is a polynomial of degree 2k in s over (1+s²)^k. A direction is cut into equal arcs, on each of
 which tan((θ - θ_m)/2) is linear in its parameter. The point set is exact, the speed along it is
 that of s.
+
+Or it is one arc, over which tan((θ - θ_m)/2n) is linear: exp(iθ) is the n-th power of exp(iθ/n), so
+degrees are n times as high, and nowhere is there a knot. A whole circle is one of degree 6.
 """
 
 from __future__ import annotations
@@ -24,6 +27,10 @@ from pc2cad.geometry.recognition.separable_form import LARGEST_ORDER
 #: arcs are no longer than this: a quarter turn, and half of it where weights would spread too far
 LONGEST_ARC = np.pi / 2
 MODEST_ORDER = 5
+#: nor are the parts of a single one: there a weight is half of what it is at the ends
+LONGEST_PART = 2 * np.pi / 3
+#: angles that differ by less than this share are one, but for rounding
+SAME_ANGLE = 1e-13
 
 
 @dataclass(frozen=True)
@@ -32,11 +39,18 @@ class Arcs:
 
     extent: float
     count: int
+    #: n, where the tangent of the 2n-th part of an arc's angle is linear in its parameter
+    parts: int = 1
+
+    @property
+    def quarter(self) -> float:
+        """A quarter of the n-th part of one arc's angle (radians)."""
+        return self.extent / self.count / self.parts / 4
 
     @property
     def tangent(self) -> float:
-        """Tangent of a quarter of one arc's angle: how far its own parameter runs either way."""
-        return float(np.tan(self.extent / self.count / 4))
+        """Tangent of that: how far an arc's own parameter runs either way."""
+        return float(np.tan(self.quarter))
 
     def _split(self, x: Array) -> tuple[Array, Array]:
         """Return the arc that each x lies on and its place there, from -1 to 1."""
@@ -46,14 +60,18 @@ class Arcs:
     def places(self, x: Array) -> Array:
         """Return the equation's own local parameter at x."""
         arc, y = self._split(x)
-        half = self.extent / self.count / 4
-        return np.asarray((arc + 0.5 + np.arctan(self.tangent * y) / (2 * half)) / self.count)
+        turned = np.arctan(self.tangent * y) / (2 * self.quarter)
+        return np.asarray((arc + 0.5 + turned) / self.count)
 
     def weight(self, x: Array) -> Array:
         """Return the denominator of order 1 at x: 1 at the ends of each arc."""
         _, y = self._split(x)
         square = self.tangent**2
-        return np.asarray((1 + square * y * y) / (1 + square))
+        return np.asarray(((1 + square * y * y) / (1 + square)) ** self.parts)
+
+    def degree(self, order: int) -> int:
+        """Return the degree of numerators and denominators of trigonometric polynomials."""
+        return 2 * order * self.parts
 
     @cached_property
     def points(self) -> Array:
@@ -72,7 +90,16 @@ class Wave:
     def arcs(self) -> Arcs:
         """The arcs in which these are rational with weights that are not spread too far."""
         longest = LONGEST_ARC if self.order <= MODEST_ORDER else LONGEST_ARC / 2
-        return Arcs(self.extent, max(1, int(np.ceil(self.extent / longest - 1e-9))))
+        return Arcs(self.extent, _count(self.extent, longest))
+
+    @property
+    def single_arc(self) -> Arcs:
+        """The one arc over which these are rational without a knot."""
+        return Arcs(self.extent, 1, _count(self.extent, LONGEST_PART))
+
+
+def _count(extent: float, longest: float) -> int:
+    return max(1, int(np.ceil(extent / longest - 1e-9)))
 
 
 def wave_in(roots: Sequence[Expr], name: str) -> Wave | None:

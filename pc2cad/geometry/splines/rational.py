@@ -8,7 +8,7 @@ polynomial on each arc, and interpolation in a spline space that holds it is exa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import comb
 
 import numpy as np
@@ -102,9 +102,11 @@ class Parametrisation:
         return self.space.fit(self.weight(self.space.sites)[:, None])[:, 0]
 
 
+@lru_cache(maxsize=64)
 def rational_course(arcs: Arcs, order: int) -> Parametrisation:
     """Return the parametrisation that holds trigonometric polynomials of an order exactly."""
-    return Parametrisation(PiecewiseSpace(2 * order, arcs.points), arcs, order, exact=True)
+    space = PiecewiseSpace(arcs.degree(order), arcs.points)
+    return Parametrisation(space, arcs, order, exact=True)
 
 
 def homogeneous(sample: GridSampler, s: Parametrisation, t: Parametrisation) -> GridSampler:
@@ -135,8 +137,8 @@ def face_deviation(
     if weights is None:
         return surface_deviation(homogeneous(sample, s, t), s.space, t.space, poles)
     numerator = poles * weights[..., None]
-    seen = surface_deviation(homogeneous(sample, s, t), s.space, t.space, numerator)
-    return Deviation(seen.largest / (s.lowest * t.lowest), seen.samples, seen.place)
+    weight = np.outer(*(axis.weight(axis.space.check_places) for axis in (s, t)))
+    return surface_deviation(homogeneous(sample, s, t), s.space, t.space, numerator, weight)
 
 
 def edge_deviation(
@@ -145,9 +147,9 @@ def edge_deviation(
     """Return the largest distance at equal parameters at places off the sites."""
     x = parametrisation.space.check_places
     numerator = poles if weights is None else poles * weights[:, None]
-    values = sample(parametrisation.places(x)) * parametrisation.weight(x)[:, None]
-    seen = curve_deviation(values, parametrisation.space, numerator)
-    return Deviation(seen.largest / parametrisation.lowest, seen.samples, seen.place)
+    weight = parametrisation.weight(x)
+    values = sample(parametrisation.places(x)) * weight[:, None]
+    return curve_deviation(values, parametrisation.space, numerator, weight)
 
 
 def fit_edge(values: Array, parametrisation: Parametrisation) -> tuple[Array, Array | None]:

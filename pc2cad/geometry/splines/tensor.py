@@ -32,25 +32,30 @@ def fit_surface(sample: GridSampler, s: SplineSpace, t: SplineSpace) -> Array:
 
 
 def surface_deviation(
-    sample: GridSampler, s: SplineSpace, t: SplineSpace, poles: Array
+    sample: GridSampler, s: SplineSpace, t: SplineSpace, poles: Array, weight: Array | float = 1.0
 ) -> Deviation:
-    """Return the largest distance at equal parameters over a grid off the sites."""
+    """Return the largest distance at equal parameters over a grid off the sites.
+
+    Of numerators it is the distance divided by the `weight` at the `check_places` (len(s), len(t)).
+    """
     places_s, places_t = s.check_places, t.check_places
     truth = sample(places_s, places_t)
     rows = s.check_basis @ poles.reshape(s.size, -1)
     rows = rows.reshape(len(places_s), t.size, 3).transpose(1, 0, 2).reshape(t.size, -1)
     values = (t.check_basis @ rows).reshape(len(places_t), len(places_s), 3)
     gap = values.transpose(1, 0, 2) - truth
-    return _largest(gap, places_s, places_t)
+    return _largest(gap, weight, places_s, places_t)
 
 
-def curve_deviation(truth: Array, space: SplineSpace, poles: Array) -> Deviation:
+def curve_deviation(
+    truth: Array, space: SplineSpace, poles: Array, weight: Array | float = 1.0
+) -> Deviation:
     """Return the largest distance to the values (at its `check_places`) of a curve."""
-    return _largest(space.check_basis @ poles - truth, space.check_places)
+    return _largest(space.check_basis @ poles - truth, weight, space.check_places)
 
 
-def _largest(gap: Array, *places: Array) -> Deviation:
-    away = np.sqrt((gap * gap).sum(axis=-1))
+def _largest(gap: Array, weight: Array | float, *places: Array) -> Deviation:
+    away = np.sqrt((gap * gap).sum(axis=-1)) / weight
     at = np.unravel_index(int(away.argmax()), away.shape)
     place = tuple(float(x[i]) for x, i in zip(places, at, strict=True))
     return Deviation(float(away[at]), away.size, place)

@@ -1,0 +1,28 @@
+"""What may be a polynomial of a symbol, or a trigonometric one, by the operations that it meets."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from pc2cad.expression.tree import Expr, walk
+
+
+@lru_cache(maxsize=1024)
+def of_powers_or_waves(trees: tuple[Expr, ...], name: str) -> bool:
+    """Say whether no operation but those of powers and waves meets a name."""
+
+    def below(node: Expr) -> tuple[Expr, ...]:
+        waves = node.op in ("sin", "cos")
+        return () if waves else tuple([arg for arg in node.args if name in arg.symbols])
+
+    roots = tuple([root for root in trees if name in root.symbols])
+    return all(_is_power_or_wave(node, name) for node in walk(roots, below))
+
+
+def _is_power_or_wave(node: Expr, name: str) -> bool:
+    if node.op == "pow":
+        exponent = node.args[1].payload if node.args[1].op == "number" else None
+        return exponent is not None and exponent.denominator == 1 and exponent > 0
+    if node.op == "div":
+        return name not in node.args[1].symbols
+    return node.op in ("symbol", "add", "neg", "mul", "sin", "cos")
