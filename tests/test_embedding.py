@@ -282,9 +282,9 @@ def test_corners_and_bends_hold_the_patches_of_a_spline_and_its_tangents():
     checked = 0
     for k, net in enumerate(patches.nets.reshape(64, 4, 3, 4)):
         points = np.array([[values(net, s, t) for t in nodes] for s in nodes])
-        in_seven, _ = boxes(points[..., None, :])
-        assert (in_seven >= low[k] - 1e-12).all()
-        assert (in_seven <= high[k] + 1e-12).all()
+        values_along, _ = boxes(points[..., None, :])
+        assert (values_along >= low[k] - 1e-12).all()
+        assert (values_along <= high[k] + 1e-12).all()
         for cone, vectors in (
             (cones[0], np.diff(points, axis=0)), (cones[1], np.diff(points, axis=1)), (ways, points)
         ):  # fmt: skip

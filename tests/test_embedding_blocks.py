@@ -186,9 +186,9 @@ def test_patches_that_turn_far_are_held_in_pieces(spans, around, pieces):
     bernstein = np.stack([math.comb(3, k) * nodes**k * (1 - nodes) ** (3 - k) for k in range(4)])
     points = np.einsum("ix,jy,nijc->nxyc", bernstein, bernstein, projected(patches.nets).reshape(
         -1, 4, 4, 3))  # fmt: skip
-    seven, _ = boxes(points[..., None, :])
-    assert (seven >= low[:, None, None] - 1e-12).all()
-    assert (seven <= high[:, None, None] + 1e-12).all()
+    heights, _ = boxes(points[..., None, :])
+    assert (heights >= low[:, None, None] - 1e-12).all()
+    assert (heights <= high[:, None, None] + 1e-12).all()
     for axis, cone in enumerate(cones):
         chords = np.diff(points, axis=1 + axis)
         ways = chords / np.linalg.norm(chords, axis=-1, keepdims=True)

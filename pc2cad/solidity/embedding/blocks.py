@@ -64,7 +64,7 @@ def _is_graph(patches: Patches, noise: float) -> bool:
 class _Level:
     """Blocks of all sheets, row by row: what holds them and their tangents along s and t."""
 
-    #: limits in seven directions (B, 7)
+    #: limits in thirteen directions (B, 13)
     low: Array
     high: Array
     cones: tuple[Cones, Cones]
@@ -177,7 +177,7 @@ class _Search:
         surfaces = self.surfaces
         count = len(surfaces.sheet_of)
         level = _Level(
-            np.empty((count, 7)), np.empty((count, 7)),
+            np.empty((count, 13)), np.empty((count, 13)),
             (Cones(np.empty((count, 3)), np.empty(count)),
              Cones(np.empty((count, 3)), np.empty(count))), surfaces.shapes,
         )  # fmt: skip

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.distinct import distinct, distinct_rows
 from pc2cad.arrays.linear import cross, unit
 from pc2cad.geometry.sheets import projected, restriction
 from pc2cad.solidity.embedding.surfaces import POINT, SAME, Surfaces
@@ -38,6 +39,13 @@ class Cells:
         """Return some of the cells."""
         return Cells(self.surfaces, self.patch[rows], self.low[rows], self.high[rows],
                      self.points[rows])  # fmt: skip
+
+    def of(self, pairs: Integers) -> tuple[Cells, Integers]:
+        """Return the cells that are in pairs (k, 2), and the pairs of them by their new numbers."""
+        rows = distinct(pairs)
+        number = np.empty(len(self), dtype=np.int64)
+        number[rows] = np.arange(len(rows))
+        return self.take(rows), number[pairs]
 
     @cached_property
     def sheet(self) -> Integers:
@@ -187,11 +195,16 @@ def cells_of(surfaces: Surfaces, patch: Integers, low: Array, high: Array) -> Ce
     whole = (low <= 0).all(axis=1) & (high >= 1).all(axis=1)
     cut = np.flatnonzero(~whole)
     if len(cut):
-        along_s = restriction(d, low[cut, 0], high[cut, 0])
-        along_t = restriction(d, low[cut, 1], high[cut, 1])
+        along_s, along_t = (_restrictions(d, low[cut, axis], high[cut, axis]) for axis in (0, 1))
         flat = (along_s @ nets[cut].reshape(len(cut), d + 1, -1)).reshape(nets[cut].shape)
         nets[cut] = along_t[:, None] @ flat
     return Cells(surfaces, patch, low, high, projected(nets))
+
+
+def _restrictions(degree: int, low: Array, high: Array) -> Array:
+    """Return the matrices of `restriction`, each made once: halvings leave few different limits."""
+    rows, index = distinct_rows(low, high)
+    return restriction(degree, low[rows], high[rows])[index]
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ class Hold:
         return np.asarray((self.bends[0] + self.bends[2]) / 8)
 
     def limits(self) -> tuple[Array, Array]:
-        """Return limits of the patches in seven directions, (n·m, 7) each."""
+        """Return limits of the patches in thirteen directions, (n·m, 13) each."""
         low, high = (
             reduce(least, self._within(values))
             for values, least in zip(
@@ -48,7 +48,7 @@ class Hold:
             )
         )
         bow = self._bow[..., None]
-        return (low - bow).reshape(-1, 7), (high + bow).reshape(-1, 7)
+        return (low - bow).reshape(-1, 13), (high + bow).reshape(-1, 13)
 
     def tangents(self, axis: int, noise: float) -> Cones:
         """Return cones of the tangents along s or t."""

@@ -123,7 +123,7 @@ class _Descent:
             if len(pairs) == 0:
                 break
             free = np.flatnonzero(~joined)
-            if len(free) and level % 3 == 0 and len(pairs) > FIRST:
+            if len(free) and level % 3 == 1 and len(pairs) > FIRST:
                 found = self._dive(cells, pairs[free], depth[free])
                 if found is not None:
                     return Outcome(self.count, 0.0, found, True)
@@ -264,6 +264,7 @@ class _Descent:
         Where their bows keep two cells from being separated, those are to be less; elsewhere the
         cells are to be shorter.
         """
+        cells, pairs = cells.of(pairs)
         extent, bow = cells.extent[pairs], cells.bows.sum(axis=1)[pairs] + self.tests.noise
         bent = ~joined & (depth <= 4 * bow.sum(axis=1))
         large = np.where(bent[:, None], bow, extent)

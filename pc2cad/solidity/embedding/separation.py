@@ -31,15 +31,16 @@ _UNIT = 1e-12
 _TURNS, _PULL, _BEFORE = 24, 0.5, 0.02
 #: what is added to the second moments of rays that all lie in a plane
 _LEAST = 1e-4
-#: space's three axes and four diagonals
-_DIRECTIONS = np.array(
-    [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], dtype=float
-)
+#: space's three axes, and the diagonals of a cube and of its faces
+_DIRECTIONS = np.array([
+    [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1],
+    [1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1],
+], dtype=float)  # fmt: skip
 _DIRECTIONS /= np.sqrt((_DIRECTIONS**2).sum(axis=1, keepdims=True))
 
 
 def boxes(points: Array) -> tuple[Array, Array]:
-    """Return limits (…, 7) of control points (…, k, 3) in seven directions."""
+    """Return limits (…, 13) of control points (…, k, 3) in thirteen directions."""
     values = _DIRECTIONS @ np.swapaxes(points, -1, -2)
     return values.min(axis=-1), values.max(axis=-1)
 
