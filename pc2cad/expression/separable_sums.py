@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import Final
 
 from pc2cad.expression.normal_form import ordered
 from pc2cad.expression.tree import ONE, ZERO, Expr, div, number, power, walk
 
 #: a product of whole powers of trees in the other parameters, in a fixed order
 Factors = tuple[tuple[Expr, int], ...]
+_TWO: Final = number(2)
 #: sums with more terms than this are given up
 MOST_TERMS = 24
 
@@ -79,6 +81,50 @@ def _multiple(tree: Expr) -> tuple[Fraction, Expr]:
             return factor * tree.payload, ONE
         else:
             return factor, tree
+
+
+def without_number(root: Expr) -> tuple[Fraction, Expr]:
+    """Return a number that a sum of products is multiplied by, and what it multiplies.
+
+    It is that of the first product; sums within products are left alone.
+    """
+    first, total = Fraction(0), ZERO
+    stack = [(root, Fraction(1))]
+    while stack:
+        node, sign = stack.pop()
+        if node.op == "neg":
+            stack.append((node.args[0], -sign))
+        elif node.op == "add":
+            stack += [(arg, sign) for arg in reversed(node.args)]
+        else:
+            factor, rest = _number_and_rest(node)
+            first = first or sign * factor
+            total = total + (number(sign * factor / first) * rest if first else ZERO)
+    return (first, total) if first else (Fraction(1), ZERO)
+
+
+def _number_and_rest(product: Expr) -> tuple[Fraction, Expr]:
+    """Return the number in a product of products, and the product of what else there is."""
+    found: dict[Expr, tuple[Fraction, Expr]] = {}
+    for node in walk((product,), _factors):
+        known = [found[arg] for arg in _factors(node)]
+        if node.op == "number":
+            found[node] = node.payload, ONE
+        elif not known:
+            found[node] = Fraction(1), node
+        elif node.op == "mul":
+            (p, a), (q, b) = known
+            found[node] = p * q, a * b
+        else:
+            ((p, a),) = known
+            found[node] = (-p, a) if node.op == "neg" else (p * p, power(a, _TWO))
+    return found[product]
+
+
+def _factors(node: Expr) -> tuple[Expr, ...]:
+    if node.op in ("mul", "neg"):
+        return node.args
+    return node.args[:1] if node.op == "pow" and node.args[1] is _TWO else ()
 
 
 def _is_apart(node: Expr, alone: frozenset[str]) -> bool:

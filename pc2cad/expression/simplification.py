@@ -20,7 +20,7 @@ from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, q
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
 from pc2cad.expression.rewriting import among, rewrite
 from pc2cad.expression.scalar import evaluate, values_of
-from pc2cad.expression.separable_sums import product_of, products
+from pc2cad.expression.separable_sums import product_of, products, without_number
 from pc2cad.expression.sign_changes import sign_changes
 from pc2cad.expression.tree import (
     ONE,
@@ -135,6 +135,20 @@ def _seems_idle(root: Expr, name: str) -> bool:
 
 
 def _constant(coefficient: Expr) -> Expr | None:
+    """Return the constant that a tree in one parameter is, or None.
+
+    It is looked for without the number that the tree is a multiple of: that is what differs from
+    one variant of a template to the next.
+    """
+    factor, rest = without_number(coefficient)
+    found = _plain_constant(rest)
+    if found is not None and found.op == "number":
+        return number(factor) * found
+    return _plain_constant(coefficient)
+
+
+@lru_cache(maxsize=512)
+def _plain_constant(coefficient: Expr) -> Expr | None:
     """Return the constant that a tree in one parameter is, or None.
 
     Vectors of unknown direction are enough to know that unit vectors are of length 1, and that a

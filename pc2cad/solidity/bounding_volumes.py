@@ -217,25 +217,21 @@ def _halved(stack: _Stack, rows: int, columns: int) -> _Stack:
 
 def children(level: Level, coarser: Level, pairs: Integers) -> Integers:
     """Return all pairs of parts of paired blocks, each pair once."""
-    found = []
-    parts = [_parts(level, coarser, pairs[:, side]) for side in (0, 1)]
-    for first, has_first in parts[0]:
-        for second, has_second in parts[1]:
-            chosen = has_first & has_second & ~((pairs[:, 0] == pairs[:, 1]) & (first > second))
-            found.append(np.stack((first[chosen], second[chosen]), axis=1))
-    return np.concatenate(found)
+    parts, exist = _parts(level, coarser)
+    a, b = pairs.T
+    first, second = parts[:, None, a], parts[None, :, b]
+    chosen = exist[:, None, a] & exist[None, :, b] & ~((a == b) & (first > second))
+    both = np.broadcast_arrays(first, second)
+    return np.stack([side[chosen] for side in both], axis=1)
 
 
-def _parts(level: Level, coarser: Level, rows: Integers) -> list[tuple[Integers, Booleans]]:
-    face, place = coarser.face[rows], coarser.place[rows]
-    factor, shape = coarser.factor[face], level.shape[face]
-    result = []
-    for i in (0, 1):
-        for j in (0, 1):
-            here = place * factor + np.array([i, j])
-            exists = ((np.array([i, j]) < factor) & (here < shape)).all(axis=1)
-            result.append((level.start[face] + here[:, 0] * shape[:, 1] + here[:, 1], exists))
-    return result
+def _parts(level: Level, coarser: Level) -> tuple[Integers, Booleans]:
+    """Return the four parts that a block may have, (4, blocks), and which of them it has."""
+    factor, shape = coarser.factor[coarser.face].T, level.shape[coarser.face].T
+    step = np.indices((2, 2)).reshape(2, 4, 1)
+    row, column = here = coarser.place.T[:, None] * factor[:, None] + step
+    exist = ((step < factor[:, None]) & (here < shape[:, None])).all(axis=0)
+    return level.start[coarser.face] + row * shape[1] + column, exist
 
 
 def meet(level: Level, pairs: Integers) -> Booleans:
