@@ -174,13 +174,8 @@ class _Work:
 
     def _climb(self, i: int, rows: Sequence[_Part], scale: Array, noise: float) -> bool:
         """Take the integrals of ascending orders in; return whether the panel may stay whole."""
-        last = rows[-1][0]
-        for value, _, _, miss in rows:
-            old = self._known[i]
-            # what all orders that are known say of this one
-            gap = np.inf if old is None else np.abs((value - old, last - old)) / scale
-            change = float(np.max(gap)) if np.isfinite(gap).all() else np.inf
-            self._known[i] = value
+        for (value, _, _, miss), change in zip(rows, self._changes(i, rows, scale), strict=True):
+            old, self._known[i] = self._known[i], value
             self._before[i], self._change[i] = self._change[i], change
             if old is not None and self._accept(i, change, noise, miss):
                 self.open[i] = False
@@ -189,6 +184,16 @@ class _Work:
                 return False
             self.order[i] *= 2
         return True
+
+    def _changes(self, i: int, rows: Sequence[_Part], scale: Array) -> list[float]:
+        """Return how much integrals of ascending orders change, each from the one before."""
+        values, known = np.stack([row[0] for row in rows]), self._known[i]
+        first = np.full_like(values[:1], np.nan) if known is None else known[None]
+        before = np.concatenate((first, values[:-1]))
+        # what all orders that are known say of each
+        gaps = np.maximum(np.abs(values - before), np.abs(values[-1] - before)) / scale
+        changes = gaps.max(axis=(1, 2))
+        return [float(change) for change in np.where(np.isfinite(changes), changes, np.inf)]
 
     def _accept(self, i: int, change: float, noise: float, miss: float) -> bool:
         target = max(CONVERGED, noise)

@@ -231,7 +231,7 @@ def _parts(level: Level, coarser: Level) -> tuple[Integers, Booleans]:
     step = np.indices((2, 2)).reshape(2, 4, 1)
     row, column = here = coarser.place.T[:, None] * factor[:, None] + step
     exist = ((step < factor[:, None]) & (here < shape[:, None])).all(axis=0)
-    return level.start[coarser.face] + row * shape[1] + column, exist
+    return level.start[coarser.face] + row * shape[1] + column, np.asarray(exist)
 
 
 def meet(level: Level, pairs: Integers) -> Booleans:
