@@ -21,7 +21,7 @@ from pc2cad.geometry.splines.turns import turning_limits
 #: arcs of conics are no longer than this (radians)
 LONGEST_ARC = np.pi / 2
 #: patches of a spline turn by no more: then two side by side are soon seen to be apart
-LONGEST_TURN = np.pi / 6
+LONGEST_TURN = np.pi / 3
 #: what is beside a face where no solid is
 OUTSIDE = -1
 

@@ -11,11 +11,12 @@ own parameter stays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
+from itertools import groupby
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from pc2cad.domain.restrictions import (
     Piece,
     RestrictedMap,
     polynomial_space,
+    sampled,
     sections,
 )
 from pc2cad.expression.angle_multiples import common
@@ -36,7 +38,6 @@ from pc2cad.geometry.splines.adaptive_knots import (
     DirectionRules,
     Sampler,
     adapt,
-    beside,
     closer,
 )
 from pc2cad.geometry.splines.arcs import Arcs, Wave
@@ -71,6 +72,29 @@ class FaceDirection:
         if self.axis not in known:
             known[self.axis] = _wave(self.function, self.axis)
         return known[self.axis]
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A face or an edge along one of its axes, and the places of a face's other one."""
+
+    function: RestrictedMap
+    axis: int
+    across: Array | None
+
+    @property
+    def key(self) -> tuple[int, bytes | None]:
+        """What those have in common that may be evaluated together."""
+        return self.axis, None if self.across is None else self.across.tobytes()
+
+
+def _seen(looks: Sequence[_Look], places: Array) -> Iterator[Array]:
+    """Yield the points at places (n,) along what is looked at alike, (n, sections, 3)."""
+    axis, across = looks[0].axis, looks[0].across
+    local = [places] if across is None else [places, across]
+    for points in sampled([look.function for look in looks], *(local[::-1] if axis else local)):
+        rows = points.transpose(1, 0, 2) if axis else points
+        yield rows.reshape(len(places), -1, 3)
 
 
 class Parametrisations:
@@ -184,11 +208,11 @@ class Parametrisations:
         for owner, same in users.items():
             fitted = {direction.function for direction in same}
             directions = [d for d in same if not (d.between and fitted.issuperset(d.between))]
-            column = beside([result._column(direction, aim) for direction in directions])
+            columns = result._columns(directions, aim)
             limits = np.concatenate(
                 [closer(self._focus(owner, aim)), *map(self._narrow, directions)]
             )
-            result._spaces[owner] = adapt(column, self._rules(owner), aim.target, floor, limits)
+            result._spaces[owner] = adapt(columns, self._rules(owner), aim.target, floor, limits)
         return result
 
     def _narrow(self, direction: FaceDirection) -> Array:
@@ -218,19 +242,29 @@ class Parametrisations:
         degrees = sorted({max(degree, arcs.degree(order)) for degree in rules.degrees})
         return replace(rules, degrees=degrees, breaks=breaks, periodic=False)
 
-    def _column(self, direction: FaceDirection, aim: Aim) -> Sampler:
-        """Return the function of one axis alone, the other taken at its sections."""
-        arcs, order = self._arcs.get(self._owner(direction), (None, 0))
+    def _columns(self, directions: Sequence[FaceDirection], aim: Aim) -> Sampler:
+        """Return the functions along a class of directions, others taken at their sections.
+
+        They are one function of the splines' parameter, (n,) to (n, columns, 3). Faces and edges
+        that follow one another, and are looked at across the same places, are evaluated together.
+        """
+        arcs, order = self._arcs.get(self._owner(directions[0]), (None, 0))
         along = Parametrisation(SplineSpace(1, (0.0, 1.0)), arcs, order)
-        function = direction.function
-        if len(function.pieces) == 1:
-            return lambda x: function(along.places(x)) * along.weight(x)[:, None]
-        across = self._sections(FaceDirection(function, 1 - direction.axis), aim)
-        if direction.axis == 0:
-            return lambda x: function(along.places(x), across) * along.weight(x)[:, None, None]
-        return lambda x: (
-            function(across, along.places(x)).transpose(1, 0, 2) * along.weight(x)[:, None, None]
-        )
+        looks = [_Look(d.function, d.axis, self._across(d, aim)) for d in directions]
+        alike = [list(same) for _, same in groupby(looks, lambda look: look.key)]
+
+        def sample(x: Array) -> Array:
+            places, weight = along.places(x), along.weight(x)[:, None, None]
+            found = [points for same in alike for points in _seen(same, places)]
+            return np.concatenate(found, axis=1) * weight
+
+        return sample
+
+    def _across(self, direction: FaceDirection, aim: Aim) -> Array | None:
+        """Return the places across which a direction is looked at, None for an edge."""
+        if len(direction.function.pieces) == 1:
+            return None
+        return self._sections(FaceDirection(direction.function, 1 - direction.axis), aim)
 
     def _sections(self, direction: FaceDirection, aim: Aim) -> Array:
         """Return the places across which a face is looked at: the sites of a small known space."""

@@ -10,7 +10,7 @@ are corrected where the measured errors differ from the target.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 
@@ -173,6 +173,8 @@ class _Portrait:
 
     limits: Array
     coefficients: Array
+    #: sizes of derivatives that were asked for, by their order: degrees side by side share some
+    _sizes: dict[int, Array] = field(default_factory=dict, repr=False)
 
     def __call__(self, t: Array) -> Array:
         """Return the values at ascending t, (len(t), 3 columns)."""
@@ -210,6 +212,11 @@ class _Portrait:
 
     def _derivative(self, order: int) -> Array:
         """Return the sizes of a derivative at the middles of equal parts, (n, _PLACES, columns)."""
+        if order not in self._sizes:
+            self._sizes[order] = self._derived(order)
+        return self._sizes[order]
+
+    def _derived(self, order: int) -> Array:
         n, count, columns, _ = self.coefficients.shape
         if not 0 <= order < count:
             return np.zeros((n, _PLACES, columns))
@@ -314,6 +321,17 @@ def _interval_errors(portrait: _Portrait, space: SplineSpace) -> Array:
     return np.asarray(np.maximum(np.maximum.reduceat(size[:-1], starts), size[[*starts[1:], -1]]))
 
 
+def _at_best(errors: Array, degree: int) -> float:
+    """Return what one interval less would leave if all carried the same error, by the law h^(p+1).
+
+    That is what corrections lead to at best. Before errors follow the law they grow faster.
+    """
+    order, count = degree + 1, len(errors)
+    if count == 1:
+        return np.inf
+    return float(((errors ** (1 / order)).sum() / (count - 1)) ** order)
+
+
 def _settle(
     portrait: _Portrait,
     rules: DirectionRules,
@@ -328,7 +346,8 @@ def _settle(
     """
     best: SplineSpace | None = None
     rounds = 0
-    measured, largest, errors = np.zeros(0), np.inf, np.zeros(0)
+    measured, largest = np.zeros(0), np.inf
+    raw = errors = np.zeros(0)
     while best is None or rounds < _ROUNDS:
         points = distances.knots(rules)
         nearest = int(np.argmin(np.diff(points)))
@@ -343,13 +362,15 @@ def _settle(
         if rounds and rival and (space.size, degree) >= (rival.size, rival.degree):
             break
         if not np.array_equal(points, measured):
-            errors = _interval_errors(portrait, space)
+            raw = errors = _interval_errors(portrait, space)
             measured, largest = points, float(errors.max())
             # a knot's place matters to its neighbours' errors as well
             beside = np.concatenate((errors[:1], errors, errors[-1:]))
             errors = np.maximum(errors, _NEIGHBOUR * np.maximum(beside[:-2], beside[2:]))
         if largest <= target:
             best = space
+            if _at_best(raw, degree) > target:
+                break
         with np.errstate(divide="ignore"):
             factors = (_AIM * target / errors) ** (1 / (_STEEPER * (degree + 1)))
         # from the third round on the worst interval speaks for all
