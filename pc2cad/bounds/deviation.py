@@ -174,7 +174,8 @@ def _squares(vectors: Array, axis: int = -2) -> Array:
 
     A fourth coordinate divides the others.
     """
-    x, y, z, *weight = np.moveaxis(vectors, axis, 0)
+    before = (slice(None),) * (axis % vectors.ndim)
+    x, y, z, *weight = (vectors[(*before, k)] for k in range(vectors.shape[axis]))
     squares = x * x + y * y + z * z
     return np.asarray(squares / weight[0] ** 2 if weight else squares)
 
@@ -304,15 +305,15 @@ class _Survey:
         along, data, by_values = (np.take(x, end, axis=1 - axis) for x in known)
         parts = self._sides[side]
         work = np.concatenate([part.transpose(0, 2, 1) for part, _ in parts])[..., None]
-        gaps = [np.sqrt(_squares(gap, 1)) for _, gap in parts]
-        sampled = max(float(gap.max()) for gap in gaps)
+        gaps = np.sqrt(_squares(np.concatenate([gap for _, gap in parts]), 1))
+        sampled = float(gaps.max())
         degree = self._directions[axis].cells.degree
         goal = max(SHARP * sampled, float(data[np.isfinite(data)].max(initial=0.0)))
         sizes = _sharpened(work, goal, halving(degree), halving(0))
         loss = self._loss * self.sampled
         rest = np.minimum(along + data, by_values)
         largest = float(((sizes + loss + rest) * (1 + 1e-9)).max())
-        return Bound(max(largest, sampled), sampled, sum(gap.size for gap in gaps))
+        return Bound(max(largest, sampled), sampled, gaps.size)
 
     def _ranges(self, bad: Booleans) -> tuple[tuple[float, float], ...]:
         ranges = []
