@@ -174,8 +174,8 @@ def _squares(vectors: Array, axis: int = -2) -> Array:
 
     A fourth coordinate divides the others.
     """
-    before = (slice(None),) * (axis % vectors.ndim)
-    x, y, z, *weight = (vectors[(*before, k)] for k in range(vectors.shape[axis]))
+    before: tuple[slice | int, ...] = (slice(None),) * (axis % vectors.ndim)
+    x, y, z, *weight = (np.asarray(vectors[(*before, k)]) for k in range(vectors.shape[axis]))
     squares = x * x + y * y + z * z
     return np.asarray(squares / weight[0] ** 2 if weight else squares)
 

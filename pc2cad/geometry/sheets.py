@@ -8,7 +8,7 @@ faces are meant to meet.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import comb
 
 import numpy as np
@@ -207,8 +207,14 @@ def surface_limits(surface: SplineSurface) -> tuple[Array, Array]:
 def _to_pieces(knots: Array, degree: int, points: Array) -> tuple[Integers, Array]:
     """Return the poles of pieces between points, its knots among them, (k, p+1).
 
-    And matrices from those to Bernstein coefficients.
+    And matrices from those to Bernstein coefficients. Faces of one part have many knots in common.
     """
+    return _pieces(knots.tobytes(), degree, points.tobytes())
+
+
+@lru_cache(maxsize=16)
+def _pieces(of_knots: bytes, degree: int, of_points: bytes) -> tuple[Integers, Array]:
+    knots, points = np.frombuffer(of_knots), np.frombuffer(of_points)
     nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
     places = (points[:-1, None] + np.diff(points)[:, None] * nodes).ravel()
     # the last place of a piece counts with it, and not with the next

@@ -90,6 +90,20 @@ class _Level:
         index = np.arange(len(self.sheet)) - self.start[self.sheet]
         return np.stack(np.divmod(index, self.shapes[self.sheet, 1]), axis=1)
 
+    @cached_property
+    def narrow(self) -> Booleans:
+        """Of which blocks the tangents turn so little that rectangles of some may be parted.
+
+        Both half angles together are less than a right angle.
+        """
+        s, t = (cones.slopes[0] for cones in self.cones)
+        return np.asarray(s * s + t * t < 1)
+
+    def tangents(self, corners: Integers) -> tuple[Cones, Cones]:
+        """Return cones of the tangents along s and t in rectangles of some corners (k, n)."""
+        s, t = (joint([cones[rows] for rows in corners.T]) for cones in self.cones)
+        return s, t
+
     def coarser(self) -> _Level:
         """Return blocks of two by two."""
         shapes, order, first = _parents(self.shapes, self.sheet, self.place)
@@ -261,6 +275,7 @@ class _Search:
         step = np.where(round_, (step + size // 2) % size - size // 2, step)
         near &= (np.abs(step) <= 1).all(axis=1)
         near &= surfaces.separable[one] & (surfaces.plane[one] < 0)
+        near &= level.narrow[a] & level.narrow[b]
         two = near & (one != other)
         near[two] = surfaces.walls(one[two], other[two])
         rows = np.flatnonzero(near)
@@ -275,20 +290,27 @@ class _Search:
         """Say in which rectangles sheets do not meet themselves or one another."""
         level = self.levels[depth]
         one, other = level.sheet[first[:, 0]], level.sheet[second[:, 0]]
-        corners = [*first.T, *second.T]
-        s, t = (joint([cones[rows] for rows in corners]) for cones in level.cones)
-        result = (one == other) & is_alone(s, t)
+        result = np.zeros(len(one), dtype=bool)
+        alone = np.flatnonzero(one == other)
+        if len(alone):
+            result[alone] = is_alone(*level.tangents(first[alone]))
+        walls = np.flatnonzero(one != other)
+        if len(walls) == 0:
+            return result
+        s, t = level.tangents(np.concatenate((first[walls], second[walls]), axis=1))
         # no ways across part what has tangents all round
-        walls = np.flatnonzero((one != other) & (s.slopes[0] ** 2 + t.slopes[0] ** 2 < 1))
+        narrow = np.flatnonzero(s.slopes[0] ** 2 + t.slopes[0] ** 2 < 1)
+        walls, s, t = walls[narrow], s[narrow], t[narrow]
         keys = one[walls] * len(self.surfaces.sheets) + other[walls]
         for key in distinct(keys):
             i, j = divmod(int(key), len(self.surfaces.sheets))
-            rows = walls[keys == key]
+            rows = np.flatnonzero(keys == key)
             ways = self._ways(i, j)
             across = ways[min(depth, len(ways) - 1)]
-            own = first[rows] - level.start[i]
-            result[rows] = is_wall(s[rows], t[rows], joint([across[k] for k in own.T]))
-        return np.asarray(result)
+            own = first[walls[rows]] - level.start[i]
+            found = is_wall(s[rows], t[rows], joint([across[k] for k in own.T]))
+            result[walls[rows]] = found
+        return result
 
     def _ways(self, i: int, j: int) -> list[Cones]:
         """Return cones of the ways from one sheet to another, of patches and of larger blocks."""
