@@ -44,7 +44,7 @@ def _values(spline: SplineSurface, s: Array, t: Array) -> Array:
 
 def _fit(trees: tuple[Expr, Expr, Expr], s: SplineSpace, t: SplineSpace) -> SplineSurface:
     sample = _sampler(trees)
-    poles = fit_surface(sample, s, t)
+    poles = fit_surface(sample(s.sites, t.sites), s, t)
     return SplineSurface((s.degree, t.degree), (s.knots, t.knots), poles)
 
 

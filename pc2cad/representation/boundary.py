@@ -8,7 +8,7 @@ its poles, so that there is nothing to sew.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -53,7 +53,7 @@ from pc2cad.representation.parametrisation import FaceDirection, Parametrisation
 from pc2cad.representation.plan import Cells, Plan, plan_of, settle
 from pc2cad.representation.plane_faces import coplanar_groups, join_straight_edges, plane_face
 from pc2cad.representation.tightening import Aim, Attempt, tighten
-from pc2cad.representation.tips import hold, rest_at
+from pc2cad.representation.tips import hold, rest_at, rest_at_ends
 from pc2cad.representation.trimming import sides_of_fitted, sides_on, whole_square
 from pc2cad.topology.complex import EdgeUse, Shell
 
@@ -268,18 +268,23 @@ class _Fits:
             exact[0], exact[-1] = ends
             bezier = Line(*ends) if len(exact) == 2 else _bezier(exact)
             return made(bezier, evidence="exact", deviation=0.0)
-        poles, weights = fit_edge(
-            function(parametrisation.places(parametrisation.space.sites)), parametrisation
-        )
+        poles, weights = fit_edge(function(parametrisation.sites), parametrisation)
         poles[0], poles[-1] = ends
-        for end, row in ((0, poles), (1, poles[::-1])):
-            hold(row, rest_at(function, 0, end))
+        for rest, row in zip(self._rests[index], (poles, poles[::-1]), strict=True):
+            hold(row, rest)
         seen = edge_deviation(function, parametrisation, poles, weights)
-        curve = SplineCurve(
-            parametrisation.space.degree, parametrisation.space.knots, poles, weights
-        )
+        space = parametrisation.space
+        curve = SplineCurve(space.degree, space.knots, poles, weights)
         evidence: Evidence = "exact" if parametrisation.exact else "sampled"
         return made(curve, evidence=evidence, deviation=seen.largest, place=seen.place)
+
+    @cached_property
+    def _rests(self) -> dict[int, tuple[int, int]]:
+        """The powers with which M leaves both ends of the edges that may be fitted."""
+        fitted = self.plan.fitted_edges
+        return dict(
+            zip(fitted, rest_at_ends([self.work.cells.edges[i] for i in fitted]), strict=True)
+        )
 
     def _meridian(self, index: int, arc: Arc) -> SplineCurve | None:
         """Return an arc in the parameter of a surface whose meridian it is, if that is a spline."""
@@ -364,7 +369,7 @@ class _Fits:
     def _iso_curve(self, function: RestrictedMap, axis: int, level: float) -> SplineCurve:
         """Return the curve along one axis of a face, the other parameter fixed."""
         parametrisation = self.parametrisations.parametrisation(FaceDirection(function, axis))
-        along, across = parametrisation.places(parametrisation.space.sites), np.array([level])
+        along, across = parametrisation.sites, np.array([level])
         values = function(along, across)[:, 0] if axis == 0 else function(across, along)[0]
         poles, weights = fit_edge(values, parametrisation)
         return SplineCurve(

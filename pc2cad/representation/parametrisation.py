@@ -273,7 +273,7 @@ class Parametrisations:
         if exact is None and owner in self._spaces and len(focus) == 0:
             exact = self.parametrisation(direction)
         if exact is not None and exact.space.size <= 12:
-            return exact.places(exact.space.sites)
+            return exact.sites
         arcs, _ = self._arcs.get(owner, (None, 0))
         close = focus if arcs is None else arcs.places(focus)
         return distinct(np.concatenate((sections(aim.density), close)))

@@ -137,17 +137,22 @@ class Plan:
             for edge in range(len(self.cells.edges))
         )
 
+    @cached_property
+    def fitted_edges(self) -> tuple[int, ...]:
+        """The edges that keep the equation's parameter, or are no simple curves."""
+        edges = range(len(self.cells.edges))
+        return tuple(i for i in edges if self.bound[i] or self.cells.simple(i) is None)
+
     def look_at_edges(self, parametrisations: Parametrisations) -> None:
         """Evaluate those edges together that fits ask for at the same places."""
         alike: dict[tuple[bytes, ...], tuple[list[Array], list[RestrictedMap]]] = {}
-        for index, function in enumerate(self.cells.edges):
-            bound = self.bound[index]
-            if bound or self.cells.simple(index) is None:
-                run = parametrisations.parametrisation(FaceDirection(function, 0, bound))
-                asked = [run.places(x) for x in (run.space.sites, run.space.check_places)]
-                asked += [places_near(end) for end in (0, 1)]
-                _, same = alike.setdefault(tuple(x.tobytes() for x in asked), (asked, []))
-                same.append(function)
+        near = [places_near(end) for end in (0, 1)]
+        for index in self.fitted_edges:
+            function = self.cells.edges[index]
+            run = parametrisations.parametrisation(FaceDirection(function, 0, self.bound[index]))
+            asked = [run.sites, run.checks, *near]
+            _, same = alike.setdefault(tuple(x.tobytes() for x in asked), (asked, []))
+            same.append(function)
         for asked, same in alike.values():
             look_along(same, *asked)
 

@@ -7,6 +7,8 @@ point it goes with s^k as well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pc2cad.arrays import Array
@@ -30,6 +32,22 @@ def rest_at(function: RestrictedMap, axis: int, end: int) -> int:
         return 1
     power = float(np.log(far[known] / near[known]).min() / np.log(_FAR / _NEAR))
     return max(1, round(power)) if abs(power - round(power)) < _WHOLE else 1
+
+
+def rest_at_ends(edges: Sequence[RestrictedMap]) -> list[tuple[int, int]]:
+    """Return the powers with which M leaves both ends of edges, as `rest_at` does of one."""
+    if not edges:
+        return []
+    near = [places_near(end) for end in (0, 1)]
+    values = np.array([[edge(places) for places in near] for edge in edges])
+    away = values[:, :, 1:] - values[:, :, :1]
+    far, close = np.moveaxis(np.sqrt((away**2).sum(axis=-1)), -1, 0)
+    known = close > 8 * edges[0].analysis.scale.evaluation_noise
+    far, close = np.where(known, far, _FAR), np.where(known, close, _NEAR)
+    powers = np.log(far / close) / np.log(_FAR / _NEAR)
+    whole = np.round(powers)
+    rests = np.where(np.abs(powers - whole) < _WHOLE, np.maximum(whole, 1), 1).astype(int)
+    return [(int(first), int(last)) for first, last in rests]
 
 
 def places_near(end: int) -> Array:

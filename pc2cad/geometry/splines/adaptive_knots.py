@@ -183,7 +183,7 @@ class _Portrait:
         cuts = np.concatenate(([0], np.searchsorted(t, self.limits[1:-1]), [len(t)]))
         x = 2 * (t - np.repeat(self.limits[:-1], np.diff(cuts)))
         x = x / np.repeat(np.diff(self.limits), np.diff(cuts)) - 1
-        values = chebyshev.chebvander(x, count - 1)
+        values = _chebyshev(x, count)
         for i in np.flatnonzero(np.diff(cuts)):
             rows = slice(cuts[i], cuts[i + 1])
             result[rows] = product(values[rows], self.coefficients[i].reshape(count, -1))
@@ -224,6 +224,15 @@ class _Portrait:
         values = product(_derivatives(order, count), flat).reshape(_PLACES, n, columns, 3)
         sizes = np.sqrt((values**2).sum(axis=-1)).transpose(1, 0, 2)
         return np.asarray(sizes * (2 / np.diff(self.limits)[:, None, None]) ** order)
+
+
+def _chebyshev(x: Array, count: int) -> Array:
+    """Return so many Chebyshev polynomials at x, (len(x), count), as NumPy's `chebvander` does."""
+    values = np.empty((count, len(x)))
+    values[0], values[1], twice = 1.0, x, 2 * x
+    for k in range(2, count):
+        values[k] = values[k - 1] * twice - values[k - 2]
+    return values.T
 
 
 def _mean(sizes: Array) -> Array:

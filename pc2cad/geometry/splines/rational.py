@@ -33,7 +33,7 @@ class PiecewiseSpace(SplineSpace):
     def __init__(self, degree: int, points: Array) -> None:
         super().__init__(degree, points, [degree] * (len(points) - 2))
 
-    @property
+    @cached_property
     def sites(self) -> Array:
         """Interpolation sites: as many as the space has degrees of freedom."""
         a, b = self.points[:-1, None], self.points[1:, None]
@@ -87,6 +87,26 @@ class Parametrisation:
             return np.ones(np.shape(x))
         return np.asarray(self.arcs.weight(x) ** self.order)
 
+    @cached_property
+    def sites(self) -> Array:
+        """The equation's own parameter where a fit needs values."""
+        return self.places(self.space.sites)
+
+    @cached_property
+    def checks(self) -> Array:
+        """The equation's own parameter where a fit is compared."""
+        return self.places(self.space.check_places)
+
+    @cached_property
+    def site_weights(self) -> Array:
+        """The denominator where a fit needs values."""
+        return self.weight(self.space.sites)
+
+    @cached_property
+    def check_weights(self) -> Array:
+        """The denominator where a fit is compared."""
+        return self.weight(self.space.check_places)
+
     @property
     def lowest(self) -> float:
         """The smallest value of the denominator."""
@@ -99,7 +119,7 @@ class Parametrisation:
         """The denominator's coefficients in the space, all positive."""
         if self.arcs is None or not self.order:
             return np.ones(self.space.size)
-        return self.space.fit(self.weight(self.space.sites)[:, None])[:, 0]
+        return self.space.fit(self.site_weights[:, None])[:, 0]
 
 
 @lru_cache(maxsize=64)
@@ -109,53 +129,46 @@ def rational_course(arcs: Arcs, order: int) -> Parametrisation:
     return Parametrisation(space, arcs, order, exact=True)
 
 
-def homogeneous(sample: GridSampler, s: Parametrisation, t: Parametrisation) -> GridSampler:
-    """Return the function times its denominator over the spline parameters."""
-
-    def values(x: Array, y: Array) -> Array:
-        weight = s.weight(x)[:, None, None] * t.weight(y)[None, :, None]
-        return np.asarray(sample(s.places(x), t.places(y)) * weight)
-
-    return values
-
-
 def fit_face(
     sample: GridSampler, s: Parametrisation, t: Parametrisation
 ) -> tuple[Array, Array | None]:
     """Return poles (n, m, 3) and weights (n, m) of the tensor-product fit."""
-    poles = fit_surface(homogeneous(sample, s, t), s.space, t.space)
+    values = sample(s.sites, t.sites)
     if not (s.order or t.order):
-        return poles, None
+        return fit_surface(values, s.space, t.space), None
+    numerators = values * np.outer(s.site_weights, t.site_weights)[..., None]
     weights = np.outer(s.weights, t.weights)
-    return poles / weights[..., None], weights
+    return fit_surface(numerators, s.space, t.space) / weights[..., None], weights
 
 
 def face_deviation(
     sample: GridSampler, s: Parametrisation, t: Parametrisation, poles: Array, weights: Array | None
 ) -> Deviation:
     """Return the largest distance at equal parameters over a grid off the sites."""
+    truth = sample(s.checks, t.checks)
     if weights is None:
-        return surface_deviation(homogeneous(sample, s, t), s.space, t.space, poles)
-    numerator = poles * weights[..., None]
-    weight = np.outer(*(axis.weight(axis.space.check_places) for axis in (s, t)))
-    return surface_deviation(homogeneous(sample, s, t), s.space, t.space, numerator, weight)
+        return surface_deviation(truth, s.space, t.space, poles)
+    weight = np.outer(s.check_weights, t.check_weights)
+    numerators, poles = truth * weight[..., None], poles * weights[..., None]
+    return surface_deviation(numerators, s.space, t.space, poles, weight)
 
 
 def edge_deviation(
     sample: Sampler, parametrisation: Parametrisation, poles: Array, weights: Array | None
 ) -> Deviation:
     """Return the largest distance at equal parameters at places off the sites."""
-    x = parametrisation.space.check_places
-    numerator = poles if weights is None else poles * weights[:, None]
-    weight = parametrisation.weight(x)
-    values = sample(parametrisation.places(x)) * weight[:, None]
-    return curve_deviation(values, parametrisation.space, numerator, weight)
+    truth = sample(parametrisation.checks)
+    if weights is None:
+        return curve_deviation(truth, parametrisation.space, poles)
+    weight = parametrisation.check_weights
+    numerators, poles = truth * weight[:, None], poles * weights[:, None]
+    return curve_deviation(numerators, parametrisation.space, poles, weight)
 
 
 def fit_edge(values: Array, parametrisation: Parametrisation) -> tuple[Array, Array | None]:
     """Return poles (n, 3) and weights (n) of a curve with values at the parametrisation's sites."""
     space = parametrisation.space
-    poles = space.fit(values * parametrisation.weight(space.sites)[:, None])
     if not parametrisation.order:
-        return poles, None
+        return space.fit(values), None
+    poles = space.fit(values * parametrisation.site_weights[:, None])
     return poles / parametrisation.weights[:, None], parametrisation.weights

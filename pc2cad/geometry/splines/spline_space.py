@@ -183,11 +183,18 @@ class SplineSpace:
 
     def _clamp(self, cyclic: Array) -> Array:
         """Insert knots at both ends until they have full multiplicity."""
-        knots, owner = self._unclamped
-        poles = _clamp_start(knots, cyclic[owner], self.degree)
-        backwards = 1.0 - knots[::-1]
-        backwards[-self.degree - 1 :] = 1.0
-        return _clamp_start(backwards, poles[::-1], self.degree)[::-1].copy()
+        (knots, owner), p = self._unclamped, self.degree
+        poles, backwards = cyclic[owner], 1.0 - knots[::-1]
+        if len(poles) > 2 * p + 1:
+            ends = np.stack((poles[: p + 1], poles[: -p - 2 : -1]))
+            _clamp_start(np.stack((knots, backwards)), ends, p)
+            poles[: p + 1], poles[: -p - 2 : -1] = ends
+            return poles
+        # the ends of a short cycle reach into one another
+        _clamp_start(knots[None], poles[None], p)
+        backwards[-p - 1 :] = 1.0
+        _clamp_start(backwards[None], poles[None, ::-1], p)
+        return poles
 
 
 def bezier_space(degree: int) -> SplineSpace:
@@ -195,6 +202,7 @@ def bezier_space(degree: int) -> SplineSpace:
     return SplineSpace(max(degree, 1), (0.0, 1.0))
 
 
+@lru_cache
 def smallest_error(degree: int) -> float:
     """Return the constant c of the error c |f^(p+1)| h^(p+1) of the best spline on equal knots."""
     t = np.linspace(0.0, 0.5, 101)
@@ -226,20 +234,18 @@ def _rule_on_interval(count: int, degree: int) -> tuple[Array, Array]:
     return np.array([low, 1 - low]), np.array([0.5, 0.5])
 
 
-def _clamp_start(knots: Array, poles: Array, degree: int) -> Array:
-    """Return the poles over the same knots, but for the first p + 1, which become 0.
+def _clamp_start(knots: Array, poles: Array, degree: int) -> None:
+    """Change poles (k, n, …) to those over the same knots (k, …), but for the first p + 1, now 0.
 
-    `poles` belong to functions over knots[0:p+2], knots[1:p+3], …; knots[p] is 0 already. Pole j
-    of the result is the blossom of p - j times 0 and the j knots after it, taken from poles that
-    know these j knots: every step is a mean.
+    They belong to functions over knots[0:p+2], knots[1:p+3], …; knots[p] is 0 already. Pole j
+    becomes the blossom of p - j times 0 and the j knots after it, taken from poles that know these
+    j knots: every step is a mean.
     """
     p = degree
-    result = poles.copy()
     # one triangle of means serves all: pole j is the last of what p - j rounds leave
-    work = poles[: p + 1]
+    work = poles[:, : p + 1]
     for r in range(1, p + 1):
-        left, right = knots[r : p + 1], knots[p + 1 : 2 * p + 2 - r]
-        ratio = (-left / (right - left))[:, None]
-        work = (1 - ratio) * work[:-1] + ratio * work[1:]
-        result[p - r] = work[-1]
-    return result
+        left, right = knots[:, r : p + 1], knots[:, p + 1 : 2 * p + 2 - r]
+        ratio = (-left / (right - left))[..., None]
+        work = (1 - ratio) * work[:, :-1] + ratio * work[:, 1:]
+        poles[:, p - r] = work[:, -1]

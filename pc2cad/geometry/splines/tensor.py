@@ -24,22 +24,20 @@ class Deviation:
     place: tuple[float, ...] = ()
 
 
-def fit_surface(sample: GridSampler, s: SplineSpace, t: SplineSpace) -> Array:
-    """Return the poles (s.size, t.size, 3) of the tensor-product fit."""
-    values = sample(s.sites, t.sites)
+def fit_surface(values: Array, s: SplineSpace, t: SplineSpace) -> Array:
+    """Return the poles (s.size, t.size, 3) of the tensor-product fit to values at the sites."""
     along_s = s.fit(values)
     return t.fit(along_s.transpose(1, 0, 2)).transpose(1, 0, 2)
 
 
 def surface_deviation(
-    sample: GridSampler, s: SplineSpace, t: SplineSpace, poles: Array, weight: Array | float = 1.0
+    truth: Array, s: SplineSpace, t: SplineSpace, poles: Array, weight: Array | float = 1.0
 ) -> Deviation:
-    """Return the largest distance at equal parameters over a grid off the sites.
+    """Return the largest distance to the values (at the `check_places`) of a surface.
 
-    Of numerators it is the distance divided by the `weight` at the `check_places` (len(s), len(t)).
+    Of numerators it is the distance divided by the `weight` there, (len(s), len(t)).
     """
     places_s, places_t = s.check_places, t.check_places
-    truth = sample(places_s, places_t)
     rows = s.check_basis @ poles.reshape(s.size, -1)
     rows = rows.reshape(len(places_s), t.size, 3).transpose(1, 0, 2).reshape(t.size, -1)
     values = (t.check_basis @ rows).reshape(len(places_t), len(places_s), 3)
