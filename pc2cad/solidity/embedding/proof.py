@@ -108,9 +108,10 @@ class _Descent:
         stuck: Meeting | None = None
         stuck_depth = 0.0
         for level in range(DEEPEST):
-            pairs, joined, depth = self._undone(cells, pairs)
+            pairs, joined, depth = self._undone(cells, pairs, level == 0)
             if len(pairs) == 0:
                 break
+            cells, pairs = cells.of(pairs)
             hopeless = joined & (joined.sum() > MOST_JOINED or level >= DEEPEST_JOINED)
             meeting, small = self._met(cells, pairs, joined)
             if meeting is not None:
@@ -145,6 +146,7 @@ class _Descent:
             if len(pairs) > FIRST:
                 deepest = np.argsort(-depth, kind="stable")[:FIRST]
                 pairs, depth = pairs[deepest], depth[deepest]
+            cells, pairs = cells.of(pairs)
             none = np.zeros(len(pairs), dtype=bool)
             meeting, small = self._met(cells, pairs, none)
             if meeting is not None:
@@ -204,8 +206,13 @@ class _Descent:
         flat = between.points.reshape(-1, 3)
         return bool(np.ptp(flat, axis=0).max() <= 2 * self.touching)
 
-    def _undone(self, cells: Cells, pairs: Integers) -> tuple[Integers, Booleans, Array]:
-        """Return pairs that nothing separates, which of them are joined, how deep others are."""
+    def _undone(
+        self, cells: Cells, pairs: Integers, whole: bool = False
+    ) -> tuple[Integers, Booleans, Array]:
+        """Return pairs that nothing separates, which of them are joined, how deep others are.
+
+        Rectangles of `whole` patches were looked at as blocks already.
+        """
         kept, joined, depth = [], [], []
         if len(pairs) == 0:
             return pairs, np.zeros(0, dtype=bool), np.zeros(0)
@@ -218,13 +225,15 @@ class _Descent:
             )
             part = part[meet.all(axis=1)]
             self.work += len(part) * (self.surfaces.degree + 1) ** 2
-            found = self._undone_slab(cells, part)
+            found = self._undone_slab(cells, part, whole)
             kept.append(found[0])
             joined.append(found[1])
             depth.append(found[2])
         return np.concatenate(kept), np.concatenate(joined), np.concatenate(depth)
 
-    def _undone_slab(self, cells: Cells, pairs: Integers) -> tuple[Integers, Booleans, Array]:
+    def _undone_slab(
+        self, cells: Cells, pairs: Integers, whole: bool
+    ) -> tuple[Integers, Booleans, Array]:
         alone = pairs[:, 0] == pairs[:, 1]
         own, pairs = pairs[alone], pairs[~alone]
         own = own[cells.surfaces.plane[cells.sheet[own[:, 0]]] < 0]
@@ -242,13 +251,13 @@ class _Descent:
             if len(index):
                 part = type(where)(where.sides[index], where.corners[index])
                 done[index] = test(cells, pairs[index], part)
+        index = np.flatnonzero(~done)
+        if len(index) and not whole:
+            done[index] = parted_walls(cells, pairs[index], self.noise)
         depth = np.zeros(len(pairs))
         index = np.flatnonzero(~where.any & ~done)
         if len(index):
             done[index], depth[index] = self.tests.apart(cells, pairs[index])
-        index = np.flatnonzero(~done)
-        if len(index):
-            done[index] = parted_walls(cells, pairs[index], self.noise)
         left = ~done
         return (
             np.concatenate((own, pairs[left])),
@@ -264,7 +273,7 @@ class _Descent:
         Where their bows keep two cells from being separated, those are to be less; elsewhere the
         cells are to be shorter.
         """
-        cells, pairs = cells.of(pairs)
+        bows = cells.bows + self.tests.noise
         extent, bow = cells.extent[pairs], cells.bows.sum(axis=1)[pairs] + self.tests.noise
         bent = ~joined & (depth <= 4 * bow.sum(axis=1))
         large = np.where(bent[:, None], bow, extent)
@@ -273,7 +282,9 @@ class _Descent:
         shorter, straighter = np.zeros((2, len(cells)), dtype=bool)
         shorter[pairs[~bent]] = True
         straighter[pairs[joined]] = True
-        finer, parents = self._halved(cells.take(chosen), shorter[chosen], straighter[chosen])
+        finer, parents = self._halved(
+            cells.take(chosen), bows[chosen], shorter[chosen], straighter[chosen]
+        )
         kept = cells.take(whole)
         result = Cells(
             self.surfaces, np.concatenate((kept.patch, finer.patch)),
@@ -294,13 +305,13 @@ class _Descent:
         return result, np.concatenate(blocks)
 
     def _halved(
-        self, cells: Cells, shorter: Booleans, straighter: Booleans
+        self, cells: Cells, bows: Array, shorter: Booleans, straighter: Booleans
     ) -> tuple[Cells, Integers]:
         """Halve cells where they are long, or, of those that need not be `shorter`, bow most.
 
         Those that are joined to another are to turn less: halved where they turn, if they do.
         """
-        lengths, bows = cells.lengths, cells.bows + self.tests.noise
+        lengths = cells.lengths
         turn = bows / (lengths + self.noise)
         turning = straighter & (turn.max(axis=1) > STRAIGHT)
         cut = np.where(

@@ -16,12 +16,14 @@ between the two is a sum of tangents of both and of ways across.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.arrays.linear import heights, lengths, unit
+from pc2cad.arrays.linear import cross, dots, heights, lengths, unit
 from pc2cad.solidity.embedding.cells import ENDS, Cells, Joints
 from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
 
@@ -65,12 +67,21 @@ def _directions(steps: Array, noise: float) -> tuple[Array, Booleans]:
 def half_space(chords: Array, has: Booleans, ways: Array, there: Booleans) -> Booleans:
     """Say where no chord is a sum of ways: unit vectors (n, k, 3), and which of them count."""
     axis = unit(np.where(has[..., None], chords, 0.0).sum(axis=1))
-    normal = _amid(ways, there, axis)
     forward = np.where(has, heights(chords, axis), 1.0).min(axis=1)
-    off = np.where(has, np.abs(heights(chords, normal)), 0.0).max(axis=1)
-    least = np.where(there, heights(ways, normal), 1.0).min(axis=1)
-    known = has.any(axis=1) & there.any(axis=1)
-    return np.asarray(known & (forward > _UNIT) & (least > 0) & (least * forward > off + _UNIT))
+
+    def parted(rows: Integers | slice, normal: Array) -> Booleans:
+        off = np.where(has[rows], np.abs(heights(chords[rows], normal)), 0.0).max(axis=1)
+        least = np.where(there[rows], heights(ways[rows], normal), 1.0).min(axis=1)
+        return np.asarray((least > 0) & (least * forward[rows] > off + _UNIT))
+
+    # amid most ways is their mean
+    mean = np.where(there[..., None], ways, 0.0).sum(axis=1)
+    known = has.any(axis=1) & there.any(axis=1) & (forward > _UNIT)
+    done = known & parted(slice(None), unit(mean - dots(mean, axis)[:, None] * axis))
+    left = np.flatnonzero(known & ~done)
+    if len(left):
+        done[left] = parted(left, _amid(ways[left], there[left], axis[left]))
+    return np.asarray(done)
 
 
 def _amid(rays: Array, there: Booleans, axis: Array) -> Array:
@@ -128,6 +139,32 @@ def _on_two_sides(
         high = np.where(there, sign * other, -1.0).max(axis=1)
         result |= (low > _UNIT) & (high < -_UNIT)
     return result
+
+
+def _first(vectors: Array, a: Integers, b: Integers) -> Array:
+    return vectors[a]
+
+
+def _second(vectors: Array, a: Integers, b: Integers) -> Array:
+    return vectors[b]
+
+
+def _from_one(points: Array, a: Integers, b: Integers) -> Array:
+    return unit(points[a] - points[b])
+
+
+def _across(first: Array, second: Array, a: Integers, b: Integers) -> Array:
+    return unit(cross(first[a], second[b]))
+
+
+def _axes(cells: Cells) -> list[Callable[[Integers, Integers], Array]]:
+    """Return what gives axes that may separate pairs of cells, those that separate most first."""
+    s, t, normal, centre = cells.frames
+    own = [partial(side, vectors) for vectors in (s, t) for side in (_first, _second)]
+    return [
+        partial(_first, normal), partial(_second, normal), partial(_from_one, centre), *own,
+        *(partial(_across, x, y) for x in (s, t) for y in (s, t)),
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -188,8 +225,17 @@ class Separation:
         point = cells.corners[a, corner]
         ways = [cells.points[rows].reshape(len(pairs), -1, 3) - point[:, None] for rows in (a, b)]
         (p, hp), (q, hq) = (_directions(way, self.noise) for way in ways)
-        done = _on_two_sides(p, hp, q, hq, _between(p, hp, q, hq))
+        one, other = (
+            unit(np.where(has[..., None], rays, 0.0).sum(axis=1))
+            for rays, has in ((p, hp), (q, hq))
+        )
+        # between most of them is the plane amid their means
+        done = _on_two_sides(p, hp, q, hq, unit(one - other))
         left = np.flatnonzero(~done)
+        if len(left):
+            rest = (p[left], hp[left], q[left], hq[left])
+            done[left] = _on_two_sides(*rest, _between(*rest))
+            left = left[~done[left]]
         if len(left):
             for normal in beyond_corner(ways[0][left], ways[1][left]):
                 done[left] |= _on_two_sides(p[left], hp[left], q[left], hq[left], normal)
@@ -244,22 +290,20 @@ class Separation:
         """Say which pairs an axis separates, and how far each would have to move to be."""
         a, b = pairs[:, 0], pairs[:, 1]
         points = cells.points.reshape(len(cells), -1, 3)
-        s, t, normal, centre = cells.frames
-        tries = [normal[a], normal[b], unit(centre[a] - centre[b])]
-        tries += [s[a], t[a], s[b], t[b]]
-        tries += [unit(np.cross(x[a], y[b])) for x in (s, t) for y in (s, t)]
         left = np.arange(len(pairs))
         depth = np.full(len(pairs), np.inf)
-        for axis in tries:
-            chosen = axis[left]
-            one = heights(points[a[left]], chosen)
-            other = heights(points[b[left]], chosen)
+        for axis_of in _axes(cells):
+            one, other = a[left], b[left]
+            axis = axis_of(one, other)
+            first, second = heights(points[one], axis), heights(points[other], axis)
             gap = np.maximum(
-                one.min(axis=1) - other.max(axis=1), other.min(axis=1) - one.max(axis=1)
+                first.min(axis=1) - second.max(axis=1), second.min(axis=1) - first.max(axis=1)
             )
-            over = np.where(chosen.any(axis=1), 2 * self.noise - gap, np.inf)
+            over = np.where(axis.any(axis=1), 2 * self.noise - gap, np.inf)
             depth[left] = np.minimum(depth[left], over)
             left = left[over >= 0]
+            if len(left) == 0:
+                break
         result = np.ones(len(pairs), dtype=bool)
         result[left] = False
         return result, depth
