@@ -235,6 +235,12 @@ def _chebyshev(x: Array, count: int) -> Array:
     return values.T
 
 
+def _longest(vectors: Array) -> Array:
+    """Return the length of the longest of vectors (…, columns, 3), (…)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.asarray(np.sqrt((x * x + y * y + z * z).max(axis=-1)))
+
+
 def _mean(sizes: Array) -> Array:
     return np.asarray(np.sqrt((sizes**2).mean(axis=(1, 2))))
 
@@ -294,7 +300,7 @@ def _look(
         pieces = values.reshape(len(a), _NODES, -1).transpose(1, 0, 2)
         coefficients = product(matrix, pieces.reshape(_NODES, -1)).reshape(pieces.shape)
         coefficients = coefficients.transpose(1, 0, 2).reshape(-1, _NODES, *values.shape[1:])
-        size = np.sqrt((coefficients**2).sum(axis=-1)).max(axis=-1)
+        size = _longest(coefficients)
         resolved = size[:, -_TAIL:].max(axis=1) <= small
         # what is no larger than rounding would only be magnified by derivatives
         coefficients[size < small] = 0.0
@@ -325,7 +331,7 @@ def _interval_errors(portrait: _Portrait, space: SplineSpace) -> Array:
     poles = space.fit(portrait(space.sites))
     places, starts = space.checks
     gap = (space.check_basis @ poles - portrait(places)).reshape(len(places), -1, 3)
-    size = np.sqrt((gap**2).sum(axis=-1)).max(axis=-1)
+    size = _longest(gap)
     # a knot belongs to both its intervals
     return np.asarray(np.maximum(np.maximum.reduceat(size[:-1], starts), size[[*starts[1:], -1]]))
 
