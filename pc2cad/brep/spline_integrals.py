@@ -364,7 +364,12 @@ def _bases(t: Array, knots: Array, degree: int) -> list[Array | SparseRows]:
 
     Sparse where there are many.
     """
-    tables = basis_matrices(knots, degree, t)
+    return _known_bases(t.tobytes(), knots.tobytes(), degree)
+
+
+@lru_cache(maxsize=8)  # both sides of a wall have their knots in common
+def _known_bases(places: bytes, knots: bytes, degree: int) -> list[Array | SparseRows]:
+    tables = basis_matrices(np.frombuffer(knots), degree, np.frombuffer(places))
     return [table.toarray() if table.shape[1] <= DENSE else table for table in tables]
 
 
