@@ -99,7 +99,9 @@ def _set_parameter(name: str, value: int | str) -> bool:
 def quiet_kernel() -> Iterator[None]:
     """Keep the kernel from printing its statistics to standard output meanwhile."""
     messenger = Message.DefaultMessenger_s()
-    printers = list(messenger.Printers())
+    known = messenger.Printers()
+    # to the end of an iteration the kernel's bindings take longer than all else here
+    printers = [known.Value(i) for i in range(1, known.Size() + 1)]
     for printer in printers:
         messenger.RemovePrinter(printer)
     try:

@@ -128,6 +128,10 @@ class Expr(Foreign):
         return as_text(self)
 
 
+#: what fills the places of a new node, in their order: twice as fast as `object.__setattr__`
+_puts: Final = tuple([getattr(Expr, name).__set__ for name in Expr.__slots__[1:]])
+
+
 def _is_scalar(value: object) -> bool:
     return isinstance(value, (Expr, int, float, Fraction)) and not isinstance(value, bool)
 
@@ -143,13 +147,14 @@ def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
     symbols = _united((payload,) if op == "symbol" else (), [arg.symbols for arg in args])
     ops = _united((op,), [arg.ops for arg in args])
     rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
-    values = (args, op, ops, payload, rank, symbols, None)
-    for name, value in zip(Expr.__slots__[1:], values, strict=True):
-        object.__setattr__(node, name, value)
+    for put, value in zip(_puts, (args, op, ops, payload, rank, symbols, None), strict=True):
+        put(node, value)
     return _interned.keep(key, node)
 
 
 def _united(own: tuple[str, ...], sets: list[frozenset[str]]) -> frozenset[str]:
+    if len(sets) == 1 and sets[0].issuperset(own):
+        return sets[0]
     found = frozenset(own).union(*sets)
     return _sets.setdefault(found, found)
 
