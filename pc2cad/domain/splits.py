@@ -25,6 +25,8 @@ from pc2cad.topology.cells import DIRECTIONS, Cell, directions_of
 _COUNT = 240
 _ACROSS = np.array([0.2137, 1 - 0.2137])
 _TRIED = np.array([0.0713, 0.1931, 0.3877, 0.6173, 0.7919, 0.9377])
+#: distances of points from what may lie beside them, in steps from one place to the next
+_BESIDE = 2
 #: steps of Newton's method, and what is left of a distance after them, in units of "same point"
 _STEPS, _LEFT = 12, 100
 #: steps after which a distance that is not halved is left: it is rounding, or that of no meeting
@@ -162,6 +164,14 @@ class _Closed:
         """The points at the places at which a shift is tried, (6, 2, 3)."""
         return self.side(_TRIED)
 
+    @cached_property
+    def reach(self) -> Array:
+        """How far from each place points may be that lie between it and the next ones, (240,)."""
+        steps = np.linalg.norm(np.roll(self.points, -1, axis=0) - self.points, axis=-1).max(axis=1)
+        if steps.sum() < self.extent:  # waves too short for the places to tell
+            return np.full(len(steps), np.inf)
+        return np.asarray(_BESIDE * np.maximum(steps, np.roll(steps, 1)))
+
 
 def _alike(first: _Closed, second: _Closed, turned: bool) -> bool:
     there = second.mean[::-1] if turned else second.mean
@@ -180,11 +190,15 @@ class _Search:
         self.points = first.tried
         there = second.points[:, ::-1] if turned else second.points
         away = np.linalg.norm(there - self.points[0], axis=-1).max(axis=1)
-        lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1))
-        self.at = _uniform()[lowest]
-        self.is_over = False
+        lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1)) & (away <= second.reach)
         #: places at which the points are met, in the end
         self.met: list[float] = []
+        if first is second and not turned:
+            # it meets itself there
+            self.met.append(float(_TRIED[0]))
+            lowest &= np.abs(_uniform() - _TRIED[0]) > 1 / _COUNT
+        self.at = _uniform()[lowest]
+        self.is_over = not lowest.any()
         self._off = np.full(len(self.at), np.inf)
 
     def step(self, k: int, points: Array, slope: Array) -> None:
@@ -202,14 +216,14 @@ class _Search:
     def close(self, points: Array) -> None:
         """Keep the places at which the points are met, of those whose points are given."""
         left = np.abs(points - self.points[0]).max(axis=(1, 2))
-        self.met = [float(x) for x in self.at[left <= _LEFT * self.scale.same_point]]
+        self.met += [float(x) for x in self.at[left <= _LEFT * self.scale.same_point]]
 
 
 def _follow(searches: Sequence[_Search]) -> None:
     """Take the steps of searches along one direction, those across one normal together."""
     alike = all(s.second.mapping.is_alike_together for s in searches)
     groups: dict[int, list[_Search]] = {}
-    for i, search in enumerate(searches):
+    for i, search in enumerate(search for search in searches if not search.is_over):
         groups.setdefault(search.second.normal if alike else -1 - i, []).append(search)
     for k in range(_STEPS):
         for group in groups.values():
