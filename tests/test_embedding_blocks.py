@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from pc2cad.geometry.carriers import Plane, SplineSurface
-from pc2cad.geometry.sheets import Sheet, SheetSide, patches_of, projected, surface_patches
+from pc2cad.geometry.sheets import (
+    Sheet,
+    SheetSide,
+    patches_of,
+    projected,
+    surface_limits,
+    surface_patches,
+)
 from pc2cad.solidity.embedding.above_planes import sides_of_planes
 from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
 from pc2cad.solidity.embedding.separation import boxes
@@ -201,3 +208,54 @@ def test_patches_that_turn_far_are_held_in_pieces(spans, around, pieces):
     if pieces > 1:
         wide, narrow = (np.subtract(*h.limits()[::-1]) for h in (whole, held))
         assert np.median(narrow) < 0.95 * np.median(wide)
+
+
+# -- pieces of splines -----------------------------------------------------------------------------
+
+
+def strip(bend: float, width: float, spans: int = 6) -> SplineSurface:
+    """A flat strip of length 1 that turns by an angle in all, of equal spans."""
+    knots = [
+        np.concatenate((np.zeros(2), np.linspace(0, 1, k + 1), np.ones(2))) for k in (spans, 2)
+    ]
+    s, t = (np.array([k[i + 1 : i + 3].mean() for i in range(len(k) - 3)]) for k in knots)
+    radius = 1 / bend
+    angle, out = np.meshgrid(bend * s, radius + width * t, indexing="ij")
+    poles = np.stack((out * np.sin(angle), radius - out * np.cos(angle), 0 * out), axis=-1)
+    return SplineSurface((2, 2), (knots[0], knots[1]), poles)
+
+
+def test_splines_that_bow_far_beside_their_width_are_cut_in_equal_parts():
+    """Six spans of a sixth each, which turn by 0.2: a bow of 1/240."""
+    for width, parts in ((0.1, 1), (0.03, 1), (0.01, 2), (0.004, 3), (1e-6, 4)):
+        ((s, t),) = surface_limits([strip(1.2, width)])
+        assert np.allclose(s, np.linspace(0, 1, 6 * parts + 1), atol=1e-15), width
+        assert t.tolist() == [0, 0.5, 1]
+    ((s, _),) = surface_limits([strip(1e-9, 1e-6)])
+    assert len(s) == 7
+
+
+def test_both_sides_of_a_wall_are_cut_alike():
+    """The narrower one alone would be cut in more parts."""
+    wide, narrow = strip(1.2, 0.1), strip(1.2, 0.01)
+    assert len(surface_limits([wide])[0][0]) == 7
+    cut = surface_limits([wide, narrow])
+    assert [len(s) for s, _ in cut] == [13, 13]
+    assert np.array_equal(cut[0][0], cut[1][0])
+
+
+@pytest.mark.parametrize("width", [0.1, 0.01, 0.004])
+def test_parts_of_spans_are_held_as_such(width):
+    """The bends of half a span are a quarter of the span's."""
+    surface = strip(1.2, width)
+    (limits,) = surface_limits([surface])
+    patches = surface_patches(surface, limits)
+    held, whole = (hold(p, surface.poles) for p in (patches, surface_patches(surface)))
+    parts = (len(limits[0]) - 1) // 6
+    for k, share in ((0, parts**2), (1, parts), (2, 1)):
+        assert held.bends[k] == pytest.approx(np.repeat(whole.bends[k], parts, axis=0) / share)
+    low, high = held.limits()
+    heights, _ = boxes(projected(patches.nets).reshape(len(low), -1, 1, 3))
+    corners = heights.reshape(len(low), 3, 3, -1)[:, ::2, ::2]
+    assert (corners >= low[:, None, None] - 1e-15).all()
+    assert (corners <= high[:, None, None] + 1e-15).all()

@@ -7,6 +7,7 @@ faces are meant to meet.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import comb
@@ -15,13 +16,17 @@ import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
+from pc2cad.arrays.linear import lengths
 from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
-from pc2cad.geometry.splines.turns import turning_limits
+from pc2cad.geometry.splines.turns import turns_of
 
 #: arcs of conics are no longer than this (radians)
 LONGEST_ARC = np.pi / 2
-#: patches of a spline turn by no more: then two side by side are soon seen to be apart
-LONGEST_TURN = np.pi / 3
+#: patches of a spline turn by no more, on average (radians): they are near to their control points
+LONGEST_TURN = 0.9
+#: nor are they farther from straight than this share of their width, as boxes round them hold fewer
+#: others then; and how many parts at most a piece is cut in for that
+MOST_BOW, MOST_STRAIGHT = 0.4, 4
 #: what is beside a face where no solid is
 OUTSIDE = -1
 
@@ -194,14 +199,48 @@ def spans(knots: Array) -> Array:
     return distinct(knots)
 
 
-def surface_limits(surface: SplineSurface) -> tuple[Array, Array]:
-    """Return the ends of a spline's pieces along s and t, so short that none turns far."""
-    first, second = (spans(knots) for knots in surface.knots)
-    columns = surface.poles.transpose(1, 0, 2)
-    return (
-        turning_limits(first, columns, LONGEST_TURN),
-        turning_limits(second, surface.poles, LONGEST_TURN),
+def surface_limits(surfaces: Sequence[SplineSurface]) -> list[tuple[Array, Array]]:
+    """Return the ends of splines' pieces along s and t, so short that few turn far.
+
+    Splines of the same knots, which may be the two sides of a wall, are cut alike.
+    """
+    parts: dict[bytes, int] = {}
+    for surface in surfaces:
+        for knots, count in zip(surface.knots, _parts(surface), strict=True):
+            parts[knots.tobytes()] = max(count, parts.get(knots.tobytes(), 1))
+    cut = {key: _cut(spans(np.frombuffer(key)), count) for key, count in parts.items()}
+    return [(cut[first.tobytes()], cut[second.tobytes()])
+            for first, second in (surface.knots for surface in surfaces)]  # fmt: skip
+
+
+def _parts(surface: SplineSurface) -> tuple[int, int]:
+    """Return in how many parts pieces are cut along s and t, by what they are on average."""
+    turns, sizes = [], []
+    for axis, knots in enumerate(surface.knots):
+        steps = np.diff(np.moveaxis(surface.poles, axis, -2), axis=-2)
+        count = len(spans(knots)) - 1
+        turns.append(float(turns_of(steps).max(initial=0.0)) / count)
+        sizes.append(float(lengths(steps).sum(axis=-1).mean()) / count)
+    first, second = (
+        max(int(np.ceil(turn / LONGEST_TURN - 1e-9)), _straight_parts(turn * size / 8, width))
+        for turn, size, width in zip(turns, sizes, sizes[::-1], strict=True)
     )
+    return first, second
+
+
+def _straight_parts(bow: float, width: float) -> int:
+    """Return how many parts of a piece with a bow are straight beside their width."""
+    if bow <= MOST_BOW * width:
+        return 1
+    # of k parts each has a k²-th of the bow
+    share = bow / (MOST_BOW * width) if width > 0 else np.inf
+    return int(np.ceil(np.sqrt(min(share, MOST_STRAIGHT**2))))
+
+
+def _cut(points: Array, parts: int) -> Array:
+    """Return the ends of equal parts of pieces, so many of each."""
+    inner = points[:-1, None] + np.diff(points)[:, None] * (np.arange(parts) / parts)
+    return np.append(inner.ravel(), points[-1])
 
 
 def _to_pieces(knots: Array, degree: int, points: Array) -> tuple[Integers, Array]:

@@ -81,10 +81,16 @@ def sheets_of(model: BoundaryModel) -> tuple[list[Sheet], list[int]]:
     """Return the sheets of all faces that can be taken so, and the faces that cannot."""
     sheets: list[Sheet] = []
     left: list[int] = []
+    splines = {
+        index: face.carrier
+        for index, face in enumerate(model.faces)
+        if isinstance(face.carrier, SplineSurface)
+    }
+    places = dict(zip(splines, surface_limits(list(splines.values())), strict=True))
     for index, face in enumerate(model.faces):
         if isinstance(face.carrier, Plane):
             continue
-        sheet = _curved(model.complex, index, face)
+        sheet = _curved(model.complex, index, face, places.get(index))
         if sheet is None:
             left.append(index)
         else:
@@ -99,10 +105,13 @@ def sheets_of(model: BoundaryModel) -> tuple[list[Sheet], list[int]]:
     return sheets, left
 
 
-def _curved(boundary: BoundaryComplex, index: int, face: ModelFace) -> Sheet | None:
+def _curved(
+    boundary: BoundaryComplex, index: int, face: ModelFace, places: tuple[Array, Array] | None
+) -> Sheet | None:
+    """Return the sheet of a face, of a spline's with the ends of its pieces along s and t."""
     carrier, cell = face.carrier, face.cells[0]
     if isinstance(carrier, SplineSurface):
-        places = surface_limits(carrier)
+        assert places is not None
         sides = tuple(
             _side(boundary, use, is_upwards(k, use), places[k % 2])
             for k, use in enumerate(face.uses)

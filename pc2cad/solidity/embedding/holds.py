@@ -136,7 +136,8 @@ def _largest(values: Array, knots: Array, index: Integers, order: int) -> Array:
     if index.shape[1] <= order:  # of a straight line's second derivative there are no poles
         return np.zeros((len(index), *values.shape[1:]))
     span = index[:, -1]
-    length = (knots[span + 1] - knots[span]) ** order
+    # patches of one span are equal parts of it
+    length = ((knots[span + 1] - knots[span]) / np.bincount(span)[span]) ** order
     most = reduce(np.maximum, (values[k] for k in index[:, : index.shape[1] - order].T))
     return np.asarray(most * length[:, None])
 
