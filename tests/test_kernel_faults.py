@@ -20,6 +20,12 @@ from pc2cad.brep import build as brep
 from pc2cad.brep import to_kernel
 from pc2cad.brep.inside_out import inside_out
 from pc2cad.brep.same_numbers import same_numbers
+from pc2cad.brep.spline_numbers import (
+    curve_numbers,
+    spline_curve,
+    spline_surface,
+    surface_numbers,
+)
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
 from pc2cad.errors import KernelError
@@ -44,6 +50,24 @@ def test_numbers_that_are_none_do_not_reach_the_kernel(name: str, value: float) 
     spoilt[1] = value
     with pytest.raises(KernelError, match="not finite"):
         to_kernel.curve(replace(BEZIER, **{name: spoilt}))
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_the_kernel_has_the_very_numbers_that_it_is_given(weighted: bool) -> None:
+    rng = np.random.default_rng(3)
+    poles, weights = rng.normal(size=(6, 5, 3)), rng.uniform(1.0, 2.0, (6, 5, 1))
+    given = np.concatenate((poles, weights), axis=-1) if weighted else poles
+    knots = np.array([0, 0, 0, 0, 0.3, 0.7, 1, 1, 1, 1]), np.array([2, 2, 2, 2.5, 2.5, 3, 3, 3.0])
+    surface = spline_surface(given, knots, (3, 2))
+    for found, wanted in zip(surface_numbers(surface), (given, *knots), strict=True):
+        assert np.array_equal(found, wanted)
+    curve = spline_curve(given[:, 0], knots[0], 3)
+    for found, wanted in zip(curve_numbers(curve), (given[:, 0], knots[0]), strict=True):
+        assert np.array_equal(found, wanted)
+    for t in (0.0, 0.2, 0.3, 0.9):
+        assert curve.Value(t).Distance(surface.Value(t, 2.0)) < 1e-14
+    with pytest.raises(Standard_Failure, match="mismatch"):
+        spline_surface(given[:5], knots, (3, 2))
 
 
 def test_knots_that_nearly_coincide_do_not_reach_the_kernel() -> None:

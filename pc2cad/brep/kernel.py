@@ -13,7 +13,6 @@ try:
     from OCP.TColgp import TColgp_Array2OfPnt as Array2OfPnt
     from OCP.TColStd import TColStd_Array1OfInteger as Array1OfInteger
     from OCP.TColStd import TColStd_Array1OfReal as Array1OfReal
-    from OCP.TColStd import TColStd_Array2OfReal as Array2OfReal
     from OCP.TDF import TDF_LabelSequence as LabelSequence
     from OCP.TopTools import (
         TopTools_IndexedDataMapOfShapeListOfShape as IndexedDataMapOfShapeListOfShape,
@@ -24,7 +23,6 @@ except ImportError:  # 8
     from OCP import collections
 
     Array1OfInteger, Array1OfReal = collections.Array1_int, collections.Array1_double
-    Array2OfReal = collections.Array2_double
     Array1OfPnt, Array1OfPnt2d = collections.Array1_gp_Pnt, collections.Array1_gp_Pnt2d
     Array2OfPnt = collections.Array2_gp_Pnt
     LabelSequence = collections.Sequence_TDF_Label
@@ -47,7 +45,6 @@ __all__ = [
     "Array1OfPnt2d",
     "Array1OfReal",
     "Array2OfPnt",
-    "Array2OfReal",
     "IndexedDataMapOfShapeListOfShape",
     "IndexedMapOfShape",
     "LabelSequence",

@@ -1,6 +1,7 @@
-"""The numbers of the kernel's splines, all at once: one by one they take forty times longer.
+"""The numbers of the kernel's splines, and splines of numbers, all at once.
 
-The kernel writes a curve or a surface into memory as its binary files have it (``BinTools``,
+One by one they take twenty to forty times longer. The kernel writes a curve or a surface into
+memory, and reads it from there, as its binary files have it (``BinTools``,
 https://dev.opencascade.org/doc/refman/html/class_bin_tools.html): doubles as they are.
 """
 
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 import io
 import math
+import struct
 from itertools import accumulate
 from typing import Any
 
@@ -19,6 +21,41 @@ from pc2cad.arrays import Array
 from pc2cad.errors import KernelError
 
 _KNOT = np.dtype([("value", "<f8"), ("times", "<i4")])
+#: kind, flags (rational and periodic along u and v), degrees and counts of poles and knots
+_SURFACE = struct.Struct("<B4?2H4i")
+_CURVE = struct.Struct("<B2?H2i")
+_SPLINE_SURFACE, _SPLINE_CURVE = 9, 7
+
+
+def spline_surface(
+    poles: Array, knots: tuple[Array, Array], degrees: tuple[int, int]
+) -> Geom_BSplineSurface:
+    """Return the kernel's surface of poles (n, m, 3), or (n, m, 4) with weights, and flat knots."""
+    rational, tables = poles.shape[-1] == 4, [_counted(row) for row in knots]
+    flags = (rational, rational, False, False)
+    counts = (*poles.shape[:2], *map(len, tables))
+    head = b"Surfaces 1\n" + _SURFACE.pack(_SPLINE_SURFACE, *flags, *degrees, *counts)
+    return _read(BinTools_SurfaceSet(), head, poles, tables).Surface(1)
+
+
+def spline_curve(poles: Array, knots: Array, degree: int) -> Geom_BSplineCurve:
+    """Return the kernel's curve of poles (n, 3), or (n, 4) with weights, and flat knots."""
+    rational, table = poles.shape[-1] == 4, _counted(knots)
+    kind = _CURVE.pack(_SPLINE_CURVE, rational, False, degree, len(poles), len(table))
+    return _read(BinTools_CurveSet(), b"Curves 1\n" + kind, poles, [table]).Curve(1)
+
+
+def _counted(flat: Array) -> Any:
+    values, counts = np.unique(flat, return_counts=True)
+    table = np.empty(len(values), _KNOT)
+    table["value"], table["times"] = values, counts
+    return table
+
+
+def _read(one: Any, head: bytes, poles: Array, tables: list[Any]) -> Any:
+    parts = (np.ascontiguousarray(poles, "<f8"), *tables)
+    one.Read(io.BytesIO(head + b"".join(part.tobytes() for part in parts)))
+    return one
 
 
 def surface_numbers(surface: Geom_BSplineSurface) -> tuple[Array, Array, Array]:

@@ -7,7 +7,6 @@ from functools import singledispatch
 import numpy as np
 from OCP.Geom import (
     Geom_BSplineCurve,
-    Geom_BSplineSurface,
     Geom_Circle,
     Geom_ConicalSurface,
     Geom_Curve,
@@ -24,15 +23,13 @@ from OCP.Geom import (
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Integers
 from pc2cad.brep.kernel import (
     Array1OfInteger,
-    Array1OfPnt,
     Array1OfPnt2d,
     Array1OfReal,
-    Array2OfPnt,
-    Array2OfReal,
 )
+from pc2cad.brep.spline_numbers import spline_curve, spline_surface
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import (
     Arc,
@@ -91,25 +88,31 @@ def curve(carrier: CurveCarrier) -> tuple[Geom_Curve, float, float]:
 
 
 def _spline_curve(carrier: SplineCurve) -> Geom_BSplineCurve:
-    check_finite(carrier.poles, "an edge's pole")
-    poles = Array1OfPnt(1, len(carrier.poles))
-    for i, (x, y, z) in enumerate(carrier.poles.tolist(), start=1):
-        poles.SetValue(i, gp_Pnt(x, y, z))
-    knots, multiplicities = _knots(carrier.knots)
-    if carrier.weights is None:
-        return Geom_BSplineCurve(poles, knots, multiplicities, carrier.degree, False)
-    check_finite(carrier.weights, "an edge's weight")
-    weights = Array1OfReal(1, len(carrier.weights))
-    for i, weight in enumerate(carrier.weights.tolist(), start=1):
-        weights.SetValue(i, weight)
-    return Geom_BSplineCurve(poles, weights, knots, multiplicities, carrier.degree, False)
+    poles = _weighted(carrier.poles, carrier.weights, "an edge's")
+    _multiplicities(carrier.knots)
+    return spline_curve(poles, carrier.knots, carrier.degree)
 
 
-def _knots(flat: Array) -> tuple[Array1OfReal, Array1OfInteger]:
+def _weighted(poles: Array, weights: Array | None, whose: str) -> Array:
+    """Return finite poles (…, 3), or (…, 4) with their weights."""
+    check_finite(poles, f"{whose} pole")
+    if weights is None:
+        return poles
+    check_finite(weights, f"{whose} weight")
+    return np.concatenate((poles, weights[..., None]), axis=-1)
+
+
+def _multiplicities(flat: Array) -> tuple[Array, Integers]:
+    """Return the distinct knots, which the kernel can tell apart, and how often each comes."""
     check_finite(flat, "a knot vector")
     values, counts = np.unique(flat, return_counts=True)
     if len(values) > 1 and np.diff(values).min() < 1e-10 * (values[-1] - values[0]):
         raise KernelError("two knots are nearer than 1e-10 of the parameter range")
+    return values, counts
+
+
+def _knots(flat: Array) -> tuple[Array1OfReal, Array1OfInteger]:
+    values, counts = _multiplicities(flat)
     knots = Array1OfReal(1, len(values))
     multiplicities = Array1OfInteger(1, len(values))
     for i, (value, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True), start=1):
@@ -168,23 +171,10 @@ def _(carrier: Revolution) -> Geom_Surface:
 
 @surface.register
 def _(carrier: SplineSurface) -> Geom_Surface:
-    check_finite(carrier.poles, "a face's pole")
-    rows, columns, _ = carrier.poles.shape
-    poles = Array2OfPnt(1, rows, 1, columns)
-    set_value = poles.SetValue
-    for i, row in enumerate(carrier.poles.tolist(), start=1):
-        for j, (x, y, z) in enumerate(row, start=1):
-            set_value(i, j, gp_Pnt(x, y, z))
-    (knots_s, counts_s), (knots_t, counts_t) = (_knots(k) for k in carrier.knots)
-    spaces = (knots_s, knots_t, counts_s, counts_t, *carrier.degrees, False, False)
-    if carrier.weights is None:
-        return Geom_BSplineSurface(poles, *spaces)
-    check_finite(carrier.weights, "a face's weight")
-    weights = Array2OfReal(1, rows, 1, columns)
-    for i, line in enumerate(carrier.weights.tolist(), start=1):
-        for j, weight in enumerate(line, start=1):
-            weights.SetValue(i, j, weight)
-    return Geom_BSplineSurface(poles, weights, *spaces)
+    poles = _weighted(carrier.poles, carrier.weights, "a face's")
+    for knots in carrier.knots:
+        _multiplicities(knots)
+    return spline_surface(poles, carrier.knots, carrier.degrees)
 
 
 # -- curves in parameter planes --------------------------------------------------------------------
