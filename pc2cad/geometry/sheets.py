@@ -20,8 +20,8 @@ from pc2cad.arrays.linear import lengths
 from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
 from pc2cad.geometry.splines.turns import turns_of
 
-#: arcs of conics are no longer than this (radians)
-LONGEST_ARC = np.pi / 2
+#: arcs of conics are no longer than this (radians): patches of longer ones are halved mostly
+LONGEST_ARC = np.pi / 8
 #: patches of a spline turn by no more, on average (radians): they are near to their control points
 LONGEST_TURN = 0.9
 #: nor are they farther from straight than this share of their width, as boxes round them hold fewer
@@ -181,7 +181,7 @@ def restriction(degree: int, low: Array, high: Array) -> Array:
 
 
 def circle_pieces(start: float, end: float) -> Array:
-    """Return (cos, sin, weight) of the arcs of a unit circle, (k, 3, 3): quarter turns at most."""
+    """Return (cos, sin, weight) of the arcs of a unit circle, (k, 3, 3), none too long."""
     extent = end - start
     count = max(1, int(np.ceil(abs(extent) / LONGEST_ARC - 1e-9)))
     middle = start + extent * (np.arange(count) + 0.5) / count
