@@ -38,7 +38,8 @@ def symmetric(pairs: Iterable[tuple[int, int]], values: Iterable[float]) -> Arra
 
 def cross(a: Array, b: Array) -> Array:
     """Return a × b of vectors (…, 3), coordinate by coordinate: np.cross takes thrice as long."""
-    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    # NumPy looks long for the shape that both have
+    result = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         np.subtract(a[..., j] * b[..., k], a[..., k] * b[..., j], out=result[..., i])
     return result

@@ -155,7 +155,7 @@ class Mapping3:
             name: np.asarray(value, dtype=float)
             for name, value in zip(PARAMETERS, (u, v, w), strict=True)
         }
-        shape = np.broadcast_shapes(*(value.shape for value in values.values()))
+        shape = np.broadcast(*values.values()).shape  # sooner than `np.broadcast_shapes`
         columns = self._programs[held](values, which)
         results = []
         for i in range(0, len(columns), 3):

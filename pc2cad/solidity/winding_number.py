@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
@@ -10,12 +12,14 @@ from pc2cad.arrays import Array, Integers
 _PAIRS = 2_000_000
 
 
+@lru_cache(maxsize=4)
 def ray_frame(seed: int = 0) -> Array:
-    """Return a fixed rotation whose last axis is the direction of the rays."""
+    """Return a fixed rotation whose last axis is the direction of the rays, read-only."""
     odd = np.sin((1.0 + seed) * np.sqrt([[2.0, 3.0, 5.0], [7.0, 11.0, 13.0], [17.0, 19.0, 23.0]]))
     turn = np.linalg.qr(odd)[0]
     if np.linalg.det(turn) < 0:
         turn[:, 0] *= -1
+    turn.flags.writeable = False
     return np.asarray(turn)
 
 
