@@ -315,9 +315,9 @@ def test_most_patches_of_a_spline_are_never_made(monkeypatch):
 
 def test_pieces_of_curves_and_circles():
     arcs = circle_pieces(0.3, 0.3 + 1.5 * math.pi)
-    assert arcs.shape == (12, 3, 3)
+    assert arcs.shape == (8, 3, 3)
     shoulder = arcs[1].T @ np.array([0.25, 0.5, 0.25])
-    angle = 0.3 + 1.5 * math.pi / 8
+    angle = 0.3 + 1.5 * 1.5 * math.pi / 8
     assert shoulder[:2] / shoulder[2] == pytest.approx([math.cos(angle), math.sin(angle)])
     curve = SplineCurve(2, np.array([0, 0, 0, 0.5, 1, 1, 1.0]), np.eye(4)[:, :3] + 1)
     pieces, ends = curve_pieces(curve)

@@ -21,7 +21,7 @@ from pc2cad.geometry.carriers import Plane, SplineCurve, SplineSurface
 from pc2cad.geometry.splines.turns import turns_of
 
 #: arcs of conics are no longer than this (radians): patches of longer ones are halved mostly
-LONGEST_ARC = np.pi / 8
+LONGEST_ARC = np.pi / 5
 #: patches of a spline turn by no more, on average (radians): they are near to their control points
 LONGEST_TURN = 0.9
 #: nor are they farther from straight than this share of their width, as boxes round them hold fewer
