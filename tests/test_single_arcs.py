@@ -18,6 +18,7 @@ from pc2cad.geometry.splines.rational import rational_course
 from pc2cad.geometry.splines.turns import turning_limits
 from pc2cad.part import Part
 from pc2cad.representation.boundary_model import ModelFace
+from pc2cad.verify.arc_courses import arc_course
 
 Array = NDArray[np.float64]
 U, V, W = (symbol(name) for name in "uvw")
@@ -140,6 +141,17 @@ def test_a_face_beside_that_is_no_wave_keeps_the_parameter_of_all() -> None:
     part = compile_part((x, y, z + W * call("exp", call("cos", 2 * PI * V)) / 9), tolerance=1e-3)
     assert len(walls_of(part)) == 2
     assert all(carrier.weights is None for _, carrier in walls_of(part))
+
+
+def test_a_file_runs_in_an_arc_only_with_its_weights() -> None:
+    angle = 2 * PI * V
+    trees = (U * call("cos", angle), U * call("sin", angle), U)
+    course = rational_course(Wave(2 * np.pi, 1).single_arc, 1)
+    knots, weights = course.space.knots, 3 * course.weights
+    assert arc_course(trees, "v", knots, weights) is course
+    assert arc_course(trees, "u", knots, weights) is None
+    assert arc_course(trees, "v", knots, weights * (1 + 1e-6 * np.arange(7))) is None
+    assert arc_course((*trees[:2], V), "v", knots, weights) is None
 
 
 def test_single_pieces_are_cut_where_they_turn() -> None:

@@ -210,6 +210,7 @@ def test_no_kernel_is_loaded_to_verify(tmp_path: Path) -> None:
         ("torus_wedge", {"exact"}, {"exact"}),
         ("bilinear_top", {"exact", "bounded"}, {"exact"}),
         ("naca_wing", {"exact", "bounded"}, {"bounded"}),
+        ("helical_channel", {"exact", "bounded"}, {"bounded"}),
         ("disc_cam", {"exact", "bounded"}, {"bounded"}),
         ("aspheric_lens", {"exact", "sampled"}, {"exact", "sampled"}),
     ],

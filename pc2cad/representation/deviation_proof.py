@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import lru_cache
 from math import comb
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import vectors
-from pc2cad.bounds.along_arcs import along_arcs
-from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
+from pc2cad.bounds.deviation import Bound, bound_surface
+from pc2cad.bounds.rational_deviation import bound_spline
 from pc2cad.bounds.slices import between
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.domain.restrictions import RestrictedMap
@@ -97,7 +96,7 @@ def prove_edge(
     bound = next((s.bound for s in sides if s.carries(function.cell, carrier)), None)
     try:
         if bound is None:
-            bound = _bound_spline(*function.trees, carrier, (parametrisation,), known)
+            bound = bound_spline(*function.trees, carrier, (parametrisation,), known)
     except BreaksNotAlignedError:
         return replace(edge, sampled=edge.deviation, open=((0.0, 1.0),))
     evidence, deviation = _judge(bound)
@@ -124,7 +123,7 @@ def prove_face(
         if isinstance(face.carrier, Plane):
             bounds = [_from_plane(function, face.carrier, rounding) for function in functions]
         elif isinstance(face.carrier, SplineSurface):
-            bounds = [_bound_spline(*functions[0].trees, face.carrier, parametrisations, known)]
+            bounds = [bound_spline(*functions[0].trees, face.carrier, parametrisations, known)]
         else:
             return face, []
     except BreaksNotAlignedError:
@@ -149,7 +148,7 @@ def prove_meridian(face: ModelFace, meridian: Meridian, known: Known) -> ModelFa
     assert isinstance(face.carrier, Revolution)
     assert isinstance(face.carrier.basis, SplineCurve)
     try:
-        bound = _bound_spline(
+        bound = bound_spline(
             section, (names[axis],), face.carrier.basis, (meridian.parametrisation,), known
         )
     except BreaksNotAlignedError:
@@ -203,7 +202,7 @@ def _bound_slices(
     def bound_at(place: float) -> Bound:
         section = substitute(trees, {along[axis]: number(Fraction(place))})
         shares = space.basis(np.array([place])).toarray()[0]
-        return _bound_spline(
+        return bound_spline(
             section, names, _combined(volume, axis, shares), parametrisations, known
         )
 
@@ -240,7 +239,7 @@ def _bound_ruled(
         surface = _combined(volume, ruled, np.eye(volume.degrees[ruled] + 1)[k])
         parametrisations = [volume.axes[axis] for axis in others]
         bounds.append(
-            _bound_spline(
+            bound_spline(
                 control, [along[axis] for axis in others], surface, parametrisations, known
             )
         )
@@ -284,52 +283,6 @@ def _to_bernstein(degree: int) -> list[list[Fraction]]:
             if r != i and rows[r][i]:
                 rows[r] = [x - rows[r][i] * y for x, y in zip(rows[r], rows[i], strict=True)]
     return [row[size:] for row in rows]
-
-
-def _bound_spline(
-    trees: tuple[Expr, ...],
-    names: Sequence[str],
-    carrier: SplineCurve | SplineSurface,
-    parametrisations: Sequence[Parametrisation],
-    known: Known,
-) -> Bound:
-    """Bound the distance of a function from its spline, rational ones included.
-
-    With the denominator W as a tree, ω as the spline of the weights and N = ω S, all over the
-    spline's parameters, |M - S| = |ω M - N|/ω is at most (|W M - N| + |M| |W - ω|)/ω.
-    """
-    weights, lowest, amiss = None, 1.0, 0.0
-    for name, parametrisation in zip(names, parametrisations, strict=True):
-        arcs, order = parametrisation.arcs, parametrisation.order
-        if arcs is None:
-            continue
-        trees, factor = along_arcs(trees, name, arcs, order)
-        if order:
-            weights = carrier.weights
-            lowest *= parametrisation.lowest * (1 - 1e-12)
-            gap = _weights_off(parametrisation, name, factor)
-            amiss = amiss + gap + amiss * gap
-    if isinstance(carrier, SplineCurve):
-        bound = bound_curve(trees, names[0], carrier, known)
-    else:
-        bound = bound_surface(trees, names, carrier, known=known)
-    if weights is None:
-        return bound
-    # rounding of the products of poles and weights, and of the places
-    size = float(np.sqrt((carrier.poles**2).sum(axis=-1)).max())
-    extra = (size + bound.largest) * (amiss + 1e-15) / (lowest - amiss)
-    sides = tuple(replace(side, largest=side.largest + extra) for side in bound.sides)
-    return replace(bound, largest=bound.largest + extra, sides=sides)
-
-
-@lru_cache(maxsize=64)  # all faces along a direction have the same
-def _weights_off(parametrisation: Parametrisation, name: str, factor: Expr) -> float:
-    """Return a bound of how far the spline of the weights is off the denominator, a tree."""
-    space = parametrisation.space
-    poles = np.zeros((space.size, 3))
-    poles[:, 0] = parametrisation.weights
-    column = SplineCurve(space.degree, space.knots, poles)
-    return bound_curve((factor, ZERO, ZERO), name, column).largest
 
 
 def _judge(bound: Bound) -> tuple[Evidence, float]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.bounds.deviation import bound_curve
+from pc2cad.bounds.rational_deviation import bound_spline
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number
@@ -15,6 +16,7 @@ from pc2cad.geometry import carriers
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.splines.bernstein import bezier_knots
 from pc2cad.topology.cells import Cell
+from pc2cad.verify.arc_courses import arc_course
 from pc2cad.verify.curves import Conic, Curve, Line, Reversed
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.nearness import SEEN, Nearness
@@ -78,7 +80,9 @@ class Borders:
         try:
             if isinstance(curve, Line):
                 largest = _off_line(trees, names[0], curve, self._models)
-            elif isinstance(curve, SplineCurve) and not curve.rational:
+            elif isinstance(curve, SplineCurve) and curve.rational:
+                largest = self._off_arc(cell, curve, edge)
+            elif isinstance(curve, SplineCurve):
                 spline = _turned(curve, edge, places, self._tolerance)
                 if spline is None:
                     return SEEN
@@ -88,6 +92,19 @@ class Borders:
         except BreaksNotAlignedError:
             return SEEN
         return Nearness("bounded", largest) if largest <= self._tolerance else SEEN
+
+    def _off_arc(self, cell: Cell, curve: SplineCurve, edge: Edge) -> float:
+        """Return a bound of the distance from a rational spline in one arc, infinite without it."""
+        trees, names = self._sides.trees(cell)
+        low, high = curve.domain
+        course = arc_course(trees, names[0], (curve.knots - low) / (high - low), curve.poles[:, 3])
+        if course is None:
+            return np.inf
+        places = self._sides.points(cell, course.places(_PLACES))
+        spline = _turned(curve, edge, places, self._tolerance)
+        if spline is None:
+            return np.inf
+        return bound_spline(trees, names, spline, [course], self._models).largest
 
 
 def _carrier(curve: Curve) -> carriers.Line | carriers.Arc | None:
@@ -136,5 +153,9 @@ def _turned(
             knots, poles = (curve.knots - low) / (high - low), curve.poles
             if backwards:
                 knots, poles = 1.0 - knots[::-1], poles[::-1]
-            return carriers.SplineCurve(curve.degree, knots, poles)
+            if not curve.rational:
+                return carriers.SplineCurve(curve.degree, knots, poles)
+            weights = poles[:, 3]
+            points = poles[:, :3] / weights[:, None]
+            return carriers.SplineCurve(curve.degree, knots, points, weights / weights[0])
     return None

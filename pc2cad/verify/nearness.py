@@ -18,6 +18,7 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.bounds.deviation import bound_surface
+from pc2cad.bounds.rational_deviation import bound_spline
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number, walk
@@ -25,6 +26,7 @@ from pc2cad.geometry import carriers
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.splines.bernstein import bezier_knots
+from pc2cad.verify.arc_courses import arc_course, own_course
 from pc2cad.verify.replay import OPERATIONS, Difference, Quadric, ReplayError, Spline
 
 #: share of the tolerance that may be left open between the places
@@ -257,10 +259,28 @@ def _by_taylor_models(
     else:
         return np.inf
     try:
+        if poles.shape[2] == 4:
+            return _by_arcs(trees, names, degrees, knots, poles, known or Known())
         spline = carriers.SplineSurface(degrees, knots, poles)
         return bound_surface(trees, names, spline, known=known).largest
     except BreaksNotAlignedError:
         return np.inf
+
+
+def _by_arcs(
+    trees: tuple[Expr, ...], names: Sequence[str], degrees: tuple[int, int],
+    knots: tuple[Array, Array], poles: Array, known: Known,
+) -> float:  # fmt: skip
+    """Return a bound for a rational spline that runs through single arcs, else infinity."""
+    weights = poles[..., 3] / poles[0, 0, 3]
+    courses = [
+        arc_course(trees, names[k], knots[k], weights[0] if k else weights[:, 0]) for k in (0, 1)
+    ]
+    if not any(courses):
+        return np.inf
+    own = [c or own_course(p, row) for c, p, row in zip(courses, degrees, knots, strict=True)]
+    carrier = carriers.SplineSurface(degrees, knots, poles[..., :3] / poles[..., 3:], weights)
+    return bound_spline(trees, names, carrier, own, known).largest
 
 
 def _turned(

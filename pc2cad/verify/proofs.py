@@ -48,7 +48,7 @@ class Proofs:
     def _surface(self, judged: JudgedFace) -> Spline | Quadric | None:
         """Return a face's surface for proofs; None where there are none."""
         own = judged.surface
-        if isinstance(own, SplineSurface) and not own.rational:
+        if isinstance(own, SplineSurface):
             return Spline(own.degrees, own.knots, own.poles)
         if isinstance(own, Round):
             return Quadric(own.kind, (own.origin, own.axes), own.lengths)

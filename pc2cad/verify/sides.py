@@ -21,6 +21,7 @@ from pc2cad.expression.tree import Expr, number
 from pc2cad.geometry.carriers import Evidence
 from pc2cad.templates.patterns import Placement
 from pc2cad.topology.cells import Cell, directions_of
+from pc2cad.verify.arc_courses import arc_course
 from pc2cad.verify.edges import Edge
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.inversion import closest, nearest
@@ -300,7 +301,13 @@ def _apart(
     for axis, back in enumerate((back_u, back_v)):
         low, high = surface.limits[axis]
         t = low + (high - low) * _ROUGH if rough else _dense(surface, axis)
-        own.append((t, (high - t if back else t - low) / (high - low)))
+        share = (high - t if back else t - low) / (high - low)
+        if surface.rational:
+            trees, names = sides.trees(patch)
+            weights = surface.poles[0, :, 3] if axis else surface.poles[:, 0, 3]
+            course = arc_course(trees, names[axis ^ swap], surface.knots[axis], weights)
+            share = course.places(share) if course else share
+        own.append((t, share))
     (u, s), (v, t) = own
     values = surface.grid(u, v)[0]
     first, second = (t[None, :], s[:, None]) if swap else (s[:, None], t[None, :])

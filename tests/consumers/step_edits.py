@@ -34,9 +34,10 @@ def move(text: str, ref: str, by: float = 0.01, axis: int = 0) -> str:
 
 
 def pole(text: str, row: int, column: int) -> str:
-    """The reference of a pole of the first B-spline surface."""
-    found = instance(text, "B_SPLINE_SURFACE_WITH_KNOTS")
-    net = re.findall(r"\((#[#\d,]*)\)", found.group(3))
+    """The reference of a pole of the first B-spline surface, a rational one if it is the first."""
+    found = re.search(r"B_SPLINE_SURFACE(?:_WITH_KNOTS)?\((.*?)\);", text)
+    assert found
+    net = re.findall(r"\((#[#\d,]*)\)", found.group(1))
     return net[row].split(",")[column]
 
 

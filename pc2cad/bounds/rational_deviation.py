@@ -1,0 +1,64 @@
+"""How far a function is from a spline, rational ones in the parameters of their arcs included."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache, reduce
+
+import numpy as np
+
+from pc2cad.bounds.along_arcs import along_arcs
+from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
+from pc2cad.bounds.taylor_evaluation import Known
+from pc2cad.expression.tree import ZERO, Expr
+from pc2cad.geometry.carriers import SplineCurve, SplineSurface
+from pc2cad.geometry.splines.rational import Parametrisation
+
+
+def bound_spline(
+    trees: tuple[Expr, ...],
+    names: Sequence[str],
+    carrier: SplineCurve | SplineSurface,
+    parametrisations: Sequence[Parametrisation],
+    known: Known,
+) -> Bound:
+    """Bound the distance of a function from its spline, rational ones included.
+
+    With the denominator W as a tree, ω as the spline of the weights and N = ω S, all over the
+    spline's parameters, |M - S| = |ω M - N|/ω is at most (|W M - N| + |M| |W - ω|)/ω.
+    """
+    weights, lowest, amiss = None, 1.0, 0.0
+    for name, parametrisation in zip(names, parametrisations, strict=True):
+        arcs, order = parametrisation.arcs, parametrisation.order
+        if arcs is None:
+            continue
+        trees, factor = along_arcs(trees, name, arcs, order)
+        if order:
+            weights = carrier.weights
+            lowest *= parametrisation.lowest * (1 - 1e-12)
+            gap = _weights_off(parametrisation, name, factor)
+            amiss = amiss + gap + amiss * gap
+    if isinstance(carrier, SplineCurve):
+        bound = bound_curve(trees, names[0], carrier, known)
+    else:
+        bound = bound_surface(trees, names, carrier, known=known)
+    if weights is None:
+        return bound
+    # rounding of the products of poles and weights, and of the places
+    size = float(np.sqrt((carrier.poles**2).sum(axis=-1)).max())
+    product = reduce(np.multiply.outer, [row.weights for row in parametrisations])
+    amiss += float(np.abs(weights - product).max())
+    extra = (size + bound.largest) * (amiss + 1e-15) / (lowest - amiss)
+    sides = tuple(replace(side, largest=side.largest + extra) for side in bound.sides)
+    return replace(bound, largest=bound.largest + extra, sides=sides)
+
+
+@lru_cache(maxsize=64)  # all faces along a direction have the same
+def _weights_off(parametrisation: Parametrisation, name: str, factor: Expr) -> float:
+    """Return a bound of how far the spline of the weights is off the denominator, a tree."""
+    space = parametrisation.space
+    poles = np.zeros((space.size, 3))
+    poles[:, 0] = parametrisation.weights
+    column = SplineCurve(space.degree, space.knots, poles)
+    return bound_curve((factor, ZERO, ZERO), name, column).largest
