@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -33,6 +34,9 @@ M = "K + (K-N)*{delta}/distance(K, N)*(w - 1/2)"
 """
 
 
+_NUMBERS = count(1)
+
+
 @dataclass(frozen=True)
 class Channel:
     """A section with semi-axes a and b, a wall centred on it, along a guide in its Frenet frame."""
@@ -45,6 +49,15 @@ class Channel:
     delta: float
     #: N, N' and N'' at u with the functions of a module (math or numpy)
     guide: Callable[[object, object], tuple[tuple, tuple, tuple]]
+    #: the same channel with every length times a factor
+    scaled: Callable[[float], Channel]
+
+    def another(self) -> Channel:
+        """Return the channel a millionth or so larger, as no call before has returned it.
+
+        A program that remembers what it worked out finds none of these numbers again.
+        """
+        return self.scaled(1 + 1e-6 * next(_NUMBERS))
 
     def equation(self) -> PointEquation:
         return parse_template(self.text, self.name).bind({})
@@ -131,23 +144,31 @@ def _helix_guide(radius: float, pitch: float, turns: float) -> Callable[[object,
     return guide
 
 
-def _channel(name, about, a, b, delta, guide, text_guide, points=""):
+def _channel(name, about, a, b, delta, guide, text_guide, scaled, points=""):
     head = f'title = "{about}"\n{points}'
     text = head + _FRENET.format(guide=text_guide, a=a, b=b, delta=delta)
-    return Channel(name, about, text, a, b, delta, guide)
+    return Channel(name, about, text, a, b, delta, guide, scaled)
 
 
 def along_paper(name, about, a, b, delta, size) -> Channel:
     x, y, z = size
     points = f"[points]\nA = [{x}, 0, 0]\nB = [0, {y}, 0]\nC = [0, 0, {z}]\nD = [0, 0, 0]\n"
     text = "(A-D)*u^3 + (B-D)*(1-u)^3 + (C-D)*sin(u) + D"
-    return _channel(name, about, a, b, delta, _paper_guide(*size), text, points)
+
+    def scaled(k):
+        return along_paper(name, about, a * k, b * k, delta * k, (x * k, y * k, z * k))
+
+    return _channel(name, about, a, b, delta, _paper_guide(*size), text, scaled, points)
 
 
 def along_helix(name, about, a, b, delta, radius, pitch, turns) -> Channel:
     t = f"2*pi*{turns}*u"
     text = f"point({radius}*cos({t}), {radius}*sin({t}), {pitch}*{turns}*u)"
-    return _channel(name, about, a, b, delta, _helix_guide(radius, pitch, turns), text)
+
+    def scaled(k):
+        return along_helix(name, about, a * k, b * k, delta * k, radius * k, pitch * k, turns)
+
+    return _channel(name, about, a, b, delta, _helix_guide(radius, pitch, turns), text, scaled)
 
 
 CHANNELS = (

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
@@ -17,28 +18,39 @@ from benchmarks import peers
 from benchmarks.channels import Channel
 from benchmarks.measure import deviation, examine, faces_of, poles_of, read_back
 from pc2cad.brep.build import build
-from pc2cad.checked import check_map
+from pc2cad.checked import CheckedMap, check_map
 from pc2cad.compiler import compile_equation
 from pc2cad.geometry.carriers import SplineSurface
 from pc2cad.options import CompileOptions
 from pc2cad.representation.boundary import represent
 
+Given, Made = TypeVar("Given"), TypeVar("Made")
 Row = tuple[str, ...]
 TARGETS = (1e-4, 1e-6)
 
 
-def seconds(run: Callable[[], object], most: int = 5) -> tuple[float, object]:
-    """Return the least CPU time of a few runs (one, when it is long) and a result."""
-    best, total, result = np.inf, 0.0, None
+@dataclass(frozen=True)
+class Timed(Generic[Given, Made]):
+    """The least CPU time of a few runs, and what the last one was given and made."""
+
+    seconds: float
+    given: Given
+    made: Made
+
+
+def timed(prepare: Callable[[], Given], run: Callable[[Given], Made], most: int = 5) -> Timed:
+    """Time a few runs (one, when it is long), each of something that was not seen before."""
+    best, total = np.inf, 0.0
     gc.collect()
     for _ in range(most):
+        given = prepare()
         start = time.process_time()
-        result = run()
-        best = min(best, time.process_time() - start)
-        total += time.process_time() - start
+        made = run(given)
+        took = time.process_time() - start
+        best, total = min(best, took), total + took
         if total > 1.5:
             break
-    return best, result
+    return Timed(best, given, made)
 
 
 # -- faces -----------------------------------------------------------------------------------------
@@ -59,18 +71,26 @@ def faces(channels: tuple[Channel, ...], build123d: str | None, quick: bool) -> 
         ("GeomAPI interpolation, N=100", peers.geomapi_interpolation(100)),
     ]
     for channel in channels:
-        checked = check_map(channel.equation())
         for tolerance in (1e-4, 1e-6, 1e-7):
             for prove in (False, True):
-                yield _own_face(channel, checked, tolerance, prove)
+                yield _own_face(channel, tolerance, prove)
         for name, face in routes:
             yield _face_row(channel, name, face)
         yield _geomdl(channel, 30 if quick else 60)
         yield from _build123d(channel, build123d)
 
 
-def _own_face(channel: Channel, checked, tolerance: float, prove: bool) -> Row:
-    took, model = seconds(lambda: represent(checked, CompileOptions(tolerance), prove=prove))
+def _checked(channel: Channel) -> tuple[Channel, CheckedMap]:
+    another = channel.another()
+    return another, check_map(another.equation())
+
+
+def _own_face(channel: Channel, tolerance: float, prove: bool) -> Row:
+    found = timed(
+        lambda: _checked(channel),
+        lambda given: represent(given[1], CompileOptions(tolerance), prove=prove),
+    )
+    took, (channel, _), model = found.seconds, found.given, found.made
     walls = [face for face in model.faces if isinstance(face.carrier, SplineSurface)]
     built = build(model)
     outer = [k for f, k in zip(model.faces, built.faces, strict=True) if f.name == "w=1"]
@@ -81,22 +101,23 @@ def _own_face(channel: Channel, checked, tolerance: float, prove: bool) -> Row:
 
 def _face_row(channel: Channel, name: str, face: Callable[[Channel, float], object]) -> Row:
     try:
-        took, result = seconds(lambda: face(channel, 1.0))
+        found = timed(channel.another, lambda another: face(another, 1.0))
     except Exception as error:
         return (channel.name, name, "-", "-", f"fails: {error}"[:60])
-    gap = deviation(channel, [result], (1.0,))
-    return (channel.name, name, f"{took:.3f}", poles_of([result]), f"{gap:.1e}")
+    gap = deviation(found.given, [found.made], (1.0,))
+    return (channel.name, name, f"{found.seconds:.3f}", poles_of([found.made]), f"{gap:.1e}")
 
 
 def _geomdl(channel: Channel, n: int) -> Row:
     name = f"geomdl, cubic, N={n} (no solids, no STEP)"
     try:
-        took, surface = seconds(lambda: peers.geomdl_interpolation(n)(channel, 1.0), 1)
+        run = peers.geomdl_interpolation(n)
+        found = timed(channel.another, lambda another: run(another, 1.0), 1)
     except ImportError:
         return (channel.name, name, "-", "-", "skipped: pip install -e '.[benchmarks]'")
-    face = peers.kernel_face_of_geomdl(surface)
-    gap = deviation(channel, [face], (1.0,))
-    return (channel.name, name, f"{took:.3f}", poles_of([face]), f"{gap:.1e}")
+    face = peers.kernel_face_of_geomdl(found.made)
+    gap = deviation(found.given, [face], (1.0,))
+    return (channel.name, name, f"{found.seconds:.3f}", poles_of([face]), f"{gap:.1e}")
 
 
 def _build123d(channel: Channel, python: str | None) -> Iterator[Row]:
@@ -148,6 +169,8 @@ class Attempt:
     seconds: float
     shape: object
     deviation: float
+    #: what was built
+    channel: Channel
 
 
 def solids(channels: tuple[Channel, ...], quick: bool) -> Iterator[Row]:
@@ -157,7 +180,6 @@ def solids(channels: tuple[Channel, ...], quick: bool) -> Iterator[Row]:
     the target; the search for it costs the route nothing.
     """
     for channel in channels:
-        volume = analyse_volume(channel)
         for target in TARGETS:
             attempts = {"pc2cad, everything": [_own(channel, target)]}
             parts = dict(zip(PARTS, _own_parts(channel, target), strict=True))
@@ -169,7 +191,7 @@ def solids(channels: tuple[Channel, ...], quick: bool) -> Iterator[Row]:
                 head = (channel.name, f"{target:.0e}", f"pc2cad, {what}", f"{took:.3f}")
                 yield (*head, *_ratios(took, units), "", "", "", "")
             for name, tried in attempts.items():
-                yield _solid_row(channel, target, name, tried, volume, units)
+                yield _solid_row(target, name, tried, units)
 
 
 def analyse_volume(channel: Channel) -> float:
@@ -178,18 +200,25 @@ def analyse_volume(channel: Channel) -> float:
 
 
 def _own(channel: Channel, target: float) -> Attempt:
-    took, part = seconds(lambda: compile_equation(channel.equation(), target))
-    gap = deviation(channel, faces_of(part.shape), (0.0, 1.0))
-    return Attempt(f"tolerance {target:.0e}", took, part.shape, gap)
+    found = timed(channel.another, lambda another: compile_equation(another.equation(), target))
+    shape = found.made.shape
+    gap = deviation(found.given, faces_of(shape), (0.0, 1.0))
+    return Attempt(f"tolerance {target:.0e}", found.seconds, shape, gap, found.given)
 
 
 def _own_parts(channel: Channel, target: float) -> tuple[float, float, float]:
-    checked, options = check_map(channel.equation()), CompileOptions(target)
+    options = CompileOptions(target)
     fitted, proved = (
-        seconds(lambda prove=prove: build(represent(checked, options, prove=prove)))[0]
+        timed(
+            lambda: _checked(channel),
+            lambda given, prove=prove: build(represent(given[1], options, prove=prove)),
+        ).seconds
         for prove in (False, True)
     )
-    whole = seconds(lambda: build(represent(check_map(channel.equation()), options)))[0]
+    whole = timed(
+        channel.another,
+        lambda another: build(represent(check_map(another.equation()), options)),
+    ).seconds
     return fitted, proved, whole
 
 
@@ -249,21 +278,23 @@ def _sewn(
 def _try(channel: Channel, settings: Settings, target: float) -> Iterator[Attempt]:
     for name, run in settings:
         try:
-            took, (shape, remark) = seconds(lambda run=run: run(channel), 1)
-            gap = deviation(channel, faces_of(shape), (0.0, 1.0))
+            found = timed(channel.another, run, 1)
+            gap = deviation(found.given, faces_of(found.made[0]), (0.0, 1.0))
         except Exception as error:
-            yield Attempt(f"{name}: {error}"[:60], np.nan, None, np.inf)
+            yield Attempt(f"{name}: {error}"[:60], np.nan, None, np.inf, channel)
             continue
         if gap <= target:
-            took, (shape, remark) = seconds(lambda run=run: run(channel))
-        yield Attempt(f"{name}{remark}", took, shape, gap)
+            found = timed(channel.another, run)
+        shape, remark = found.made
+        yield Attempt(f"{name}{remark}", found.seconds, shape, gap, found.given)
         if gap <= target:
             return
 
 
-def _solid_row(channel, target, name, tried, volume, units) -> Row:
+def _solid_row(target: float, name: str, tried: list[Attempt], units: tuple[float, ...]) -> Row:
     best = min(tried, key=lambda a: (a.deviation > target, a.deviation))
-    head = (channel.name, f"{target:.0e}", f"{name}, {best.setting}" if best.setting else name)
+    volume = analyse_volume(best.channel)
+    head = (best.channel.name, f"{target:.0e}", f"{name}, {best.setting}" if best.setting else name)
     if best.shape is None:
         return (*head, "-", "-", "-", "-", "-", "-", "none", "-")
     reached = "" if best.deviation <= target else " (not reached)"

@@ -2,7 +2,8 @@
 
     python benchmarks/stages.py [TEMPLATE …] [--repeat N]
 
-Prints CPU milliseconds, the best of N runs after one that warms up, and the quotient of what checks
+Prints CPU milliseconds, the best of N runs after one that warms up (each finds again what the one
+before worked out of the same equation), and the quotient of what checks
 (sample, orient, analyse, integrate, solidity, embed, validate) to what makes (represent, build,
 write as STEP).
 """

@@ -73,3 +73,13 @@ def test_counts_of_work_that_grow_by_more_than_a_tenth_are_told() -> None:
         f"({2000 / kept['channel_ellipse']['cells'] - 1:+.0%})",
         "torus: calls 5, and none is kept",
     ]
+
+
+@pytest.mark.parametrize("channel", CHANNELS, ids=lambda channel: channel.name)
+def test_no_two_timed_runs_are_given_the_same_numbers(channel):
+    first, second = channel.another(), channel.another()
+    assert len({channel.text, first.text, second.text}) == 3
+    assert (first.a == first.b) == (channel.a == channel.b)
+    for other in (first, second):
+        other.check()
+        assert other.a == pytest.approx(channel.a, rel=1e-3)
