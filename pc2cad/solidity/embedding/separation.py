@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.arrays.linear import cross, dots, heights, lengths, unit
+from pc2cad.arrays.linear import cross, dots, heights, lengths, product, unit
 from pc2cad.solidity.embedding.cells import ENDS, Cells, Joints
 from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
 
@@ -43,8 +43,10 @@ _DIRECTIONS /= np.sqrt((_DIRECTIONS**2).sum(axis=1, keepdims=True))
 
 def boxes(points: Array) -> tuple[Array, Array]:
     """Return limits (…, 13) of control points (…, k, 3) in thirteen directions."""
-    values = _DIRECTIONS @ np.swapaxes(points, -1, -2)
-    return values.min(axis=-1), values.max(axis=-1)
+    # control points first: limits of many parts are found side by side
+    first = np.moveaxis(points, -2, 0)
+    values = product(first.reshape(-1, 3), _DIRECTIONS.T).reshape(*first.shape[:-1], -1)
+    return values.min(axis=0), values.max(axis=0)
 
 
 def side_nets(cells: Cells, rows: Integers, sides: Integers) -> Array:
