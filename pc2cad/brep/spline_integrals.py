@@ -223,7 +223,7 @@ class Patch:
         sizes: Array | float = 0.0
         reach = np.sqrt((self.poles[..., :3] ** 2).sum(axis=-1)).max()
         for depth in range(DEEPEST + 1):
-            # the two lower orders settle most spans; the higher ones where they do not
+            # the two lower orders settle most rules; the higher ones where they do not
             orders = _ORDERS[:2] if depth == 0 else _ORDERS[1:]
             few, many = self._panel_sums(direction, panels, lines, orders)
             sizes = np.maximum(sizes, np.abs(many).sum(axis=0))
@@ -231,14 +231,16 @@ class Patch:
             volume, area = np.max(sizes, axis=0)[:2]
             scale = np.array([volume, area, *[volume * reach] * 3]) + np.finfo(float).tiny
             gaps = (np.abs(few - many) / scale).max(axis=(1, 2))
+            if depth == 0:
+                if gaps.max() <= accuracy:
+                    return *_gauss(panels, _ORDERS[0]), limits
+                continue
             right = gaps <= accuracy
-            done.append(_gauss(panels[right], orders[0]))
+            done.append(_gauss(panels[right], _ORDERS[1]))
             starts.append(panels[right, 0])
             panels = panels[~right]
             if len(panels) == 0:
                 break
-            if depth == 0:
-                continue
             middle = panels.mean(axis=1)
             panels = np.concatenate((
                 np.stack((panels[:, 0], middle), axis=1), np.stack((middle, panels[:, 1]), axis=1)
