@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -287,9 +288,18 @@ def surface_function(surface: Geom_Surface, origin: Array) -> SurfaceFunction:
 def _patch(surface: Geom_BSplineSurface, origin: Array) -> SurfaceFunction:
     patch = read_patch(surface, origin)
     bends = cache(lambda: spline_bends(patch.poles, patch.knots, patch.degrees))
+
+    @cache
+    def sizes() -> Sizes:
+        found = net_sizes(patch.poles, patch.knots, patch.degrees)
+        if patch.poles.shape[2] == 3:
+            return found
+        # the net of a whole turn in one piece is far from it, those of its parts are not
+        aa, ab, bb = bends().pieces.max(axis=(0, 1)).tolist()
+        return replace(found, second=(aa, ab, bb))
+
     return SurfaceFunction(
-        patch.scattered, (distinct(patch.knots[0]), distinct(patch.knots[1])), patch.degrees,
-        cache(lambda: net_sizes(patch.poles, patch.knots, patch.degrees)),
+        patch.scattered, (distinct(patch.knots[0]), distinct(patch.knots[1])), patch.degrees, sizes,
         weight=patch.weight if patch.poles.shape[2] > 3 else None, product=patch.on_grid,
         bends=lambda low, high: bends().over(low, high),
     )  # fmt: skip
