@@ -47,6 +47,11 @@ def compile_solid(
     if isinstance(equation, Bodies):
         from pc2cad.csg.ways import compile_bodies
 
+        if options.profile == "compact":
+            # the kernel's section of a face that is a whole turn in one piece was 4e-4 off where
+            # the other is tangent to it
+            options = replace(options, profile="polynomial")
+
         def halve(body: Body) -> Body:
             checked = halved(body.checked)
             return body if checked is body.checked else compile_checked(checked, options).body
@@ -125,6 +130,7 @@ def compile_equation(
     None means 1e-7 of the part's size, or 1e-6 of its thickness 2V/A where that is less. Where a
     spline is fitted, its degree in each direction is 3, 5 or 7, whichever needs the fewest poles;
     `degree` fixes it, `max_degree` lets fits choose from 3 up to it (at most 13). The profile
+    "polynomial" has rational splines only where they are exact, as have bodies that are joined;
     "cubic" keeps every spline at degree 3 and not rational. Raises what `compile_solid` raises.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)

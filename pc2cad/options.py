@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from pc2cad.errors import InputError
 
-#: what the receiver of a part takes: compact, the fewest poles; cubic, no degree above 3
-PROFILES = ("compact", "cubic")
+#: what the receiver of a part takes: compact, the fewest poles; polynomial, rational splines only
+#: where they are exact; cubic, no degree above 3
+PROFILES = ("compact", "polynomial", "cubic")
 #: beyond this, the kernel's adaptors, which go by powers within a span, lose what a fit has gained:
 #: of a part of size 20 they leave 3e-13 at degree 13, 1e-10 at 16, 4e-3 at 25
 LARGEST_FIT = 13

@@ -131,7 +131,8 @@ def test_walls_along_a_guide_are_fitted_along_it_alone(
 
 
 def test_no_arc_is_taken_of_a_degree_that_fits_may_not_have() -> None:
-    for options, rational in (({}, True), ({"degree": 5}, False), ({"profile": "cubic"}, False)):
+    kinds = ({"degree": 5}, {"profile": "cubic"}, {"profile": "polynomial"})
+    for options, rational in (({}, True), *((kind, False) for kind in kinds)):
         part = compile_part(tube(1.0, 0.6, 2 * np.pi), None, 1e-3, **options)
         assert all((carrier.weights is not None) is rational for _, carrier in walls_of(part))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar, overload
 from unicodedata import normalize
 
 from pc2cad.errors import InputError, named
-from pc2cad.options import CompileOptions
+from pc2cad.options import PROFILES, CompileOptions
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
@@ -59,9 +59,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="let fits choose odd degrees from 3 up to N, at most 13",
     )  # fmt: skip
     parser.add_argument(
-        "--profile", choices=("compact", "cubic"), default="compact",
-        help="compact: fewest poles; cubic: for receivers that take no splines above degree 3 and "
-        "no rational ones (default: %(default)s)",
+        "--profile", choices=PROFILES, default="compact",
+        help="compact: fewest poles; polynomial: rational where that is exact only; cubic: for "
+        "receivers that take no splines above degree 3 and no rational ones (default: %(default)s)",
     )  # fmt: skip
 
 

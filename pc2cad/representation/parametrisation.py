@@ -142,6 +142,8 @@ class Parametrisations:
             return None
         if complete:
             return common_wave.arcs, order
+        if not self._profile.turns:
+            return None
         # where all else is fitted, arcs must not be rougher than fits are, nor of higher degree
         arcs = common_wave.single_arc
         return (arcs, order) if arcs.degree(order) <= self._profile.degrees[-1] else None

@@ -26,6 +26,8 @@ class SplineProfile:
     #: polynomials up to this degree keep their exact form
     exact: int = LARGEST_DEGREE
     rational: bool = True
+    #: fits may run along a wave in a whole turn at once, which is rational
+    turns: bool = True
 
     def allows(self, wave: Wave) -> bool:
         """Say whether waves may keep their exact form, of twice their order."""
@@ -44,4 +46,6 @@ def spline_profile(options: CompileOptions = DEFAULTS) -> SplineProfile:
         degrees = tuple(range(3, options.max_degree + 1, 2))
     else:
         degrees = tuple(d for d in _USUAL_DEGREES if d <= 3 or not cubic)
-    return SplineProfile(degrees, 3, rational=False) if cubic else SplineProfile(degrees)
+    if cubic:
+        return SplineProfile(degrees, 3, rational=False, turns=False)
+    return SplineProfile(degrees, turns=options.profile != "polynomial")
