@@ -293,10 +293,10 @@ def _try(channel: Channel, settings: Settings, target: float) -> Iterator[Attemp
 
 def _solid_row(target: float, name: str, tried: list[Attempt], units: tuple[float, ...]) -> Row:
     best = min(tried, key=lambda a: (a.deviation > target, a.deviation))
-    volume = analyse_volume(best.channel)
     head = (best.channel.name, f"{target:.0e}", f"{name}, {best.setting}" if best.setting else name)
     if best.shape is None:
         return (*head, "-", "-", "-", "-", "-", "-", "none", "-")
+    volume = analyse_volume(best.channel)
     reached = "" if best.deviation <= target else " (not reached)"
     with tempfile.TemporaryDirectory() as folder:
         back = read_back(best.shape, str(Path(folder, "back.step")))

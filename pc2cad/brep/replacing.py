@@ -24,6 +24,7 @@ from pc2cad.brep.kernel import (
     as_edge,
     as_face,
     as_vertex,
+    shapes_in,
 )
 from pc2cad.brep.pieces import PieceJet
 from pc2cad.geometry.carriers import SplineCurve, SplinePath
@@ -76,7 +77,7 @@ def corners_of(shape: NamedShape, edges: Sequence[NamedEdge], origin: Array) -> 
                 if end.IsSame(vertex):
                     pieces += _surfaces(shape, named, last, origin)
                     kept += [None, None]
-        for shape_ in around.FindFromKey(vertex):
+        for shape_ in shapes_in(around.FindFromKey(vertex)):
             edge = as_edge(shape_)
             if replaced.Contains(edge) or BRep_Tool.Degenerated_s(edge):
                 continue

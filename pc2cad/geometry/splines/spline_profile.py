@@ -47,5 +47,5 @@ def spline_profile(options: CompileOptions = DEFAULTS) -> SplineProfile:
     else:
         degrees = tuple(d for d in _USUAL_DEGREES if d <= 3 or not cubic)
     if cubic:
-        return SplineProfile(degrees, 3, rational=False, turns=False)
+        return SplineProfile(degrees, 3, rational=False)
     return SplineProfile(degrees, turns=options.profile != "polynomial")
