@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import TypeAlias
 
 from pc2cad.expression.breaks import resolve_pieces
@@ -61,16 +62,24 @@ class Pieces:
         return self._found[spans]
 
     def restricted(self, spans: _Spans, limits: Mapping[str, Expr]) -> tuple[Expr, ...]:
-        """Return the trees of a piece at some of its limits, without what cancels."""
-        key = spans, tuple(limits.items())
-        if key not in self._sides:
+        """Return the trees of a piece at some of its limits, without what cancels.
+
+        They are made of those of a side that they are a limit of, where these are known: most of a
+        channel's trees are numbers at a limit of u already.
+        """
+        at = tuple(limits.items())
+        if (spans, at) not in self._sides:
+            wholes = [tuple(x for x in at if x is not left) for left in at]
+            whole = next((side for side in wholes if (spans, side) in self._sides), ())
             trees, single = self.trees(spans)
-            side = substitute(trees, dict(limits))
+            if whole:
+                trees, single = self._sides[spans, whole], False
+            side = substitute(trees, {name: x for name, x in at if (name, x) not in whole})
             # what one piece alone makes of a root or a quotient could not be seen before, nor
             # what a side makes of a root
             new = not single and (roots := _roots(side)) and not roots <= _roots(trees)
-            self._sides[key] = cancel(side) if single or new else side
-        return self._sides[key]
+            self._sides[spans, at] = cancel(side) if single or new else side
+        return self._sides[spans, at]
 
     def degree(self, spans: _Spans, name: str) -> int | None:
         """Return the degree of a piece's trees in a parameter; None for no polynomials."""
@@ -102,6 +111,7 @@ def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
     return any(node.op == "pieces" for node in among_pieces)
 
 
-def _roots(trees: tuple[Expr, ...]) -> set[Expr]:
-    nodes = among(trees, lambda n: "sqrt" in n.ops)
-    return {node for node in nodes if node.op == "sqrt" and node.symbols}
+@lru_cache(maxsize=64)
+def _roots(trees: tuple[Expr, ...]) -> frozenset[Expr]:
+    nodes = among(trees, lambda n: "sqrt" in n.ops and bool(n.symbols))
+    return frozenset([node for node in nodes if node.op == "sqrt"])
