@@ -56,6 +56,18 @@ def dots(a: Array, b: Array) -> Array:
     return np.asarray(total)
 
 
+def squares(vectors: Array) -> Array:
+    """Return the squares of the lengths of vectors (…, 3), added in the order of `np.sum`.
+
+    That takes ten times as long where the last axis is so short.
+    """
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    total = x * x
+    total += y * y
+    total += z * z
+    return np.asarray(total)
+
+
 def heights(vectors: Array, axes: Array) -> Array:
     """Return the products (n, k) of vectors (n, k, 3) with an axis (n, 3) for each row of them."""
     return np.asarray((vectors @ axes[..., None])[..., 0])

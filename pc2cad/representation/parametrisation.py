@@ -34,13 +34,9 @@ from pc2cad.expression.angle_multiples import common
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.geometry.recognition.separable_form import LARGEST_ORDER
-from pc2cad.geometry.splines.adaptive_knots import (
-    DirectionRules,
-    Sampler,
-    adapt,
-    closer,
-)
+from pc2cad.geometry.splines.adaptive_knots import DirectionRules, adapt
 from pc2cad.geometry.splines.arcs import Arcs, Wave
+from pc2cad.geometry.splines.portrait import Sampler, closer
 from pc2cad.geometry.splines.rational import Parametrisation, rational_course
 from pc2cad.geometry.splines.spline_profile import SplineProfile
 from pc2cad.geometry.splines.spline_space import SplineSpace

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import squares
 from pc2cad.domain.restrictions import SECTIONS, RestrictedMap
 
 #: distances from the tip at which M is compared, and how near to whole their power has to be
@@ -26,7 +27,7 @@ def rest_at(function: RestrictedMap, axis: int, end: int) -> int:
     places = [SECTIONS] * len(function.pieces)
     places[axis] = places_near(end)
     values = np.moveaxis(function(*places), axis, 0).reshape(3, -1, 3)
-    far, near = np.sqrt(((values[1:] - values[:1]) ** 2).sum(axis=-1))
+    far, near = np.sqrt(squares(values[1:] - values[:1]))
     known = near > 8 * function.analysis.scale.evaluation_noise
     if not known.any():
         return 1
@@ -41,7 +42,7 @@ def rest_at_ends(edges: Sequence[RestrictedMap]) -> list[tuple[int, int]]:
     near = [places_near(end) for end in (0, 1)]
     values = np.array([[edge(places) for places in near] for edge in edges])
     away = values[:, :, 1:] - values[:, :, :1]
-    far, close = np.moveaxis(np.sqrt((away**2).sum(axis=-1)), -1, 0)
+    far, close = np.moveaxis(np.sqrt(squares(away)), -1, 0)
     known = close > 8 * edges[0].analysis.scale.evaluation_noise
     far, close = np.where(known, far, _FAR), np.where(known, close, _NEAR)
     powers = np.log(far / close) / np.log(_FAR / _NEAR)

@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import squares
 from pc2cad.checked import CheckedMap, resolve_tolerance
 from pc2cad.domain.fields import LocalField, local_field
 from pc2cad.domain.map import open_grid
@@ -22,8 +23,9 @@ from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.expression.tree import ZERO
 from pc2cad.geometry.carriers import Evidence
-from pc2cad.geometry.splines.adaptive_knots import Sampler, adapt, beside
+from pc2cad.geometry.splines.adaptive_knots import adapt, beside
 from pc2cad.geometry.splines.arcs import wave_in
+from pc2cad.geometry.splines.portrait import Sampler
 from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.spline_profile import SplineProfile, spline_profile
 from pc2cad.geometry.splines.spline_space import SplineSpace
@@ -321,4 +323,4 @@ def _deviation(sample: GridSampler, volume: SplineVolume) -> tuple[float, int]:
     x, y, z = places
     a, b, c = (axis.places(t) for axis, t in zip(volume.axes, places, strict=True))
     gap = volume(x, y, z) - sample(a, b, c)
-    return float(np.sqrt((gap * gap).sum(axis=-1)).max()), gap.size // 3
+    return float(np.sqrt(squares(gap)).max()), gap.size // 3

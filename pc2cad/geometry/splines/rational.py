@@ -15,8 +15,8 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import solve
-from pc2cad.geometry.splines.adaptive_knots import Sampler
 from pc2cad.geometry.splines.arcs import Arcs
+from pc2cad.geometry.splines.portrait import Sampler
 from pc2cad.geometry.splines.spline_space import SplineSpace
 from pc2cad.geometry.splines.tensor import (
     Deviation,

@@ -89,18 +89,45 @@ def local_bases(knots: Array, degree: int, t: Array) -> tuple[Integers, Array, A
     Those belong to the knots without the first and the last, as the derivative does; their first
     function has the same number.
     """
+    span = _spans(knots, degree, t)
+    values, lower = _recursion(knots, degree, span, t)
+    return span - degree, values, lower
+
+
+def local_basis_of_two(
+    degree: int, one: tuple[Array, Array], other: tuple[Array, Array]
+) -> tuple[tuple[Integers, Array], tuple[Integers, Array]]:
+    """Return `local_basis` of two knot vectors, each at places of its own, worked out together."""
+    (knots, t), (more, x) = one, other
+    span, beyond = _spans(knots, degree, t), _spans(more, degree, x)
+    both = np.concatenate((knots, more)) if more is not knots else knots
+    shift = len(knots) if more is not knots else 0
+    places = np.concatenate((span, beyond + shift)), np.concatenate((t, x))
+    values, _ = _recursion(both, degree, *places)
+    return (span - degree, values[: len(t)]), (beyond - degree, values[len(t) :])
+
+
+def _spans(knots: Array, degree: int, t: Array) -> Integers:
+    """Return the number of the knot that each t follows."""
+    span = np.searchsorted(knots, t, side="right") - 1
+    return np.minimum(np.maximum(span, degree), len(knots) - degree - 2)
+
+
+def _recursion(knots: Array, degree: int, span: Integers, t: Array) -> tuple[Array, Array]:
+    """Return the values of a degree and of one less, of functions over the knots around `span`."""
     p = degree
-    span = np.clip(np.searchsorted(knots, t, side="right") - 1, p, len(knots) - p - 2)
     values, lower = np.ones((1, len(t))), np.empty((0, len(t)))
     steps = np.arange(1, p + 1)[:, None]
-    left, right = t - knots[span + 1 - steps], knots[span + steps] - t
+    # to the left of t the farthest knot comes first
+    left, right = t - knots[span + 1 - steps[::-1]], knots[span + steps] - t
     for r in range(1, p + 1):
-        lower = values
-        share = lower / (right[:r] + left[r - 1 :: -1])
-        values = np.zeros((r + 1, len(t)))
-        values[:r] = right[:r] * share
-        values[1:] += left[r - 1 :: -1] * share
-    return span - p, values.T, lower.T
+        lower, before, after = values, left[p - r :], right[:r]
+        share = lower / (after + before)
+        values = np.empty((r + 1, len(t)))
+        np.multiply(after, share, out=values[:r])
+        values[r] = 0.0
+        values[1:] += before * share
+    return values.T, lower.T
 
 
 def spline_values(knots: Array, poles: Array, degree: int, t: Array) -> Array:

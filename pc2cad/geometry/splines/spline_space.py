@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from math import comb, factorial
+from typing import NamedTuple
 
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.arrays.distinct import distinct
-from pc2cad.geometry.splines.spline_basis import SparseRows, basis_matrix, local_basis
+from pc2cad.geometry.splines.spline_basis import SparseRows, basis_matrix, local_basis_of_two
 from pc2cad.geometry.splines.spline_projection import NORMAL_EQUATIONS, projector
 
 #: fractions of a simple interval where a fit is compared with its function: best splines deviate
@@ -73,32 +74,18 @@ class SplineSpace:
         return self._rule[0]
 
     @cached_property
-    def own(self) -> Integers:
-        """As many places in each interval as it has poles of its own, and one more."""
-        end = self.degree + 1 if self.seam is None else self.seam
-        counts = np.concatenate(([end], self.multiplicities, [end]))
-        return (counts[:-1] + counts[1:] + 1) // 2 + 1
+    def _pattern(self) -> _Pattern:
+        return _pattern(self.degree, self.multiplicities.tobytes(), self.seam)
 
     @cached_property
     def _rule(self) -> tuple[Array, Array]:
         """Sites, and their weights in the fit: 0 at the limits, which are met exactly."""
-        p = self.degree
-        # high degrees want a few in each interval
-        own = self.own + (0 if p <= NORMAL_EQUATIONS else p // 2)
-        lengths = np.diff(self.points)
-        sites = np.empty(own.sum())
-        weights = np.empty_like(sites)
-        first = np.cumsum(own) - own
-        for count in distinct(own):
-            which = np.flatnonzero(own == count)
-            at = first[which, None] + np.arange(count)
-            places, share = _rule_on_interval(int(count), p)
-            sites[at] = self.points[which, None] + lengths[which, None] * places
-            weights[at] = lengths[which, None] * share
-        limits = (0.0,) if self.periodic else (0.0, 1.0)
-        sites = np.concatenate((limits[:1], sites, limits[1:]))
-        zeros = np.zeros(len(limits))
-        return sites, np.concatenate((zeros[:1], weights, zeros[1:]))
+        interval, places, shares = self._pattern.rule
+        length = np.diff(self.points)[interval]
+        sites = self.points[interval] + length * places
+        if not self.periodic:
+            sites[-1] = 1.0
+        return sites, length * shares
 
     # -- where fits are compared ---------------------------------------------------------------
 
@@ -108,17 +95,9 @@ class SplineSpace:
 
         They are the knots and several between.
         """
-        own = 2 * self.own
-        starts = np.cumsum(own) - own
-        places = np.empty(own.sum() + 1)
+        interval, shares, starts = self._pattern.checks
+        places = self.points[interval] + np.diff(self.points)[interval] * shares
         places[-1] = 1.0
-        lengths = np.diff(self.points)
-        for count in distinct(own):
-            which = np.flatnonzero(own == count)
-            shares = CHECKS if count == len(CHECKS) else np.arange(count) / count
-            places[starts[which, None] + np.arange(count)] = (
-                self.points[which, None] + lengths[which, None] * shares
-            )
         return places, starts
 
     @property
@@ -129,7 +108,16 @@ class SplineSpace:
     @cached_property
     def check_basis(self) -> SparseRows:
         """The values of the clamped basis there."""
-        return self.basis(self.check_places)
+        first, values = self._bases[1]
+        return SparseRows(first[:, None] + np.arange(self.degree + 1), values, self.size)
+
+    @cached_property
+    def _bases(self) -> tuple[tuple[Integers, Array], tuple[Integers, Array]]:
+        """The basis that is fitted with at the sites, and the clamped one at the checks."""
+        fitted = self.knots if self.seam is None else self._unclamped[0]
+        return local_basis_of_two(
+            self.degree, (fitted, self._rule[0]), (self.knots, self.check_places)
+        )
 
     # -- the periodic basis --------------------------------------------------------------------
 
@@ -158,17 +146,12 @@ class SplineSpace:
 
     @cached_property
     def _projector(self) -> Callable[[Array], Array]:
-        sites, weights = self._rule
-        owner: Integers
-        if self.seam is None:
-            first, values = local_basis(self.knots, self.degree, sites)
-            owner, size = np.arange(self.size), self.size
-        else:
-            knots, owner = self._unclamped
-            first, values = local_basis(knots, self.degree, sites)
-            size = len(self._cycle)
-        index = owner[first[:, None] + np.arange(self.degree + 1)]
-        return projector(index, values, weights, size, self.degree, self.periodic)
+        first, values = self._bases[0]
+        index = first[:, None] + np.arange(self.degree + 1)
+        size = self.size
+        if self.seam is not None:
+            index, size = self._unclamped[1][index], len(self._cycle)
+        return projector(index, values, self._rule[1], size, self.degree, self.periodic)
 
     def fit(self, values: Array) -> Array:
         """Return clamped poles of the projection: values (sites, …) to poles (size, …)."""
@@ -242,10 +225,65 @@ def _clamp_start(knots: Array, poles: Array, degree: int) -> None:
     j knots: every step is a mean.
     """
     p = degree
+    low, high, rounds = _triangle(p)
+    left = knots[:, low]
+    ratio = (-left / (knots[:, high] - left))[..., None]
+    rest = 1 - ratio
     # one triangle of means serves all: pole j is the last of what p - j rounds leave
     work = poles[:, : p + 1]
-    for r in range(1, p + 1):
-        left, right = knots[:, r : p + 1], knots[:, p + 1 : 2 * p + 2 - r]
-        ratio = (-left / (right - left))[..., None]
-        work = (1 - ratio) * work[:, :-1] + ratio * work[:, 1:]
+    for r, these in enumerate(rounds, 1):
+        work = rest[:, these] * work[:, :-1] + ratio[:, these] * work[:, 1:]
         poles[:, p - r] = work[:, -1]
+
+
+@lru_cache
+def _triangle(degree: int) -> tuple[Integers, Integers, tuple[slice, ...]]:
+    """Return the knots left and right of 0 that means are taken between, and those of each round.
+
+    Of p + 1 poles the first round leaves p, the next one p - 1.
+    """
+    p = degree
+    counts = range(p, 0, -1)
+    low = np.concatenate([np.arange(p + 1 - n, p + 1) for n in counts])
+    high = np.concatenate([np.arange(p + 1, p + 1 + n) for n in counts])
+    ends = np.cumsum([0, *counts]).tolist()
+    return low, high, tuple(slice(a, b) for a, b in pairwise(ends))
+
+
+class _Pattern(NamedTuple):
+    """Where a space's sites and checks are in its intervals, however long these are."""
+
+    #: of each site its interval, its place there and its share of the interval's weight
+    rule: tuple[Integers, Array, Array]
+    #: of each check its interval and its place there, and of each interval its first check
+    checks: tuple[Integers, Array, Integers]
+
+
+@lru_cache(maxsize=64)
+def _pattern(degree: int, multiplicities: bytes, seam: int | None) -> _Pattern:
+    """Return the pattern of a space with these multiplicities (of its inner points, 64 bits)."""
+    end = degree + 1 if seam is None else seam
+    counts = np.concatenate(([end], np.frombuffer(multiplicities, dtype=int), [end]))
+    # as many places in each interval as it has poles of its own, and one more
+    own = (counts[:-1] + counts[1:] + 1) // 2 + 1
+    # high degrees want a few in each interval
+    sites = own + (0 if degree <= NORMAL_EQUATIONS else degree // 2)
+    rules = [_rule_on_interval(int(count), degree) for count in sites]
+    zero, each = np.zeros(1), np.arange(len(own))
+    # a periodic space has its second limit in the first
+    close = [zero] if seam is None else []
+    rule = (
+        np.concatenate((each[:1], np.repeat(each, sites), each[-1:][: len(close)])),
+        np.concatenate((zero, *(places for places, _ in rules), *close)),
+        np.concatenate((zero, *(shares for _, shares in rules), *close)),
+    )
+    checks = 2 * own
+    shares = [CHECKS if n == len(CHECKS) else np.arange(n) / n for n in checks.tolist()]
+    return _Pattern(
+        rule,
+        (
+            np.concatenate((np.repeat(each, checks), each[-1:])),
+            np.concatenate((*shares, zero)),
+            np.cumsum(checks) - checks,
+        ),
+    )

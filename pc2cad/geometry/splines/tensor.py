@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import squares
 from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: values on the product of two parameter arrays: shape (len(s), len(t), 3)
@@ -53,7 +54,7 @@ def curve_deviation(
 
 
 def _largest(gap: Array, weight: Array | float, *places: Array) -> Deviation:
-    away = np.sqrt((gap * gap).sum(axis=-1)) / weight
+    away = np.sqrt(squares(gap)) / weight
     at = np.unravel_index(int(away.argmax()), away.shape)
     place = tuple(float(x[i]) for x, i in zip(places, at, strict=True))
     return Deviation(float(away[at]), away.size, place)
