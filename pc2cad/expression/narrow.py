@@ -28,6 +28,7 @@ FIRST, STEP, NARROW, DEEPEST = 4, 2, 8, 30
 MOST_PARTS = 12
 #: functions whose changes follow from those of their arguments
 _PLAIN = frozenset(("number", "constant", "symbol", "add", "neg", "mul", "sin", "cos", "pieces"))
+_NOWHERE = np.empty(0)
 
 
 def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
@@ -35,8 +36,13 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
 
     The trees' symbols run from 0 to 1 each. Empty where no function does.
     """
-    nodes = frozenset(filter(_is_steep, among(trees, lambda n: name in n.symbols)))
-    return _limits(nodes, name) if nodes else np.empty(0)
+    nodes = frozenset([node for node in _steep(trees) if name in node.symbols])
+    return _limits(nodes, name) if nodes else _NOWHERE
+
+
+@lru_cache(maxsize=8)  # each parameter of the same trees is asked for
+def _steep(trees: tuple[Expr, ...]) -> list[Expr]:
+    return list(filter(_is_steep, among(trees, lambda n: bool(n.symbols))))
 
 
 @lru_cache(maxsize=256)  # the faces and edges of a part are made of few such functions
@@ -46,25 +52,35 @@ def _limits(functions: frozenset[Expr], name: str) -> Array:
     whole = Interval(np.array(0.0), np.array(1.0))
     boxes = {p: whole for p in PARAMETERS if p != name}
     ask = IntervalProgram(nodes, boxes.copy())
-    low, width = np.arange(2**FIRST) / 2**FIRST, 0.5**FIRST
-    least, most = np.full(len(nodes), np.inf), np.full(len(nodes), -np.inf)
-    useful = np.ones(len(nodes), dtype=bool)
-    for depth in range(FIRST, DEEPEST + 1, STEP):
-        boxes[name] = Interval(low, low + width)
-        values = [(v.lower + 0 * low, v.upper + 0 * low) for v in ask(boxes)]
+
+    def over(low: Array, width: Array | float) -> tuple[Array, Array]:
+        values = [(v.lower + 0 * low, v.upper + 0 * low)
+                  for v in ask(boxes | {name: Interval(low, low + width)})]  # fmt: skip
         lower, upper = (np.array([value[k] for value in values]) for k in (0, 1))
-        least, most = np.minimum(least, lower.min(axis=1)), np.maximum(most, upper.max(axis=1))
-        useful &= np.isfinite(most - least)
+        return lower, upper
+
+    # the first two steps at once: after these hardly a function is wide, and parts are enclosed
+    # within what they are parts of
+    counts = 2**FIRST, 2 ** (FIRST + STEP)
+    low = np.concatenate([np.arange(count) / count for count in counts])
+    lower, upper = over(low, np.repeat(np.divide(1, counts), counts))
+    least, most = lower.min(axis=1), upper.max(axis=1)
+    useful = np.isfinite(most - least)
+    (low, lower, upper), width = (x[..., counts[0] :] for x in (low, lower, upper)), 1 / counts[1]
+    for depth in range(FIRST + STEP, DEEPEST + 1, STEP):
         wide = _wide(lower, upper, (most - least)[:, None]) & useful[:, None]
         if depth >= NARROW:
             useful &= wide.sum(axis=1) <= MOST_PARTS
             wide &= useful[:, None]
             found += [low[wide.any(axis=0)], low[wide.any(axis=0)] + width]
         low = low[wide.any(axis=0)]
-        if len(low) == 0:
+        if len(low) == 0 or depth + STEP > DEEPEST:
             break
         width /= 2**STEP
         low = (low[:, None] + width * np.arange(2**STEP)).ravel()
+        lower, upper = over(low, width)
+        least, most = np.minimum(least, lower.min(axis=1)), np.maximum(most, upper.max(axis=1))
+        useful &= np.isfinite(most - least)
     limits = distinct(np.concatenate([np.empty(0), *found]))
     limits = np.asarray(limits[(limits > 0) & (limits < 1)])
     limits.flags.writeable = False
