@@ -47,17 +47,23 @@ def find_features(
     """
     none = np.empty((0, 3))
     moving = _moving(spans)
-    share = _scatter()
+    share = scatter()
     with np.errstate(all="ignore"):
-        fitted, (rest,) = _explained(values(_places(spans, share))[None], moving, peaked)
+        fitted, (rest,) = explained(values(_places(spans, share))[None], moving, peaked)
         if rest is None:
             return none
         surface = _Surface(values, spans, moving, fitted[:, 0])
-        found: list[Array] = []
-        while rest.any() and len(found) < most:
-            found.append(share[int(rest.argmax())])
-            rest[(np.abs(share - found[-1])[:, moving] <= APART).all(axis=1)] = 0.0
-        return surface.climb(np.array(found)) if found else none
+        found = tops(rest, moving, most)
+        return surface.climb(share[found]) if found else none
+
+
+def tops(rest: Array, moving: tuple[int, ...], most: int = MOST_FEATURES) -> list[int]:
+    """Return which scattered places stand out most, apart from one another, the highest first."""
+    share, left, found = scatter(), rest.copy(), list[int]()
+    while left.any() and len(found) < most:
+        found.append(int(left.argmax()))
+        left[(np.abs(share - share[found[-1]])[:, moving] <= APART).all(axis=1)] = 0.0
+    return found
 
 
 def stand_out(values: Callable[[Array], Array], boxes: Array) -> list[bool]:
@@ -65,13 +71,13 @@ def stand_out(values: Callable[[Array], Array], boxes: Array) -> list[bool]:
 
     `values` takes places (n, k, 3) to the integrand (n, k); see `find_features`.
     """
-    moving, share = _moving(boxes[0]), _scatter()
+    moving, share = _moving(boxes[0]), scatter()
     out: list[bool] = []
     with np.errstate(all="ignore"):
         for start in range(0, len(boxes), TOGETHER):
             several = boxes[start : start + TOGETHER]
             low, high = several[:, None, :, 0], several[:, None, :, 1]
-            rests = _explained(values(low + (high - low) * share), moving, PEAKED)[1]
+            rests = explained(values(low + (high - low) * share), moving, PEAKED)[1]
             out += [rest is not None and bool(rest.any()) for rest in rests]
     return out
 
@@ -108,8 +114,8 @@ class _Surface:
         return _places(self.spans, share)
 
 
-def _explained(
-    several: Array, moving: tuple[int, ...], peaked: float
+def explained(
+    several: Array, moving: tuple[int, ...], peaked: float = PEAKED
 ) -> tuple[Array, list[Array | None]]:
     """Return the polynomials through rows of values at the scattered places, and their rests.
 
@@ -137,7 +143,8 @@ def _explained(
 
 
 @lru_cache(maxsize=1)
-def _scatter() -> Array:
+def scatter() -> Array:
+    """Return the places that are looked at, (SCATTER, 3), as shares of the box's sides."""
     share = scattered(SCATTER, 3)
     share[::2] = (1 - np.cos(np.pi * share[::2])) / 2
     share.flags.writeable = False
@@ -147,7 +154,7 @@ def _scatter() -> Array:
 @lru_cache(maxsize=8)
 def _fitting(moving: tuple[int, ...]) -> tuple[Array, Array]:
     """Return the polynomials in the scattered places, and what makes coefficients of values."""
-    columns = _columns(_scatter()[:, moving])
+    columns = _columns(scatter()[:, moving])
     return columns, solve(product(columns.T, columns), columns.T)
 
 

@@ -42,7 +42,7 @@ def flat_areas(analysis: Analysis, patches: Iterable[Cell]) -> dict[Cell, float]
         nodes = (1 + s) / 2, (1 + t) / 2
         look_across(functions, *nodes)
         normals = np.array([f.normals(*nodes).reshape(-1, 3) for f in functions])
-        areas = _lengths(normals, np.multiply.outer(along, across).ravel() / 4)
+        areas = flat_lengths(normals, np.multiply.outer(along, across).ravel() / 4)
         spans = np.array([[analysis.span(d, p[d]) for d in directions_of(p)] for p in several])
         areas *= np.prod(np.diff(spans)[..., 0], axis=1)
         found |= {p: area for p, area in zip(several, areas.tolist(), strict=True) if area > 0}
@@ -61,7 +61,7 @@ def _degrees(analysis: Analysis, patch: Cell) -> tuple[int, ...] | None:
     return tuple(degrees)
 
 
-def _lengths(normals: Array, weights: Array) -> Array:
+def flat_lengths(normals: Array, weights: Array) -> Array:
     """Return the length of the integral of normals (k, n, 3); 0 where they point several ways."""
     whole = (normals * weights[:, None]).sum(axis=1)
     length = np.sqrt((whole * whole).sum(axis=1))

@@ -1,8 +1,8 @@
 """Volume, area and centroid of the solid, integrated from the equation itself.
 
-Composite Gauss-Legendre rules per direction, their panels and orders chosen on lines along it (see
-`quadrature`); the difference of two such rules is the error estimate. det J is watched at every
-node.
+One rule per direction where the map is smooth all over its box (see `together`), else composite
+Gauss-Legendre rules, their panels and orders chosen on lines along it (see `quadrature`); the
+difference of two such rules is the error estimate. det J is watched at every node.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from pc2cad.integrals.rules import (
 )
 from pc2cad.integrals.settling import settle
 from pc2cad.integrals.side_areas import areas_of_side, sides_in_pieces
+from pc2cad.integrals.together import integrate_together
 from pc2cad.topology.cells import Cell, directions_of
 
 #: relative difference of two rules at which there is no integral
@@ -81,14 +82,20 @@ def integrate(analysis: Analysis) -> MassProperties:
     densities = _Densities(analysis, centre, watch)
     exact = _exact_rules(analysis)
     layers: list[Array] = []
+    known: dict[Cell, tuple[float, float]] = {}
     if exact is not None:
         whole = exact
         moments, error = total(densities.volume, [p.rule() for p in exact]), EXACT
     else:
         limits = narrowed(analysis, limits_of(analysis))
-        found = settle(densities.volume, limits, partial(by_layer, analysis), densities.measure)
-        whole, layers, error = found.rules, found.values, found.error
-        moments = np.sum(layers, axis=0)
+        smooth = integrate_together(analysis, limits, densities.volume, centre)
+        if smooth is not None:
+            whole = [Panels(np.array(row), np.ones(1, dtype=int)) for row in limits]
+            moments, error, known = smooth.values, smooth.error, smooth.areas
+        else:
+            found = settle(densities.volume, limits, partial(by_layer, analysis), densities.measure)
+            whole, layers, error = found.rules, found.values, found.error
+            moments = np.sum(layers, axis=0)
     watch.check()
     if not (np.isfinite(moments).all() and np.isfinite(error)):
         raise NotIntegrableError(
@@ -96,7 +103,7 @@ def integrate(analysis: Analysis) -> MassProperties:
             "by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
         )
     closed = exact_integrals(analysis)
-    areas, errors = _areas(analysis, densities, whole, exact, closed)
+    areas, errors = _areas(analysis, densities, whole, exact, closed, known)
     errors.insert(0, error)
     if not max(errors) < UNSETTLED:
         raise NotIntegrableError(
@@ -119,14 +126,15 @@ def _areas(
     whole: list[Panels],
     exact: list[Panels] | None,
     closed: ExactIntegrals | None,
+    known: dict[Cell, tuple[float, float]],
 ) -> tuple[list[float], list[float]]:
-    """Return the area of each face of the complex, and its relative error."""
-    found: dict[Cell, tuple[float, float]] = {}
+    """Return the area of each face of the complex, and its relative error, if not `known`."""
+    found = dict(known)
     patches = [face.patch for face in analysis.complex.faces]
     if closed is not None:
         outer = [face.patch for face in analysis.boundary.faces]
-        known = zip(outer, closed.face_areas, strict=True)
-        found |= {patch: (area, EXACT) for patch, area in known if area is not None}
+        pairs = zip(outer, closed.face_areas, strict=True)
+        found |= {patch: (area, EXACT) for patch, area in pairs if area is not None}
     if exact is not None:
         left = [patch for patch in patches if patch not in found]
         found |= {patch: (area, EXACT) for patch, area in flat_areas(analysis, left).items()}
