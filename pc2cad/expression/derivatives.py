@@ -16,7 +16,6 @@ from pc2cad.expression.tree import (
     number,
     piece_rows,
     pieces,
-    walk,
 )
 from pc2cad.expression.waves import partials
 
@@ -27,22 +26,8 @@ def derivatives(roots: tuple[Expr, ...], name: str) -> tuple[Expr, ...]:
     The derivative of abs is the sign; at 0, where there is none, it evaluates to 0.
     """
     known = Recent[Expr]() if is_counted() else _known(name)
-    done: dict[Expr, Expr] = {}
-
-    def below(node: Expr) -> tuple[Expr, ...]:
-        if name not in node.symbols:
-            done[node] = ZERO
-        elif (found := known.get(node)) is not None:
-            done[node] = found
-        else:
-            return node.args
-        return ()
-
-    for node in walk(roots, below):
-        if node not in done:
-            done[node] = _derivative(node, done)
-            known.keep(node, done[node])
-    return tuple(done[root] for root in roots)
+    done = known.of(roots, _derivative, lambda node: None if name in node.symbols else ZERO)
+    return tuple([done[root] for root in roots])
 
 
 @lru_cache(maxsize=8)

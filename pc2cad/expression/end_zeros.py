@@ -22,7 +22,7 @@ from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.power_series import series_at_zero
 from pc2cad.expression.rewriting import rewrite
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.sign_changes import sign_changes
+from pc2cad.expression.sign_changes import keeps_sign, on_cells, sign_changes
 from pc2cad.expression.tree import (  # fmt: skip
     ANALYTIC,
     ONE,
@@ -42,6 +42,8 @@ _COUNT, _REACHES, _HIGHEST = 26, (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625), 
 _ROUNDING = 2.0**-54
 #: how far a simple zero may be from the end, of a parameter of length 1
 _ULPS = 2.0**-50
+#: least values beside an end, of the largest there, that let none near it be taken for zero
+_FAR = 2.0**-30
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,8 @@ def _parted(tree: Expr) -> tuple[tuple[Expr, int], tuple[Expr, int], Expr] | Non
     if len(tree.symbols) != 1:
         return None
     (name,) = tree.symbols
+    if _stays_clear(tree, name):
+        return None
     t = symbol(name)
     (turned,) = substitute((tree,), {name: 1 - t})
     start, end = _zero(tree, name), _zero(turned, name)
@@ -133,6 +137,13 @@ def _parted(tree: Expr) -> tuple[tuple[Expr, int], tuple[Expr, int], Expr] | Non
         return None
     rest = pieces(t, tuple(breaks), tuple((row,) for row in rows), ANALYTIC, closed=False)
     return (t, k), (1 - t, m), rest
+
+
+def _stays_clear(tree: Expr, name: str) -> bool:
+    """Say whether enclosures prove that a function is far from zero beside both ends."""
+    values = on_cells(tree, name)
+    sizes = np.sort(np.abs([values.lower, values.upper]).reshape(2, -1), axis=0)
+    return keeps_sign(values) and bool((sizes[0] > _FAR * sizes[1])[[0, -1]].all())
 
 
 def _is_positive(tree: Expr, name: str, low: Fraction, high: Fraction) -> bool:

@@ -10,21 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from functools import lru_cache
 from itertools import pairwise, product
-
-import numpy as np
 
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks, resolve_pieces
 from pc2cad.expression.derivatives import derivatives
-from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.end_roots import root_exponent
-from pc2cad.expression.intervals import interval
 from pc2cad.expression.kinks import take_kinks_apart
 from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.sign_changes import sign_changes
+from pc2cad.expression.sign_changes import keeps_sign, on_cells, sign_changes
 from pc2cad.expression.tree import (
     ONE,
     ZERO,
@@ -40,8 +35,6 @@ from pc2cad.expression.tree import (
 _LIMITS, _BETWEEN = (ZERO, ONE), (number(Fraction(371, 1000)), number(Fraction(613, 1000)))
 #: largest denominator of the places at which double zeros are known, and how near they are found
 _LARGEST, _FOUND = 1000, 1e-10
-#: cells over which a function is enclosed before its zeros are looked for
-_CELLS = 64
 #: a step beside a kink, and what is left of the values there at a zero
 _BESIDE, _LESS = Fraction(1, 2**16), 2.0**-12
 
@@ -90,7 +83,7 @@ def _at(tree: Expr, values: dict[str, Expr]) -> Expr:
 
 def _zeros(tree: Expr, name: str) -> list[Fraction]:
     """Return the places at which a function of one parameter vanishes and is not negative."""
-    if tree.symbols != {name} or _vanishes_nowhere(tree, name):
+    if tree.symbols != {name} or keeps_sign(on_cells(tree, name)):
         return []
     (tree,) = take_kinks_apart((tree,), tuple(symbol(p) for p in PARAMETERS))
     kinks = _kinks(tree, name)
@@ -114,14 +107,6 @@ def _is_zero_at(tree: Expr, values: dict[str, Expr]) -> bool:
         return is_identically_zero(*substitute((tree,), values))
     except ValueDomainError:
         return False
-
-
-@lru_cache(maxsize=256)  # variants of a template have many of their roots in common
-def _vanishes_nowhere(tree: Expr, name: str) -> bool:
-    """Say whether enclosures on even cells prove it, as they do of most functions at once."""
-    ends = np.arange(_CELLS + 1) / _CELLS
-    (value,) = IntervalProgram((tree,))({name: interval(ends[:-1], ends[1:])})
-    return bool((value.lower > 0).all() or (value.upper < 0).all())
 
 
 def _kinks(tree: Expr, name: str) -> list[Fraction]:

@@ -8,6 +8,7 @@ parameters its zeros are a curve, along which nothing can be joined; that is ref
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise, product
@@ -23,7 +24,7 @@ from pc2cad.expression.rewriting import among
 from pc2cad.expression.rounded_identity import is_zero_to_rounding
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.sign_changes import in_pieces, sign_changes
-from pc2cad.expression.tree import ONE, PI, Expr, call, number, power, rebuild, substitute, walk
+from pc2cad.expression.tree import ONE, PI, Expr, call, number, power, rebuild, substitute
 
 #: the functions that may hold kinks: a root of a square and the arc of a wave are absolute values
 _KINKED = frozenset(("abs", "sign", "sqrt", "acos", "asin")) | CHOICES
@@ -45,16 +46,16 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
     function whose zeros are too many to be found stays. Raises BreaksNotAlignedError where an
     argument of several parameters changes its sign.
     """
-    bent = among(roots, lambda n: not _BENT.isdisjoint(n.ops))
-    if not any(node.op in _KINKED or is_bent_table(node) for node in bent):
+    nodes = list(among(roots, lambda n: not _BENT.isdisjoint(n.ops)))
+    if not any(node.op in _KINKED or is_bent_table(node) for node in nodes):
         return roots
     # what is only used in a power of 2 or more has no kink
-    bare = {arg for node in walk(roots) if not _is_smooth_power(node) for arg in node.args}
+    bare = {arg for node in nodes if not _is_smooth_power(node) for arg in node.args}
     bare.update(roots)
-    kept = _below_roots(roots)
+    kept = _below_roots(nodes)
     done: dict[Expr, Expr] = {}
-    for node in walk(roots):
-        args = tuple(done[arg] for arg in node.args)
+    for node in nodes:
+        args = tuple([done.get(arg, arg) for arg in node.args])
         moved = node if args == node.args else rebuild(node, args)
         if moved.op in CHOICES or is_bent_table(moved):
             formulas = in_formulas(moved, partial(by_sign, shown=shown))
@@ -72,18 +73,19 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
             elif _is_smooth_power(node) and node.args[0].op == "abs":
                 exponent = node.args[1].payload
                 if exponent.denominator == 1:
-                    moved = _absolute(done[node.args[0].args[0]], int(exponent), shown)
+                    inner = node.args[0].args[0]
+                    moved = _absolute(done.get(inner, inner), int(exponent), shown)
         done[node] = moved
-    return tuple(done[root] for root in roots)
+    return tuple([done.get(root, root) for root in roots])
 
 
-def _below_roots(roots: tuple[Expr, ...]) -> set[Expr]:
-    """Return what roots, logarithms or quotients are taken of, factor by factor.
+def _below_roots(nodes: Iterable[Expr]) -> set[Expr]:
+    """Return what roots, logarithms or quotients among nodes are taken of, factor by factor.
 
     Where it vanishes they end: beside it, in pieces, they would be asked for roots of -1e-17.
     """
     found: set[Expr] = set()
-    for node in walk(roots):
+    for node in nodes:
         below: list[Expr] = []
         if node.op in ("sqrt", "log"):
             # the root of a square is what is asked for here

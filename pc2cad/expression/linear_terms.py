@@ -29,23 +29,14 @@ def cancel_terms(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     Sums in which nothing cancels keep their form, so that what several trees share stays shared.
     What becomes of a tree does not depend on others.
     """
-    known = Recent[Expr]() if is_counted() else _without
-    done: dict[Expr, Expr] = {}
     terms: dict[Expr, _Terms] = {}
 
-    def below(node: Expr) -> tuple[Expr, ...]:
-        found = known.get(node)
-        if found is None:
-            return node.args
-        done[node] = found
-        return ()
+    def find(node: Expr, done: dict[Expr, Expr]) -> Expr:
+        args = tuple([done[arg] for arg in node.args])
+        return _without_lost(node if args == node.args else rebuild(node, args), terms)
 
-    for node in walk(roots, below):
-        if node not in done:
-            args = tuple([done[arg] for arg in node.args])
-            moved = node if args == node.args else rebuild(node, args)
-            done[node] = _without_lost(moved, terms)
-            known.keep(node, done[node])
+    known = Recent[Expr]() if is_counted() else _without
+    done = known.of(roots, find, lambda node: None if node.args else node)
     return tuple([done[root] for root in roots])
 
 

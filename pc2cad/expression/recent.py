@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from operator import attrgetter
 from typing import Final, Generic, TypeVar
 
-from pc2cad.expression.tree import Expr
+from pc2cad.expression.tree import Expr, walk
 
 Found = TypeVar("Found")
 #: nodes that are remembered
@@ -26,3 +28,32 @@ class Recent(Generic[Found]):
         if len(self._found) >= MOST:
             self._found = {}  # not cleared: another thread may be reading it
         self._found[node] = found
+
+    def of(
+        self,
+        roots: tuple[Expr, ...],
+        find: Callable[[Expr, dict[Expr, Found]], Found],
+        settled: Callable[[Expr], Found | None],
+        below: Callable[[Expr], tuple[Expr, ...]] = attrgetter("args"),
+    ) -> dict[Expr, Found]:
+        """Return what is known of trees: what is neither settled nor remembered is found, and kept.
+
+        `find` is given a node and what is known of its operands (those that `below` gives). Below
+        what is settled or remembered nothing is looked at: it is not in what is returned.
+        """
+        remembered, known = self._found, dict[Expr, Found]()
+
+        def unknown(node: Expr) -> tuple[Expr, ...]:
+            found = settled(node)
+            if found is None:
+                found = remembered.get(node)
+                if found is None:
+                    return below(node)
+            known[node] = found
+            return ()
+
+        for node in walk(roots, unknown):
+            if node not in known:
+                known[node] = find(node, known)
+                self.keep(node, known[node])
+        return known

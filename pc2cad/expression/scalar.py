@@ -9,12 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
+from operator import add, attrgetter, mul, neg, truediv
 
 from pc2cad.expression.recent import Recent
-from pc2cad.expression.tree import Expr, walk
+from pc2cad.expression.tree import Expr
 
 _NAN = float("nan")
-_SPECIAL: dict[str, Callable[..., float]] = {
+_PLAIN: dict[str, Callable[..., float]] = {
+    "add": add,
+    "mul": mul,
+    "neg": neg,
+    "div": truediv,
     "abs": abs,
     "sign": lambda a: float((a > 0) - (a < 0)),
     "mod": lambda a, m: a % m,
@@ -38,21 +43,8 @@ def evaluate_all(roots: tuple[Expr, ...], values: Mapping[str, float]) -> dict[E
     """Return the values of the trees and of nodes below them (see `evaluate`)."""
     # 0 and -0 are equal, and their reciprocals are not
     known = _known(tuple([(n, x, math.copysign(1, x)) for n, x in sorted(values.items())]))
-    store: dict[Expr, float] = {}
-
-    def below(node: Expr) -> tuple[Expr, ...]:
-        # constants keep their values: definitions that use one another are looked at one by one
-        found = node.value if node.value is not None else known.get(node)
-        if found is None:
-            return node.args
-        store[node] = found
-        return ()
-
-    for node in walk(roots, below):
-        if node not in store:
-            _take(node, store, values)
-            known.keep(node, store[node])
-    return store
+    # constants keep their values: definitions that use one another are looked at one by one
+    return known.of(roots, lambda node, store: _taken(node, store, values), attrgetter("value"))
 
 
 @lru_cache(maxsize=64)
@@ -65,39 +57,32 @@ def values_of(nodes: Iterable[Expr], values: Mapping[str, float]) -> dict[Expr, 
     """Return the values of nodes, operands first (see `evaluate`)."""
     store: dict[Expr, float] = {}
     for node in nodes:
-        if node.value is not None:
-            store[node] = node.value
-        else:
-            _take(node, store, values)
+        store[node] = _taken(node, store, values) if node.value is None else node.value
     return store
 
 
-def _take(node: Expr, store: dict[Expr, float], values: Mapping[str, float]) -> None:
-    """Put the value of a node into a store that has those of its operands."""
+def _taken(node: Expr, store: dict[Expr, float], values: Mapping[str, float]) -> float:
+    """Return the value of a node from a store that has those of its operands."""
+    if node.op == "symbol":
+        return values[node.payload]
     try:
-        store[node] = _value(node, [store[arg] for arg in node.args], values)
+        value = _value(node, [store[arg] for arg in node.args])
     except (ValueError, ZeroDivisionError, OverflowError):
-        store[node] = _NAN
+        value = _NAN
     if not node.symbols:
-        object.__setattr__(node, "value", store[node])
+        object.__setattr__(node, "value", value)
+    return value
 
 
-def _value(node: Expr, args: list[float], values: Mapping[str, float]) -> float:
+def _value(node: Expr, args: list[float]) -> float:
     op = node.op
+    plain = _PLAIN.get(op)
+    if plain is not None:
+        return plain(*args)
     if op == "number":
         return float(node.payload)
     if op == "constant":
         return math.pi if node.payload == "pi" else math.e
-    if op == "symbol":
-        return values[node.payload]
-    if op == "add":
-        return args[0] + args[1]
-    if op == "mul":
-        return args[0] * args[1]
-    if op == "neg":
-        return -args[0]
-    if op == "div":
-        return args[0] / args[1]
     if op == "pow":
         result = args[0] ** args[1]
         return result if isinstance(result, float) else _NAN
@@ -105,7 +90,7 @@ def _value(node: Expr, args: list[float], values: Mapping[str, float]) -> float:
         return _piece_value(node, args)
     if op == "fourier":
         return node.payload.value(*args)  # type: ignore[no-any-return]
-    return (_SPECIAL.get(op) or getattr(math, op))(*args)
+    return getattr(math, op)(*args)  # type: ignore[no-any-return]
 
 
 def _piece_value(node: Expr, args: list[float]) -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise, product
 
 import numpy as np
@@ -18,16 +19,20 @@ import numpy as np
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks, resolve_pieces
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.derivatives import derivatives
-from pc2cad.expression.enclosures import IntervalProgram
+from pc2cad.expression.enclosures import IntervalProgram, enclose
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import Interval, interval
 from pc2cad.expression.normal_form import normal_form
+from pc2cad.expression.operations import operands
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.recent import Recent
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, number, pieces, substitute, symbol
 
 #: intervals that the search begins with, that it takes at once, and how narrow they get
 _FIRST, _MOST, _NARROW = 16, 2048, 2.0**-44
+#: cells over which a function is enclosed before its zeros are looked for
+_EVEN = 64
 #: cells of each other parameter, and the places of it at which zeros are compared first
 _CELLS, _ASKED = 6, (0.37, 0.83)
 #: where between the ends of an interval a function is looked at
@@ -79,6 +84,29 @@ def sign_changes(tree: Expr, name: str | None = None) -> SignChanges | None:
     if rows is None:
         return None
     return _told(_at(tree, others, _ASKED), name, rows)
+
+
+def on_cells(tree: Expr, name: str) -> Interval:
+    """Return the enclosures of a function of one parameter on even cells of [0, 1]."""
+    ends = np.arange(_EVEN + 1) / _EVEN
+    boxes = {name: interval(ends[:-1], ends[1:])}
+
+    def find(node: Expr, known: dict[Expr, Interval]) -> Interval:
+        return enclose(node, tuple([known[arg] for arg in operands(node)]), boxes)
+
+    with np.errstate(all="ignore"):
+        return _enclosed(name).of((tree,), find, lambda _: None, operands)[tree]
+
+
+@lru_cache(maxsize=3)
+def _enclosed(_: str) -> Recent[Interval]:
+    """Return the enclosures that are remembered: roots have most of their trees in common."""
+    return Recent()
+
+
+def keeps_sign(values: Interval) -> bool:
+    """Say whether enclosures prove that a function vanishes nowhere, as they do of most."""
+    return bool((values.lower > 0).all() or (values.upper < 0).all())
 
 
 def in_pieces(

@@ -18,6 +18,7 @@ from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
+from pc2cad.expression.residues import may_be_square
 from pc2cad.expression.rewriting import among, rewrite
 from pc2cad.expression.scalar import evaluate, values_of
 from pc2cad.expression.separable_sums import product_of, products, without_number
@@ -102,7 +103,7 @@ def _root(node: Expr) -> Expr:
         return node
     # algebra is dear: a few values tell whether there is a constant to be proved
     steady = bool(node.symbols) and seems_constant(radicand, _value(radicand))
-    if not node.symbols or not (steady or _is_short(radicand)):
+    if not node.symbols or not (steady or (_is_short(radicand) and may_be_square(radicand))):
         return node
     form = _form(radicand)
     if form is None:

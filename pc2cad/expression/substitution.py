@@ -15,7 +15,6 @@ from pc2cad.expression.tree import (
     rebuild,
     row_at,
     symbol,
-    walk,
 )
 
 
@@ -32,15 +31,8 @@ def substituted(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr,
     put = tuple([(name, values[name]) for name in sorted(names)])
     known = Recent[Expr]() if is_counted() else _known(put)
     chosen: dict[Expr, tuple[tuple[Expr, ...], Fraction]] = {}
-    done: dict[Expr, Expr] = {}
 
     def below(node: Expr) -> tuple[Expr, ...]:
-        if node.symbols.isdisjoint(names):
-            done[node] = node
-            return ()
-        if (found := known.get(node)) is not None:
-            done[node] = found
-            return ()
         if node.op == "pieces" and node.args[0].symbols <= names:
             (at,) = substituted(node.args[:1], values)
             if at.op == "number":
@@ -49,18 +41,18 @@ def substituted(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr,
                 return chosen[node][0]
         return node.args
 
-    for node in walk(roots, below):
-        if node in done:
-            continue
+    def find(node: Expr, done: dict[Expr, Expr]) -> Expr:
         if node.op == "symbol":
-            done[node] = values[node.payload]
-        elif node in chosen:
+            return values[node.payload]
+        if node in chosen:
             row, local = chosen[node]
-            done[node] = polynomial(tuple([done[c] for c in row]), number(local))
-        else:
-            done[node] = rebuild(node, tuple([done[arg] for arg in node.args]))
-        known.keep(node, done[node])
-    return tuple(done[root] for root in roots)
+            return polynomial(tuple([done[c] for c in row]), number(local))
+        return rebuild(node, tuple([done[arg] for arg in node.args]))
+
+    done = known.of(
+        roots, find, lambda node: node if node.symbols.isdisjoint(names) else None, below
+    )
+    return tuple([done[root] for root in roots])
 
 
 @lru_cache(maxsize=16)

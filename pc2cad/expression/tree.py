@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
-from zlib import crc32
 
 from pc2cad.expression.budget import spend
 from pc2cad.expression.exact import ValueDomainError as ValueDomainError
 from pc2cad.expression.exact import exact
 from pc2cad.expression.foreign import Foreign
 from pc2cad.expression.interning import Interned
+from pc2cad.expression.name_sets import checksum, plain_checksum, union, union_with
 
 Number = int | float | Fraction
 
@@ -30,8 +30,6 @@ _SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
 LARGEST_BITS: Final = 4096
 
 _interned: Interned[Expr] = Interned()
-#: the sets of symbols and of operations that nodes have: a few, of many nodes
-_sets: Final[dict[frozenset[str], frozenset[str]]] = {}
 
 #: order of continuity of what is one analytic function but for rounding: its breaks do not count
 ANALYTIC: Final = 99
@@ -133,7 +131,8 @@ _puts: Final = tuple([getattr(Expr, name).__set__ for name in Expr.__slots__[1:]
 
 
 def _is_scalar(value: object) -> bool:
-    return isinstance(value, (Expr, int, float, Fraction)) and not isinstance(value, bool)
+    numbers = (int, float, Fraction)
+    return type(value) is Expr or (isinstance(value, numbers) and not isinstance(value, bool))
 
 
 def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
@@ -144,19 +143,23 @@ def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
     if (known := _interned.get(key)) is not None:
         return known
     node = object.__new__(Expr)
-    symbols = _united((payload,) if op == "symbol" else (), [arg.symbols for arg in args])
-    ops = _united((op,), [arg.ops for arg in args])
-    rank = hash((crc32(f"{op} {payload!r}".encode()), *(arg.rank for arg in args)))
-    for put, value in zip(_puts, (args, op, ops, payload, rank, symbols, None), strict=True):
-        put(node, value)
+    own = plain_checksum(op) if payload is None else checksum(op, payload)
+    if len(args) == 2:
+        a, b = args
+        symbols = a.symbols if a.symbols is b.symbols else union(a.symbols, b.symbols)
+        ops, rank = union_with(op, a.ops, b.ops), hash((own, a.rank, b.rank))
+    else:
+        symbols = union_with(payload) if op == "symbol" else union(*{x.symbols for x in args})
+        ops, rank = union_with(op, *{x.ops for x in args}), hash((own, *[x.rank for x in args]))
+    put_args, put_op, put_ops, put_payload, put_rank, put_symbols, put_value = _puts
+    put_args(node, args)
+    put_op(node, op)
+    put_ops(node, ops)
+    put_payload(node, payload)
+    put_rank(node, rank)
+    put_symbols(node, symbols)
+    put_value(node, None)
     return _interned.keep(key, node)
-
-
-def _united(own: tuple[str, ...], sets: list[frozenset[str]]) -> frozenset[str]:
-    if len(sets) == 1 and sets[0].issuperset(own):
-        return sets[0]
-    found = frozenset(own).union(*sets)
-    return _sets.setdefault(found, found)
 
 
 def number(value: Number) -> Expr:
@@ -364,21 +367,24 @@ def walk(
     roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] | None = None
 ) -> Iterator[Expr]:
     """Yield every node below `roots` once, operands (those that `below` gives) before it."""
-    seen, opened = set[Expr](), set[Expr]()
-    stack = list(reversed(roots))
+    seen, opened = set[Expr](), list[Expr]()
+    # None stands for the node that was opened last, whose operands come before it
+    stack: list[Expr | None] = [*reversed(roots)]
+    pop, push, done = stack.pop, stack.append, seen.add
     while stack:
-        node = stack.pop()
-        if node in seen:
+        node = pop()
+        if node is None:
+            node = opened.pop()
+        elif node in seen:
             continue
-        if node not in opened:
-            args = node.args if below is None else below(node)
-            if args and (missing := [arg for arg in args if arg not in seen]):
-                opened.add(node)
-                stack.append(node)
-                missing.reverse()
-                stack += missing
-                continue
-        seen.add(node)
+        elif args := node.args if below is None else below(node):
+            opened.append(node)
+            push(None)
+            for arg in reversed(args):
+                if arg not in seen:
+                    push(arg)
+            continue
+        done(node)
         yield node
 
 
