@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +19,8 @@ from pc2cad.trust.files import FileNotReadError, read_regular
 from pc2cad.trust.names import clean
 
 LARGEST_FILE: Final = 256 * 1024
+#: templates that are kept as they were read
+MOST_KEPT: Final = 16
 
 
 def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
@@ -36,7 +39,11 @@ def read_template(path: str | os.PathLike[str]) -> Template | BodiesTemplate:
 
 def parse_template(text: str, name: str, file: str = "template") -> Template | BodiesTemplate:
     """Return the template that a TOML text holds; `file` is named in messages."""
-    name = clean(name) or "unnamed"
+    return _parsed(text, clean(name) or "unnamed", file)
+
+
+@lru_cache(maxsize=MOST_KEPT)  # a variant's template has most often been read for the one before
+def _parsed(text: str, name: str, file: str) -> Template | BodiesTemplate:
     check_text(text, file)
     try:
         # as_float keeps decimals exact: 0.1 is one tenth
