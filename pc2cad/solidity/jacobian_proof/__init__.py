@@ -3,7 +3,7 @@
 from pc2cad.arrays import Array
 from pc2cad.domain.map import Mapping3
 from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
-from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
+from pc2cad.solidity.jacobian_proof.factors import has_known_ranges, sign_from_factors
 from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
 from pc2cad.solidity.jacobian_proof.separable import sign_from_products
 
@@ -14,10 +14,12 @@ def proved_sign(mapping: Mapping3, open_places: list[Array] | None = None) -> in
     Middles of boxes in which it was not are added to `open_places`, as arrays (3, n).
     """
     left = [] if open_places is None else open_places
+    soon = has_known_ranges(mapping)
     return (
-        sign_by_algebra(mapping)
+        (soon and sign_by_algebra(mapping))
         or (mapping.even and sign_from_factors(Mapping3(mapping.even, mapping.parameters)))
         or sign_from_products(mapping, left)
+        or (not soon and sign_by_algebra(mapping))
         or sign_from_enclosures(mapping, left)
     )
 

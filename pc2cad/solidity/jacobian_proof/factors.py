@@ -49,6 +49,10 @@ ANALYTIC = frozenset((
     "number", "constant", "symbol", "add", "neg", "mul", "div", "pow", "sin", "cos", "exp", "sinh",
     "cosh", "tanh",
 ))  # fmt: skip
+#: operations that are unbounded, or have derivatives that are, where this operand vanishes
+_ENDING = {"div": 1, "sqrt": 0, "log": 0}
+#: the box
+_WHOLE = {name: interval([0.0], [1.0]) for name in PARAMETERS}
 #: places at which a function that is not constant has different values, u, v and w
 _PLACES = [interval(x, x) for x in scattered(8, 3).T]
 
@@ -79,6 +83,19 @@ def sign_from_factors(mapping: Mapping3) -> int:
     # but for no volume, these stay clear of their limits; other atoms may be at theirs
     clear = tuple(axis for axis, atom in enumerate(atoms) if _spreads(atom))
     return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * MOST_COEFFICIENTS)
+
+
+def has_known_ranges(mapping: Mapping3) -> bool:
+    """Say whether the atoms of det J are bounded, as far as roots and denominators of M tell.
+
+    Where they are not, det J has seldom its sign from factors, and others are asked first.
+    """
+    if _has_many_nodes(sum(mapping.derivatives, ())):
+        return True  # which is told at once
+    nodes = [node for node in walk(mapping.coordinates) if node.symbols and node.op in _ENDING]
+    ends = tuple({node.args[_ENDING[node.op]]: None for node in nodes})
+    found = IntervalProgram(ends)(_WHOLE)
+    return all(bool(np.all(x.lower > 0) or np.all(x.upper < 0)) for x in found)
 
 
 def _form(mapping: Mapping3) -> NormalForm | None:
@@ -229,8 +246,7 @@ def _half_turns(atom: Expr) -> Range | None:
 
 
 def _enclosure(atom: Expr) -> Range | None:
-    whole = {name: interval([0.0], [1.0]) for name in PARAMETERS}
-    (found,) = IntervalProgram((atom,))(whole)
+    (found,) = IntervalProgram((atom,))(_WHOLE)
     low, high = float(found.lower.item()), float(found.upper.item())
     return (Fraction(low), Fraction(high)) if math.isfinite(low) and math.isfinite(high) else None
 

@@ -27,7 +27,7 @@ from pc2cad.expression.normal_form import Monomial, normal_form, tree_of
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
-from pc2cad.solidity.jacobian_proof.determinant import determinant
+from pc2cad.solidity.jacobian_proof.triples import Products, scaled, triple
 
 #: boxes of two parameters
 _Boxes = tuple[Place, Place]
@@ -81,25 +81,22 @@ def sign_from_products(mapping: Mapping3, left: list[Array] | None = None) -> in
 class _Sum:
     """det J as a sum of products: a tree in the first parameter times one in the others each."""
 
-    def __init__(
-        self, products: list[tuple[tuple[Expr, ...], Expr]], names: tuple[str, ...]
-    ) -> None:
+    def __init__(self, products: Products, names: tuple[str, ...]) -> None:
         self._names = names
-        vectors = [vector for vector, _ in products]
-        factors = tuple(factor for _, factor in products)
-        slopes = [derivatives(vector, names[0]) for vector in vectors]
+        rows = scaled(products, names[0])
+        factors = tuple([row.factor for row in rows])
         along, across = (derivatives(factors, name) for name in names[1:])
         minors = {
             (i, j): minor
-            for i, j in combinations(range(len(products)), 2)
+            for i, j in combinations(range(len(rows)), 2)
             if (minor := along[i] * across[j] - along[j] * across[i]) is not ZERO
         }
         #: what all terms share, and what is known to be positive inside taken out of it
         self._common = next(iter(minors.values())) if len(minors) == 1 else ONE
         found: dict[Expr, Expr] = {}
         for (i, j), minor in minors.items():
-            for slope, factor in zip(slopes, factors, strict=True):
-                first = determinant((slope, vectors[i], vectors[j]))
+            for k, factor in enumerate(factors):
+                first = triple(rows, k, i, j, names[0])
                 second = factor if minor is self._common else factor * minor
                 if first is not ZERO:
                     found[first] = found.get(first, ZERO) + second
