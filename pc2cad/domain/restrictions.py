@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import groupby, islice, pairwise
 from math import prod
 from typing import TYPE_CHECKING
@@ -19,7 +19,9 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
+from pc2cad.domain.periods import is_periodic
 from pc2cad.domain.pieces import has_pieces, piece_at
+from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.plain_functions import of_powers_or_waves
@@ -48,18 +50,6 @@ MOST_PLACES, MOST_CELLS = 100_000, 32
 _Places = tuple[bytes, ...]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
-
-
-@lru_cache(maxsize=8)
-def sections(density: int = 1) -> Array:
-    """Return ascending places along a direction: both ends, and 13 Gauss nodes or more between."""
-    nodes = (np.polynomial.legendre.leggauss(13 * density)[0] + 1) / 2
-    places = np.concatenate(([0.0], nodes, [1.0]))
-    places.flags.writeable = False
-    return places
-
-
-SECTIONS = sections()
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +233,6 @@ class DirectionClasses:
         self._owner: dict[Piece, Piece] = {}
         self._symmetric: set[Piece] = set()
         self._rules: dict[Piece, DirectionRules] = {}
-        self._periodic: dict[int, bool] = {}
         for edge in analysis.complex.edges:
             first, *others = edge.members
             for member in others:
@@ -281,7 +270,7 @@ class DirectionClasses:
                 places = (b.position, 1 - b.position) if symmetric else (b.position,)
                 for place in places:
                     breaks[place] = Break(place, b.smoothness)
-        periodic = all(self._is_periodic(d) for d, _ in members)
+        periodic = all(is_periodic(self._analysis, d) for d, _ in members)
         return DirectionRules(
             self._degrees, tuple(breaks[p] for p in sorted(breaks)), periodic, symmetric
         )
@@ -298,24 +287,6 @@ class DirectionClasses:
             for b in self._analysis.breaks[piece[0]]
             if low <= b.position <= high
         ]
-
-    def _is_periodic(self, direction: int) -> bool:
-        """Say whether M continues beyond the end of a direction as it began (sampled)."""
-        if direction not in self._periodic:
-            whole = len(self._analysis.bounds[direction]) == 2
-            # most directions do not even end where they begin
-            self._periodic[direction] = whole and all(
-                self._comes_round(direction, nodes) for nodes in (SECTIONS[:1], SECTIONS)
-            )
-        return self._periodic[direction]
-
-    def _comes_round(self, direction: int, nodes: Array) -> bool:
-        """Say whether M is the same at some places of a direction and one length further on."""
-        grid = [SECTIONS] * 3
-        grid[direction] = np.concatenate((nodes, nodes + 1))
-        values = np.moveaxis(self._analysis.map.points(*open_grid(*grid)), direction, 0)
-        gap = np.abs(values[len(nodes) :] - values[: len(nodes)]).max()
-        return bool(gap <= 10 * self._analysis.scale.same_point)
 
 
 def _flat_rank(points: Array, origins: Array) -> int:

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pc2cad.domain.restrictions import SECTIONS, RestrictedMap, look, look_across, look_along
+from pc2cad.domain.restrictions import RestrictedMap, look, look_across, look_along
+from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import Interval

@@ -28,8 +28,8 @@ from pc2cad.domain.restrictions import (
     RestrictedMap,
     polynomial_space,
     sampled,
-    sections,
 )
+from pc2cad.domain.sections import sections
 from pc2cad.expression.angle_multiples import common
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.narrow import narrow_limits

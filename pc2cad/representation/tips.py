@@ -13,7 +13,8 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import squares
-from pc2cad.domain.restrictions import SECTIONS, RestrictedMap
+from pc2cad.domain.restrictions import RestrictedMap
+from pc2cad.domain.sections import SECTIONS
 
 #: distances from the tip at which M is compared, and how near to whole their power has to be
 _FAR, _NEAR, _WHOLE = 1e-3, 1e-4, 0.1
