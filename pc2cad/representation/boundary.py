@@ -20,42 +20,44 @@ from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Arc,
+    CurveCarrier,
     Evidence,
     Line,
     PCurve,
     SplineCurve,
     SplineSurface,
 )
-from pc2cad.geometry.recognition.from_points import Fitted, irrational
+from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.meridians import along_meridian
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.bernstein import bernstein, bezier_knots
 from pc2cad.geometry.splines.rational import (
     Parametrisation,
-    edge_deviation,
     face_deviation,
-    fit_edge,
+    fit_edges,
     fit_face,
 )
 from pc2cad.geometry.splines.spline_profile import spline_profile
 from pc2cad.geometry.splines.tensor import Deviation
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.representation.between_faces import extremes_first, lies_between
-from pc2cad.representation.boundary_model import BoundaryModel, Layer, ModelEdge, ModelFace
+from pc2cad.representation.boundary_model import BoundaryModel, ModelEdge, ModelFace
 from pc2cad.representation.deviation_proof import (
     Side,
     prove_edge,
     prove_face,
     prove_meridian,
 )
+from pc2cad.representation.fitted_edges import Wanted, fitted
 from pc2cad.representation.meridian_faces import approximated_meridian
+from pc2cad.representation.model_layers import faces_of, layer
 from pc2cad.representation.parametrisation import FaceDirection, Parametrisations
 from pc2cad.representation.plan import Cells, Plan, plan_of, settle
 from pc2cad.representation.plane_faces import coplanar_groups, join_straight_edges, plane_face
 from pc2cad.representation.tightening import Aim, Attempt, tighten
 from pc2cad.representation.tips import hold, rest_at, rest_at_ends
 from pc2cad.representation.trimming import sides_of_fitted, sides_on, whole_square
-from pc2cad.topology.complex import EdgeUse, Shell
+from pc2cad.topology.complex import EdgeUse
 
 #: share of the tolerance that one direction's fit aims at: half of what a face may deviate by
 DIRECTION_SHARE = 0.24
@@ -78,40 +80,15 @@ def represent(
     edges, faces = _carriers(
         _Work(cells, vertices, tolerance, analysis.scale.evaluation_noise, Known(), prove)
     )
-    shells = [_faces_of(shell, faces) for shell in cells.boundary.shells]
+    shells = [faces_of(shell, faces) for shell in cells.boundary.shells]
     shells.insert(0, shells.pop(checked.solidity.outer_shell))
     layers = tuple(
-        _layer(name, index, cells, faces) for index, name in enumerate(analysis.equation.layers)
+        layer(name, index, cells, faces) for index, name in enumerate(analysis.equation.layers)
     )
     return BoundaryModel(
         cells.boundary, vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
         analysis.size, layers,
     )  # fmt: skip
-
-
-def _faces_of(shell: Shell, faces: list[ModelFace]) -> tuple[int, ...]:
-    return tuple(i for i, face in enumerate(faces) if face.cells[0] in shell.faces)
-
-
-def _layer(name: str, index: int, cells: Cells, faces: list[ModelFace]) -> Layer:
-    """Return a layer: the widest of its shells is the outer one."""
-    boundary = cells.boundary
-    shells = sorted(
-        boundary.layers[index], key=lambda shell: -max(_extent(cells.faces[f]) for f in shell.faces)
-    )
-    # a face between two layers is made as the upper side of the lower one
-    upside_down = [
-        face.cells[0] in boundary.enclosed and boundary.faces[face.cells[0]].patch[2] == 2 * index
-        for face in faces
-    ]
-    members = tuple(tuple((i, upside_down[i]) for i in _faces_of(shell, faces)) for shell in shells)
-    return Layer(name, members, sum(shell.euler for shell in shells))
-
-
-def _extent(face: RestrictedMap) -> float:
-    """Return the diagonal of the box round samples of a face."""
-    nodes = irrational(9)
-    return float(np.linalg.norm(np.ptp(face(nodes, nodes), axis=(0, 1))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +127,9 @@ def _attempt(work: _Work, plan: Plan, aim: Aim) -> Attempt[_Carriers | int]:
     Deviations are proved only where the seen ones leave room for that.
     """
     fits = _Fits(work, plan, plan.parametrisations.resolved(aim, work.rounding))
-    boundary, planes = work.cells.boundary, work.cells.planes
+    planes = work.cells.planes
     plan.look_at_edges(fits.parametrisations)
-    edges = [fits.edge(i) for i in range(len(boundary.edges))]
+    edges = fits.edges()
     groups = coplanar_groups(work.cells.analysis, [p and p[0] for p in planes])
     made: dict[tuple[int, ...], ModelFace] = {}
     share = SAMPLED_SHARE * work.tolerance
@@ -216,18 +193,11 @@ class _Fits:
                     found, own = self._proved_face(face)
                     sides += own
                 proved_faces[place] = found
-        functions = zip(edges, self.work.cells.edges, self.plan.bound, strict=True)
         return [
-            prove_edge(
-                edge,
-                f,
-                self.parametrisations.parametrisation(FaceDirection(f, 0, bound)),
-                sides,
-                self.work.known,
-            )
+            prove_edge(edge, f, self._run(i), sides, self.work.known)
             if edge.evidence == "sampled"
             else edge
-            for edge, f, bound in functions
+            for i, (edge, f) in enumerate(zip(edges, self.work.cells.edges, strict=True))
         ], proved_faces
 
     def _proved_face(self, face: ModelFace) -> tuple[ModelFace, list[Side]]:
@@ -246,37 +216,51 @@ class _Fits:
 
     # -- edges ---------------------------------------------------------------------------------
 
-    def edge(self, index: int) -> ModelEdge:
-        """Return the carrier of an edge."""
-        function, edge = self.work.cells.edges[index], self.work.cells.boundary.edges[index]
-        ends = self.work.vertices[edge.start], self.work.vertices[edge.end]
-        made = partial(
-            ModelEdge, self.work.cells.boundary.key(edge.cell), start=edge.start, end=edge.end
-        )
-        if not self.plan.bound[index]:
-            simple = self.work.cells.simple(index)
-            if simple is not None:
-                carrier = Line(*ends) if isinstance(simple, Line) else simple
-                if isinstance(simple, Arc):
-                    carrier = self._meridian(index, simple) or carrier
-                return made(carrier, evidence="exact", deviation=0.0)
-        parametrisation = self.parametrisations.parametrisation(
-            FaceDirection(function, 0, self.plan.bound[index])
-        )
-        exact = None if parametrisation.arcs else bernstein(*function.trees)
-        if exact is not None and len(exact) <= 1 + self._highest(parametrisation):
-            exact[0], exact[-1] = ends
-            bezier = Line(*ends) if len(exact) == 2 else _bezier(exact)
-            return made(bezier, evidence="exact", deviation=0.0)
-        poles, weights = fit_edge(function(parametrisation.sites), parametrisation)
-        poles[0], poles[-1] = ends
-        for rest, row in zip(self._rests[index], (poles, poles[::-1]), strict=True):
-            hold(row, rest)
-        seen = edge_deviation(function, parametrisation, poles, weights)
-        space = parametrisation.space
-        curve = SplineCurve(space.degree, space.knots, poles, weights)
-        evidence: Evidence = "exact" if parametrisation.exact else "sampled"
-        return made(curve, evidence=evidence, deviation=seen.largest, place=seen.place)
+    def edges(self) -> list[ModelEdge]:
+        """Return the carriers of all edges."""
+        count = range(len(self.work.cells.edges))
+        exact = [self._exact(i) for i in count]
+        wanted = {
+            i: Wanted(self.work.cells.edges[i], self._run(i), self._ends(i), self._rests[i])
+            for i in count
+            if exact[i] is None
+        }
+        curves = dict(zip(wanted, fitted(list(wanted.values())), strict=True))
+        made = []
+        for i, carrier in enumerate(exact):
+            edge = self.work.cells.boundary.edges[i]
+            key, seen = self.work.cells.boundary.key(edge.cell), Deviation(0.0, 0)
+            evidence: Evidence = "exact"
+            if carrier is None:
+                carrier, seen = curves[i]
+                evidence = "exact" if wanted[i].parametrisation.exact else "sampled"
+            ends = edge.start, edge.end
+            made.append(ModelEdge(key, carrier, *ends, evidence, seen.largest, place=seen.place))
+        return made
+
+    def _ends(self, index: int) -> tuple[Array, Array]:
+        edge = self.work.cells.boundary.edges[index]
+        return self.work.vertices[edge.start], self.work.vertices[edge.end]
+
+    def _run(self, index: int) -> Parametrisation:
+        """Return how an edge runs along its direction."""
+        direction = FaceDirection(self.work.cells.edges[index], 0, self.plan.bound[index])
+        return self.parametrisations.parametrisation(direction)
+
+    def _exact(self, index: int) -> CurveCarrier | None:
+        """Return the line, conic or polynomial that an edge is, None for one to be fitted."""
+        ends = self._ends(index)
+        simple = None if self.plan.bound[index] else self.work.cells.simple(index)
+        if isinstance(simple, Arc):
+            return self._meridian(index, simple) or simple
+        if simple is not None:
+            return Line(*ends) if isinstance(simple, Line) else simple
+        run = self._run(index)
+        exact = None if run.arcs else bernstein(*self.work.cells.edges[index].trees)
+        if exact is None or len(exact) > 1 + self._highest(run):
+            return None
+        exact[0], exact[-1] = ends
+        return Line(*ends) if len(exact) == 2 else _bezier(exact)
 
     @cached_property
     def _rests(self) -> dict[int, tuple[int, int]]:
@@ -371,7 +355,7 @@ class _Fits:
         parametrisation = self.parametrisations.parametrisation(FaceDirection(function, axis))
         along, across = parametrisation.sites, np.array([level])
         values = function(along, across)[:, 0] if axis == 0 else function(across, along)[0]
-        poles, weights = fit_edge(values, parametrisation)
+        (poles,), weights = fit_edges(values[None], parametrisation)
         return SplineCurve(
             parametrisation.space.degree, parametrisation.space.knots, poles, weights
         )

@@ -11,7 +11,7 @@ from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.geometry.carriers import AnalyticSurface, Revolution, SplineCurve
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
-from pc2cad.geometry.splines.rational import Parametrisation, edge_deviation
+from pc2cad.geometry.splines.rational import Parametrisation, edge_deviations
 from pc2cad.geometry.splines.tensor import Deviation
 from pc2cad.representation.parametrisation import FaceDirection, Parametrisations
 
@@ -40,7 +40,8 @@ class Meridian:
         assert isinstance(surface, Revolution)
         assert isinstance(surface.basis, SplineCurve)
         basis = surface.basis
-        seen = edge_deviation(self, self.parametrisation, basis.poles, basis.weights)
+        truth = self(self.parametrisation.checks)[None]
+        (seen,) = edge_deviations(truth, self.parametrisation, basis.poles[None], basis.weights)
         return replace(seen, place=self.place(seen.place[0]))
 
 

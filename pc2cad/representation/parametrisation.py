@@ -104,6 +104,7 @@ class Parametrisations:
         self._profile = profile
         #: of the classes in which something is approximated, in a copy that `resolved` makes
         self._spaces: dict[Piece, SplineSpace] = {}
+        self._runs: dict[Piece, Parametrisation] = {}
         self._arcs: dict[Piece, tuple[Arcs, int]] = {}
         members: dict[Piece, list[FaceDirection]] = {}
         for direction in directions:
@@ -185,8 +186,10 @@ class Parametrisations:
         if exact is not None:
             return exact
         owner = self._owner(direction)
-        arcs, order = self._arcs.get(owner, (None, 0))
-        return Parametrisation(self._spaces[owner], arcs, order)
+        if owner not in self._runs:
+            arcs, order = self._arcs.get(owner, (None, 0))
+            self._runs[owner] = Parametrisation(self._spaces[owner], arcs, order)
+        return self._runs[owner]
 
     # -- approximation -------------------------------------------------------------------------
 
@@ -202,7 +205,7 @@ class Parametrisations:
             if not is_section and self.exact(direction) is None:
                 users.setdefault(self._owner(direction), []).append(direction)
         result = copy(self)
-        result._spaces = {}
+        result._spaces, result._runs = {}, {}
         for owner, same in users.items():
             fitted = {direction.function for direction in same}
             directions = [d for d in same if not (d.between and fitted.issuperset(d.between))]

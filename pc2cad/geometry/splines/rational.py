@@ -16,12 +16,11 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import solve
 from pc2cad.geometry.splines.arcs import Arcs
-from pc2cad.geometry.splines.portrait import Sampler
 from pc2cad.geometry.splines.spline_space import SplineSpace
 from pc2cad.geometry.splines.tensor import (
     Deviation,
     GridSampler,
-    curve_deviation,
+    curve_deviations,
     fit_surface,
     surface_deviation,
 )
@@ -53,11 +52,17 @@ class PiecewiseSpace(SplineSpace):
         poles[::p] = values.reshape(len(values), -1)[::p]
         return poles.reshape(len(poles), *values.shape[1:])
 
+    def fit_each(self, curves: Array) -> Array:
+        """Return what `fit` does of each of several curves, (k, sites, 3) to (k, size, 3)."""
+        return np.stack([self.fit(curve) for curve in curves])
 
+
+@lru_cache(maxsize=64)
 def _chebyshev(degree: int) -> Array:
     return np.asarray((1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2)
 
 
+@lru_cache(maxsize=64)
 def _collocation(degree: int) -> Array:
     """Return the Bernstein polynomials at Chebyshev's places."""
     x, i = _chebyshev(degree)[:, None], np.arange(degree + 1)
@@ -153,22 +158,27 @@ def face_deviation(
     return surface_deviation(numerators, s.space, t.space, poles, weight)
 
 
-def edge_deviation(
-    sample: Sampler, parametrisation: Parametrisation, poles: Array, weights: Array | None
-) -> Deviation:
-    """Return the largest distance at equal parameters at places off the sites."""
-    truth = sample(parametrisation.checks)
+def edge_deviations(
+    truth: Array, parametrisation: Parametrisation, poles: Array, weights: Array | None
+) -> list[Deviation]:
+    """Return the largest distances at equal parameters at places off the sites, of several edges.
+
+    Their values at the parametrisation's checks and their poles are (edges, n, 3).
+    """
     if weights is None:
-        return curve_deviation(truth, parametrisation.space, poles)
+        return curve_deviations(truth, parametrisation.space, poles)
     weight = parametrisation.check_weights
     numerators, poles = truth * weight[:, None], poles * weights[:, None]
-    return curve_deviation(numerators, parametrisation.space, poles, weight)
+    return curve_deviations(numerators, parametrisation.space, poles, weight)
 
 
-def fit_edge(values: Array, parametrisation: Parametrisation) -> tuple[Array, Array | None]:
-    """Return poles (n, 3) and weights (n) of a curve with values at the parametrisation's sites."""
+def fit_edges(values: Array, parametrisation: Parametrisation) -> tuple[Array, Array | None]:
+    """Return poles (edges, n, 3) and weights (n) of curves.
+
+    They have values (edges, sites, 3) at the parametrisation's sites.
+    """
     space = parametrisation.space
     if not parametrisation.order:
-        return space.fit(values), None
-    poles = space.fit(values * parametrisation.site_weights[:, None])
+        return space.fit_each(values), None
+    poles = space.fit_each(values * parametrisation.site_weights[:, None])
     return poles / parametrisation.weights[:, None], parametrisation.weights

@@ -38,15 +38,19 @@ class SparseRows:
         return len(self.index), self.size
 
     def __matmul__(self, dense: Array) -> Array:
-        """Return the product with (size,) or (size, k): (rows,) or (rows, k).
+        """Return the product with (size,), (size, k) or a stack of these: (rows,), (rows, k) ….
 
         Neighbours live in the same few columns: a block of rows is a small full matrix of those,
         and full matrices are multiplied fastest.
         """
         if len(self.index) == 0:
             return np.zeros((0, *dense.shape[1:]))
-        found = [product(full, dense[low:high]) for _, low, high, full in self._blocks]
-        return found[0] if len(found) == 1 else np.concatenate(found)
+        axis = max(dense.ndim - 2, 0)
+        found = [
+            product(full, dense[..., low:high, :] if axis else dense[low:high])
+            for _, low, high, full in self._blocks
+        ]
+        return found[0] if len(found) == 1 else np.concatenate(found, axis=axis)
 
     def transposed(self, dense: Array) -> Array:
         """Return the product of the matrix turned over with (rows, k): (size, k)."""

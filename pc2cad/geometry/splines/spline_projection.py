@@ -26,7 +26,7 @@ _BLOCK = 32
 def projector(
     index: Integers, values: Array, weights: Array, size: int, degree: int, cyclic: bool
 ) -> Callable[[Array], Array]:
-    """Return the map from values at sites to coefficients.
+    """Return the map from values at sites to coefficients, (sites, n) or of each of a stack.
 
     Row i of the design matrix has `values[i]` in the columns `index[i]`. Rows of weight 0 are
     equations that hold exactly (by multipliers), the others are met in the least-squares sense.
@@ -46,6 +46,8 @@ def projector(
     correction = solve(product(exact, correction).T, correction.T).T
 
     def project(flat: Array) -> Array:
+        if flat.ndim > 2:
+            return np.stack([project(curve) for curve in flat])
         result: Array = np.zeros((size, flat.shape[1]))
         for _ in range(2):
             rest = flat - design @ result

@@ -164,6 +164,18 @@ class SplineSpace:
             poles[0], poles[-1] = flat[0], flat[-1]
         return poles.reshape(self.size, *values.shape[1:])
 
+    def fit_each(self, curves: Array) -> Array:
+        """Return what `fit` does of each of several curves, (k, sites, 3) to (k, size, 3)."""
+        flat = np.ascontiguousarray(curves)
+        poles = self._projector(flat)
+        if self.seam is not None:
+            columns = self._clamp(np.concatenate(list(poles), axis=1))
+            poles = np.stack(np.split(columns, len(flat), axis=1))
+            poles[:, 0] = poles[:, -1] = flat[:, 0]
+        else:
+            poles[:, 0], poles[:, -1] = flat[:, 0], flat[:, -1]
+        return poles
+
     def _clamp(self, cyclic: Array) -> Array:
         """Insert knots at both ends until they have full multiplicity."""
         (knots, owner), p = self._unclamped, self.degree

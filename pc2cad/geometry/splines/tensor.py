@@ -46,11 +46,15 @@ def surface_deviation(
     return _largest(gap, weight, places_s, places_t)
 
 
-def curve_deviation(
+def curve_deviations(
     truth: Array, space: SplineSpace, poles: Array, weight: Array | float = 1.0
-) -> Deviation:
-    """Return the largest distance to the values (at its `check_places`) of a curve."""
-    return _largest(space.check_basis @ poles - truth, weight, space.check_places)
+) -> list[Deviation]:
+    """Return the largest distances to the values (at its `check_places`) of curves.
+
+    Values and poles are (curves, …, 3).
+    """
+    gaps = space.check_basis @ poles - truth
+    return [_largest(gap, weight, space.check_places) for gap in gaps]
 
 
 def _largest(gap: Array, weight: Array | float, *places: Array) -> Deviation:
