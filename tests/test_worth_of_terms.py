@@ -19,7 +19,7 @@ from pc2cad.geometry.carriers import Cylinder, Frame, Line, Plane, Torus
 from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, plane
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.recognition.separable_form import is_planar, separate
-from pc2cad.representation.face_carriers import plane_of
+from pc2cad.representation.face_carriers import planes_of
 
 U, V, W = pc.parameters()
 COS, SIN = pc.cos, pc.sin
@@ -194,13 +194,13 @@ def top(height: Expr) -> RestrictedMap:
 @pytest.mark.parametrize("sharpness", [6, 8, 10])
 def test_a_needle_between_all_samples_is_no_plane(sharpness):
     face = top(1 + needle(U, sharpness=sharpness) * (1 + V))
-    assert plane_of(face, 1, 1e-12) is None
+    assert planes_of([face], [1], 1e-12) == [None]
 
 
 def test_a_plane_that_only_samples_show_stays_one():
     """An identity that no normal form knows, so that nothing proves the plane."""
     face = top(2 + pc.log(1 + U) + pc.log(1 + V) - pc.log((1 + U) * (1 + V)))
-    found, evidence = plane_of(face, 1, 1e-12)
+    ((found, evidence),) = planes_of([face], [1], 1e-12)
     assert evidence == "sampled"
     assert found.normal == pytest.approx((0, 0, 1), abs=1e-12)
 

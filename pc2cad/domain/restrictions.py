@@ -167,11 +167,21 @@ def sampled(functions: Sequence[RestrictedMap], *local: Array) -> Iterator[Array
         yield from several[0].analysis.map.points(*grid)
 
 
-def look(functions: Sequence[RestrictedMap], *local: Array) -> None:
-    """Evaluate several cells together: each knows its points there when it is asked for them."""
+def look(functions: Sequence[RestrictedMap], *asked: Array) -> None:
+    """Evaluate several faces together: each knows its points when it is asked for them.
+
+    That is on the square grid of each of several arrays of places.
+    """
+    if not (functions and functions[0].analysis.map.is_alike_together):
+        return
     functions = sorted(functions, key=_directions)
-    for function, points in zip(functions, sampled(functions, *local), strict=True):
-        function._points[_key(local)] = points
+    every = np.concatenate(asked)
+    ends = np.cumsum([0, *(len(places) for places in asked)]).tolist()
+    for function, points in zip(functions, sampled(functions, every, every), strict=True):
+        for places, low, high in zip(asked, ends, ends[1:], strict=False):
+            own = points[low:high, low:high].transpose(2, 0, 1)
+            # one coordinate after the other in memory, as all points of maps are
+            function._points[_key((places, places))] = own.copy().transpose(1, 2, 0)
 
 
 def look_along(edges: Sequence[RestrictedMap], *asked: Array) -> None:

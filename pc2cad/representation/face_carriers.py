@@ -33,22 +33,30 @@ _QUARTERS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
 
 def look_at(faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap]) -> None:
     """Evaluate faces and edges together where the questions below ask for them."""
-    nodes, some = irrational(9), SECTIONS[::2]
-    look(faces, nodes, nodes)
-    look(faces, some, some)
-    look_across(faces, MIDDLE, MIDDLE)
-    look_along(edges, some, ENDS)
+    look(faces, irrational(9), SECTIONS[::2])
+    look_along(edges, SECTIONS[::2], ENDS)
 
 
-def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, Evidence] | None:
-    """Return the plane that carries a face within a distance, if one does, and how that is known.
+def planes_of(
+    functions: Sequence[RestrictedMap], signs: Sequence[int], slack: float
+) -> list[tuple[Plane, Evidence] | None]:
+    """Return the planes that carry faces within a distance, and how that is known; None for none.
 
-    Its normal is `sign` times M_s × M_t.
+    Their normals are `signs` times M_s × M_t.
     """
     nodes = irrational(9)
-    seen = fit_plane(function(nodes, nodes).reshape(-1, 3), slack)
-    if seen is None:
-        return None
+    seen = [fit_plane(f(nodes, nodes).reshape(-1, 3), slack) for f in functions]
+    look_across([f for f, p in zip(functions, seen, strict=True) if p is not None], MIDDLE, MIDDLE)
+    return [
+        None if plane is None else _plane_of(function, plane, sign, slack)
+        for function, plane, sign in zip(functions, seen, signs, strict=True)
+    ]
+
+
+def _plane_of(
+    function: RestrictedMap, seen: Plane, sign: int, slack: float
+) -> tuple[Plane, Evidence] | None:
+    """Return the plane of a face that has some of its points in one."""
     found = None if function.form is None else plane(function.form)
     evidence: Evidence = "exact"
     if found is None:
@@ -68,11 +76,20 @@ def plane_of(function: RestrictedMap, sign: int, slack: float) -> tuple[Plane, E
     return Plane(found.origin, normal + 0.0), evidence
 
 
-def placement_of(function: RestrictedMap, slack: float) -> SurfacePlacement | Fitted | None:
-    """Return a face on the analytic surface that carries it within a distance, or None."""
-    placement = function.may_be_swept and function.form and lay(function.form)
-    if placement:
-        return placement
+def placements_of(
+    functions: Sequence[RestrictedMap], slack: float
+) -> list[SurfacePlacement | Fitted | None]:
+    """Return faces on the analytic surfaces that carry them within a distance; None for none."""
+    placed: list[SurfacePlacement | Fitted | None] = [
+        (f.may_be_swept and f.form and lay(f.form)) or None for f in functions
+    ]
+    nodes = irrational(9)
+    look_across([f for f, p in zip(functions, placed, strict=True) if p is None], nodes, nodes)
+    return [p or _fitted(f, slack) for f, p in zip(functions, placed, strict=True)]
+
+
+def _fitted(function: RestrictedMap, slack: float) -> SurfacePlacement | Fitted | None:
+    """Return a face on the surface that its points are on, or that a spline of its is turned to."""
     fitted = fit(function, function.normals, slack)
     if fitted and holds(fitted.carrier, function.trees[0]):
         return fitted

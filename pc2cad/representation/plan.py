@@ -13,7 +13,7 @@ from functools import cached_property
 from pc2cad.arrays import Array
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.restrictions import DirectionClasses, RestrictedMap, look_along
-from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, Evidence, Plane, spline_traits
+from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.splines.spline_profile import SplineProfile
@@ -21,8 +21,8 @@ from pc2cad.representation.between_faces import between_others
 from pc2cad.representation.face_carriers import (
     look_at,
     on_line,
-    placement_of,
-    plane_of,
+    placements_of,
+    planes_of,
     simple_curve,
 )
 from pc2cad.representation.parametrisation import (
@@ -54,9 +54,8 @@ class Cells:
         self._slack = analysis.scale.carrier_noise
         self._simple: dict[int, CurveCarrier | None] = {}
         look_at(self.faces, self.edges)
-        self.planes: list[tuple[Plane, Evidence] | None] = [
-            plane_of(function, self.sign(function.cell), self._slack) for function in self.faces
-        ]
+        signs = [self.sign(function.cell) for function in self.faces]
+        self.planes = planes_of(self.faces, signs, self._slack)
 
     @cached_property
     def between(self) -> dict[int, tuple[int, int]]:
@@ -74,11 +73,17 @@ class Cells:
             self._simple[edge] = found if found is not None and self._allows(found) else None
         return self._simple[edge]
 
-    def place(self, face: int) -> SurfacePlacement | Fitted | None:
-        """Return a face on an analytic surface that the receiver takes, or None."""
-        if self.planes[face] is not None:
-            return None
-        placement = placement_of(self.faces[face], self._slack)
+    def places(self) -> list[SurfacePlacement | Fitted | None]:
+        """Return the surfaces that faces are on, where the receiver takes them; None for others."""
+        curved = [i for i, plane in enumerate(self.planes) if plane is None]
+        found = placements_of([self.faces[i] for i in curved], self._slack)
+        placed = dict(zip(curved, found, strict=True))
+        return [self._allowed(i, placed.get(i)) for i in range(len(self.faces))]
+
+    def _allowed(
+        self, face: int, placement: SurfacePlacement | Fitted | None
+    ) -> SurfacePlacement | Fitted | None:
+        """Return the placement of a face, None for one that the receiver does not take."""
         if placement is None:
             return None
         if isinstance(placement, Fitted):
@@ -225,7 +230,7 @@ class Plan:
 
 def plan_of(cells: Cells) -> Plan:
     """Return the plan with as many faces as can be on analytic surfaces."""
-    return settle(Plan(cells, tuple(cells.place(face) for face in range(len(cells.faces)))))
+    return settle(Plan(cells, tuple(cells.places())))
 
 
 def settle(plan: Plan) -> Plan:

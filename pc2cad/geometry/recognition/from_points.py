@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -228,9 +229,12 @@ def _arc_of(whole: Arc, points: Array, size: float) -> Arc | None:
     return Arc(frame, (major, minor), float(start - turns), float(end - turns))
 
 
+@lru_cache(maxsize=8)
 def irrational(count: int) -> Array:
     """Return ascending places in (0, 1), evenly spread and at the zeros of no wave."""
-    return np.sort(scattered(count, 1, 0.0).ravel())
+    places = np.sort(scattered(count, 1, 0.0).ravel())
+    places.flags.writeable = False
+    return places
 
 
 def fit(sample: Sampler, normals: Sampler, slack: float) -> Fitted | None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import cross, product
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
     Cone,
@@ -29,6 +30,8 @@ from pc2cad.geometry.recognition.conics import Conic, Oval, Straight, conic_thro
 
 #: motions hold to this share of their size
 NULL = 1e-11
+#: and those whose squares are larger than this share are none, however these are rounded
+_SEEN = 1e-12
 #: shares of the size: numbers as near as this to a decimal of that many places are meant to be it
 NEAR, DECIMAL = 1e-14, 1e-11
 
@@ -86,7 +89,11 @@ def free_motions(points: Array, normals: Array) -> Array | None:
     """
     centre, size = _middle(points)
     local = (points - centre) / size
-    table = np.hstack((np.cross(local, normals), normals))
+    table = np.concatenate((cross(local, normals), normals), axis=1)
+    # most surfaces have none, and the squares of the singular values show that sooner
+    squares = np.linalg.eigvalsh(product(table.T, table))
+    if squares[0] > _SEEN * squares[-1]:
+        return None
     _, values, motions = np.linalg.svd(table, full_matrices=False)
     free = int((values <= NULL * values[0]).sum())
     return motions[-free:] if 1 <= free <= 3 else None
