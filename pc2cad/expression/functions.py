@@ -162,14 +162,14 @@ def _fold_turn(name: str, a: Expr) -> Expr | Args:
     from pc2cad.expression.normal_form import split_turns
 
     turns, rest = split_turns(a)
-    turns %= 2
+    turns = turns % 2 if turns else turns
     if rest is ZERO:
         shifted = turns if name == "cos" else (turns - Fraction(1, 2)) % 2
         if shifted in _COSINES:
             return number(_COSINES[shifted])
         return (mul(number(turns), PI),)
-    if turns >= 1:  # cos(x + pi) = -cos x, sin(x + pi) = -sin x
+    if turns.numerator >= turns.denominator:  # cos(x + pi) = -cos x, sin(x + pi) = -sin x
         return -call(name, rest + number(turns - 1) * PI)
-    if turns == 0 and rest.op == "neg":
+    if not turns and rest.op == "neg":
         return -call("sin", rest.args[0]) if name == "sin" else call("cos", rest.args[0])
     return (rest + number(turns) * PI if turns else rest,)

@@ -129,7 +129,7 @@ def _inner(node: Expr) -> tuple[Expr, ...]:
 def _is_repeated(exponent: Expr) -> bool:
     if exponent.op != "number" or exponent.payload.denominator != 1:
         return False
-    return bool(0 < exponent.payload <= 64)
+    return bool(0 < exponent.payload.numerator <= 64)
 
 
 def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
@@ -249,11 +249,12 @@ def split_turns(root: Expr) -> tuple[Fraction, Expr]:
     # printing a tree is dear: what stands alone needs no order
     terms = [monomial for monomial in form if monomial != ((PI, 1),)]
     for monomial in sorted(terms, key=_printed) if len(terms) > 1 else terms:
-        term = number(abs(form[monomial]))
+        negative = form[monomial].numerator < 0
+        term = number(-form[monomial] if negative else form[monomial])
         factors = sorted(monomial, key=_first_printed) if len(monomial) > 1 else monomial
         for atom, exponent in factors:
             term = mul(term, power(atom, number(exponent)))
-        rest = rest + term if form[monomial] > 0 else rest - term
+        rest = rest - term if negative else rest + term
     return turns, rest
 
 

@@ -152,7 +152,7 @@ def _joined(
     if node.op == "div" and _is_apart(node.args[1], alone):
         return _product(forms[node.args[0]], _leaf(div(ONE, node.args[1]), alone))
     exponent = node.args[1].payload if node.op == "pow" and node.args[1].op == "number" else None
-    if exponent is not None and exponent.denominator == 1 and 0 < exponent <= 8:
+    if exponent is not None and exponent.denominator == 1 and 0 < exponent.numerator <= 8:
         form = base = forms[node.args[0]]
         for _ in range(int(exponent) - 1):
             form = _product(form, base)

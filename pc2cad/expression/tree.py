@@ -170,7 +170,8 @@ def number(value: Number) -> Expr:
     if (known := _interned.get(key)) is not None:
         spend(0)
         return known
-    value, bits = Fraction(value), max(part.bit_length() for part in key)
+    value = value if type(value) is Fraction else Fraction(value)
+    bits = max(key[0].bit_length(), key[1].bit_length())
     if bits < _SAFE_BITS:  # nearly all numbers are short, and comparing fractions is slow
         return intern("number", (), value)
     if abs(value) > LARGEST_CONSTANT or 0 < abs(value) < 1 / LARGEST_CONSTANT:
@@ -196,6 +197,7 @@ PI: Final = intern("constant", (), "pi")
 E: Final = intern("constant", (), "e")
 ZERO: Final = number(0)
 ONE: Final = number(1)
+_HALF: Final = number(Fraction(1, 2))
 
 
 def add(a: Expr, b: Expr) -> Expr:
@@ -239,7 +241,7 @@ def mul(a: Expr, b: Expr) -> Expr:
 
 def _is_negative(a: Expr) -> bool:
     """Say whether a sign stands before the term: signs are kept outside products and quotients."""
-    return a.op == "neg" or (a.op == "number" and a.payload < 0)
+    return a.op == "neg" or (a.op == "number" and a.payload.numerator < 0)
 
 
 def div(a: Expr, b: Expr) -> Expr:
@@ -262,15 +264,13 @@ def div(a: Expr, b: Expr) -> Expr:
 def power(a: Expr, b: Expr) -> Expr:
     """Return a**b; 0**0 is 1 only for an exponent written as the constant 0."""
     if b.op == "number":
-        exponent: Fraction = b.payload
-        if abs(exponent) > LARGEST_EXPONENT:
-            raise ValueDomainError(f"the exponent {exponent} is larger than {LARGEST_EXPONENT}")
-        if exponent == 0:
-            return ONE
-        if exponent == 1:
-            return a
-        if exponent == Fraction(1, 2):
+        if b is ZERO or b is ONE:
+            return ONE if b is ZERO else a
+        if b is _HALF:
             return call("sqrt", a)
+        exponent: Fraction = b.payload
+        if abs(exponent.numerator) > LARGEST_EXPONENT * exponent.denominator:
+            raise ValueDomainError(f"the exponent {exponent} is larger than {LARGEST_EXPONENT}")
         if a.op == "number":
             return _power_of_number(a, exponent, b)
     return intern("pow", (a, b))

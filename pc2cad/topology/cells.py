@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import product
 from typing import Any, Final, Protocol, TypeVar
 
@@ -18,6 +19,8 @@ Cell = tuple[int, int, int]
 #: printed limits and breaks per direction
 Labels = tuple[tuple[str, ...], ...]
 DIRECTIONS: Final = (0, 1, 2)
+#: tables of the same few cells are asked for again and again
+_kept = lru_cache(maxsize=1 << 12)
 
 
 def dimension(cell: Cell) -> int:
@@ -25,6 +28,7 @@ def dimension(cell: Cell) -> int:
     return sum(position % 2 for position in cell)
 
 
+@_kept
 def directions_of(cell: Cell) -> tuple[int, ...]:
     """Return the directions in which the cell extends, ascending."""
     return tuple(d for d in DIRECTIONS if cell[d] % 2)
@@ -37,6 +41,7 @@ def neighbour(cell: Cell, direction: int, step: int) -> Cell:
     return moved[0], moved[1], moved[2]
 
 
+@_kept
 def boundary_patches(pieces: tuple[int, int, int]) -> tuple[Cell, ...]:
     """Return the 2-cells on the six sides of a box with this many pieces per direction."""
     ranges = [range(2 * n + 1) for n in pieces]
@@ -64,6 +69,7 @@ class PatchEdge:
     forward: bool
 
 
+@_kept
 def patch_edges(patch: Cell) -> tuple[PatchEdge, PatchEdge, PatchEdge, PatchEdge]:
     """Return the edges of a patch in the order t=0, s=1, t=1, s=0 (anti-clockwise).
 
@@ -78,18 +84,21 @@ def patch_edges(patch: Cell) -> tuple[PatchEdge, PatchEdge, PatchEdge, PatchEdge
     )
 
 
+@_kept
 def edge_ends(edge: Cell) -> tuple[Cell, Cell]:
     """Return the corner cells at the start and the end of an edge."""
     (d,) = directions_of(edge)
     return neighbour(edge, d, -1), neighbour(edge, d, +1)
 
 
+@_kept
 def normal_direction(patch: Cell) -> int:
     """Return the direction in which a patch does not extend."""
     (d,) = (d for d in DIRECTIONS if patch[d] % 2 == 0)
     return d
 
 
+@_kept
 def outward_sign(patch: Cell) -> int:
     """Return +1 where M_s × M_t points out of a box mapped with det J > 0, else -1.
 
