@@ -13,7 +13,18 @@ from math import factorial
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.bounds.taylor_models import LIBRARY, TINY, UNIT, Model, add, compose, mul, neg, shift
+from pc2cad.bounds.taylor_models import (
+    LIBRARY,
+    TINY,
+    UNIT,
+    Model,
+    add,
+    compose,
+    mul,
+    neg,
+    powers,
+    shift,
+)
 
 
 def divide(x: Model, y: Model, order: int) -> Model:
@@ -66,11 +77,8 @@ def _power_series(x: Model, a: float, order: int, first: Array, own: float) -> M
     c, r = x.centre, x.reach
     q = _below_one(r / np.abs(c))
     ratios = [(a - k + 1) / k for k in range(1, order + 2)]
-    *binomials, binomial = np.cumprod(ratios).tolist()
-    series, power = [first], first
-    for factor in binomials:
-        power = power / c
-        series.append(factor * power)
+    *binomials, binomial = np.cumprod([1.0, *ratios]).tolist()
+    series = np.array(binomials)[:, None, None] * powers(1 / c, order) * first
     # the quotient of successive coefficients falls towards 1 from |a - k|/(k + 1) at k = order + 1
     growth = max(1.0, abs(a - order - 1) / (order + 2))
     room = _below_one(growth * q)

@@ -12,6 +12,7 @@ real places, so that values sampled by `Program` can stand for exact ones.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import prod
@@ -130,9 +131,10 @@ def add(x: Model, y: Model) -> Model:
     (a, b), (c, d) = x.terms.shape[:2], y.terms.shape[:2]
     shape = max(a, c), max(b, d)
     total = pad(x.terms, shape) + pad(y.terms, shape)
-    size = _sum(np.abs(total).reshape(-1, *total.shape[2:])) * UNIT
-    radius = (x.radius + y.radius + size) * SLACK + TINY
-    return Model(total, radius, (x.error + y.error + size + UNIT * radius) * SLACK + TINY)
+    size = _sum(np.abs(total).reshape(-1, *total.shape[2:]))
+    lost = size * UNIT + TINY
+    radius = (x.radius + y.radius + lost) * SLACK
+    return Model(total, radius, (x.error + y.error + lost + UNIT * radius) * SLACK)
 
 
 def neg(x: Model) -> Model:
@@ -149,17 +151,30 @@ def shift(x: Model, by: ArrayLike) -> Model:
 
 def mul(x: Model, y: Model, order: int) -> Model:
     """Return x·y; products of a degree above `order` go into the radius."""
+    for one, other in ((x, y), (y, x)):
+        if one.terms.size == one.radius.size == one.error.size == 1:
+            return _scaled(other, one)
     total = product(x.terms, y.terms, order)
     by_x, by_y = x.sizes[: order + 1], y.sizes[: order + 1]
-    radius = x.size * y.radius + (y.size + y.radius) * x.radius
-    radius = radius + 4 * (order + 2) ** 2 * UNIT * x.size * y.size
+    radius = x.size * (y.radius + y.size * (4 * (order + 2) ** 2 * UNIT))
+    radius = radius + (y.size + y.radius) * x.radius
     if len(by_x) + len(by_y) - 2 > order:
         # what the factors have from each degree on, the highest degree first
-        rest = by_y[::-1].cumsum(axis=0)
+        rest = np.add.accumulate(by_y[::-1], axis=0)
         beyond = by_x[order + 2 - len(by_y) :]
         radius = radius + _sum(beyond * rest[: len(beyond)])
     error = x.largest * y.error + y.largest * (x.error + UNIT * x.largest)
     return Model(total, radius * (1 + 1e-14) + TINY, error * (1 + 1e-14) + TINY)
+
+
+def _scaled(x: Model, factor: Model) -> Model:
+    """Return x times what does not vary."""
+    value, off, error = (row.item() for row in (factor.terms, factor.radius, factor.error))
+    size = abs(value)
+    most = (size + off + error) * (1 + 1e-12)
+    radius = x.size * (off + 2 * UNIT * size) + x.radius * (size + off)
+    errors = x.largest * (error + UNIT * most) + x.error * most
+    return Model(x.terms * value, radius * (1 + 1e-14) + TINY, errors * (1 + 1e-14) + TINY)
 
 
 def product(x: Array, y: Array, order: int) -> Array:
@@ -286,36 +301,76 @@ def _sum(values: Array) -> Array:
 
 
 def compose(
-    x: Model, series: list[Array], tail: Array, slope: Array, order: int, own: float
+    x: Model, series: Sequence[Array] | Array, tail: Array, slope: Array, order: int, own: float
 ) -> Model:
     """Return f(x) from the Taylor coefficients of f at the centre of x.
 
     `series` has `order` + 1 of them, `tail` bounds what the others add within x's reach (nan or inf
     where that is unknown), `slope` the derivative there, `own` the relative error of computing f.
     """
-    g, sizes = x.terms.copy(), x.sizes[: order + 1].copy()
-    g[0, 0] = sizes[0] = 0.0
-    sizes = sizes[:, None]
-    terms, kept = series[-1][None, None], np.abs(series[-1])[None, None]
-    for degree, coefficient in enumerate(reversed(series[:-1]), 1):
-        # g begins with degree 1: what is of a higher degree here ends beyond the order
-        terms = product(terms, g[: degree + 1, : degree + 1], degree)
-        kept = product(kept, sizes[: degree + 1], degree)
-        terms[0, 0] += coefficient
-        kept[0, 0] += np.abs(coefficient)
-    moduli = np.abs(np.array(series))
-    degrees = np.arange(len(moduli)).reshape(-1, *[1] * (moduli.ndim - 1))
+    coefficients = np.array(series)
+    moduli, degrees = np.abs(coefficients), np.arange(order + 1).reshape(-1, 1, 1)
+    reach = powers(x.reach, order)
     # sums of |f_k| r^k and, for the radius of the argument, of k |f_k| r^(k-1)
-    whole = (moduli * x.reach**degrees).sum(axis=0)
-    spread = (degrees * moduli)[1:] * x.reach ** degrees[:-1]
-    polynomial = (moduli * sizes.sum(axis=(0, 1)) ** degrees).sum(axis=0)
-    lost = np.maximum(polynomial - kept.sum(axis=(0, 1)), 0.0)
+    whole = _sum(moduli * reach)
+    spread = _sum((degrees * moduli)[1:] * reach[:-1])
+    lost: Array | float = 0.0
+    if x.terms.shape[0] * x.terms.shape[1] == 2:
+        # an argument of degree 1: powers of one term, none of which is lost
+        column = coefficients * powers(x.terms.reshape(2, *x.terms.shape[2:])[1], order)
+        terms = column[:, None] if x.terms.shape[0] == 2 else column[None]
+    else:
+        terms, kept = _horner(x, coefficients, moduli)
+        polynomial = _sum(moduli * powers(_sum(x.sizes[1:]), order))
+        lost = np.maximum(polynomial - kept, 0.0)
     # coefficients come from a few library calls and products each
     rounding = ((order + 8) * LIBRARY + 8 * (order + 2) ** 2 * UNIT) * whole
-    radius = (spread.sum(axis=0) * x.radius + lost + tail + rounding) * (1 + 1e-12) + TINY
+    radius = (spread * x.radius + lost + tail + rounding) * (1 + 1e-12) + TINY
     value = np.abs(terms).sum(axis=(0, 1)) + radius
     error = (slope * x.error + own * value) * (1 + 1e-12) + TINY
     return Model(terms, radius, error)
+
+
+def powers(x: Array, order: int) -> Array:
+    """Return the powers of x up to the order, one behind the other."""
+    result = np.empty((order + 1, *x.shape))
+    result[0], result[1:] = 1.0, x
+    return np.asarray(np.multiply.accumulate(result, axis=0, out=result))
+
+
+def _horner(x: Model, coefficients: Array, moduli: Array) -> tuple[Array, Array]:
+    """Return Σ f_k g^k, g being x without its centre, and what of Σ |f_k| |g|^k it keeps.
+
+    What is of a degree above the order is left out.
+    """
+    order = len(coefficients) - 1
+    g, sizes = x.terms[: order + 1, : order + 1].copy(), x.sizes[: order + 1].copy()
+    g[0, 0] = sizes[0] = 0.0
+    if g.shape[0] == 1 or g.shape[1] == 1:
+        # both at once: those of the sizes beside those of the terms
+        both = np.concatenate([c.reshape(len(sizes), -1) for c in (g, sizes)], axis=1)
+        rows = np.concatenate([c.reshape(order + 1, -1) for c in (coefficients, moduli)], axis=1)
+        terms = rows[-1:]
+        for degree in range(1, order + 1):
+            # g begins with degree 1: what is of a higher degree here ends beyond the order
+            few = both[1 : degree + 1]
+            pairs = terms[:, None] * few
+            collect = _collect(len(terms), len(few), degree - 1)
+            terms = np.empty((len(collect) + 1, rows.shape[1]))
+            terms[0] = rows[order - degree]
+            terms[1:] = linear.product(collect, pairs.reshape(-1, rows.shape[1]))
+        half = rows.shape[1] // 2
+        column = terms[:, :half].reshape(-1, *g.shape[2:])
+        kept = _sum(terms[:, half:]).reshape(g.shape[2:])
+        return column[:, None] if g.shape[1] == 1 else column[None], kept
+    sizes = sizes[:, None]
+    terms, kept = coefficients[-1][None, None], moduli[-1][None, None]
+    for degree in range(1, order + 1):
+        terms = product(terms, g[: degree + 1, : degree + 1], degree)
+        kept = product(kept, sizes[: degree + 1], degree)
+        terms[0, 0] += coefficients[order - degree]
+        kept[0, 0] += moduli[order - degree]
+    return terms, np.asarray(kept.sum(axis=(0, 1)))
 
 
 def known(x: Model) -> Model:
