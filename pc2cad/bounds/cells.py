@@ -37,6 +37,11 @@ class Cells:
         return len(self.points) - 1
 
     @property
+    def key(self) -> tuple[int, bytes]:
+        """What tells the cells from others."""
+        return self.degree, self.points.tobytes()
+
+    @property
     def half(self) -> Array:
         """Half of each cell's length, rounded up."""
         return np.asarray(np.diff(self.points) / 2 * (1 + 1e-15))
@@ -117,15 +122,21 @@ def _chebyshev_to_bernstein(degree: int) -> Array:
 
 @lru_cache(maxsize=64)
 def conversion_loss(first: int, second: int) -> float:
-    """Return what rounding in `to_bernstein` along two axes costs, relative to the largest value.
+    """Return what rounding in `to_bernstein` along two axes costs, relative to values."""
+    return sum(
+        own_loss(n) * float(np.abs(to_bernstein(other)).sum(axis=1).max())
+        for n, other in ((first, second), (second, first))
+    )
+
+
+@lru_cache(maxsize=64)
+def own_loss(degree: int) -> float:
+    """Return the same of one axis.
 
     Cosines are off by a few units, and sums by as many as they have terms.
     """
-    loss = 0.0
-    for n, other in ((first, second), (second, first)):
-        own = 16 * (n + 2) * 2.0**-53 * float(np.abs(_chebyshev_to_bernstein(n)).sum(axis=1).max())
-        loss += own * float(np.abs(to_bernstein(other)).sum(axis=1).max())
-    return loss
+    largest = float(np.abs(_chebyshev_to_bernstein(degree)).sum(axis=1).max())
+    return 16 * (degree + 2) * 2.0**-53 * largest
 
 
 @lru_cache(maxsize=64)
@@ -153,13 +164,15 @@ class Direction:
     name: str
     cells: Cells
     exact: bool
+    #: the cells first tried: models are taken on their boxes, which all functions share
+    boxes: Cells
     #: points of the cells at which the function changes its form: no box reaches over them
     breaks: tuple[float, ...] = ()
 
     @property
     def key(self) -> tuple[str, int, bytes]:
         """What tells the parameter and its cells from others."""
-        return self.name, self.cells.degree, self.cells.points.tobytes()
+        return self.name, *self.cells.key
 
     def on(self, cells: Cells) -> Direction:
         """Return the direction with other cells."""
@@ -171,6 +184,9 @@ class Direction:
 
     def groups(self, wanted: Booleans, size: int) -> Groups:
         """Return (first, last) of groups, of `size` or fewer, of the wanted cells."""
+        if size == 1:
+            each = np.flatnonzero(wanted)
+            return np.column_stack((each, each + 1))
         starts = np.diff(wanted.astype(int), prepend=0) == 1
         starts |= wanted & np.isin(self.cells.points[:-1], self.breaks)
         label = np.where(wanted, np.cumsum(starts), 0)

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pc2cad.arrays import Array, Booleans
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
-from pc2cad.bounds.cells import Cells, Direction, conversion_loss, halving, to_bernstein, windows
+from pc2cad.bounds.cells import Cells, Direction, halving
+from pc2cad.bounds.differences import difference, difference_at
 from pc2cad.bounds.homogeneous_spline import HomogeneousSpline, homogeneous
 from pc2cad.bounds.remainder import Remainders
-from pc2cad.bounds.separable import Products, Slabs, Whole, function_of
+from pc2cad.bounds.separable import Products, Whole, function_of
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks
 from pc2cad.expression.end_roots import take_out_ends
@@ -30,21 +31,22 @@ from pc2cad.expression.sigmoids import as_tanh
 from pc2cad.expression.tree import Expr
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.splines.bernstein import degree_in
+from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: a bound within this factor of the largest sample is sharp enough
-SHARP = 1.45
+SHARP = 1.25
 #: share of the largest sample that the remainder may have before cells are made smaller
-REMAINDER_SHARE = 0.25
+REMAINDER_SHARE = 0.2
 #: degrees more than the spline's to begin with; `remainder` raises them where they are too few
 EXTRA = 2
 #: polynomials of a higher degree are interpolated: their own coefficients are ill-conditioned
 HIGHEST_EXACT = 13
 #: halvings of cells for the coefficients' sake
 SHARPEST = 6
+#: coefficients of cells that are held until it is known which of them are large
+MOST_BLUNT = 1 << 18
 #: cells of another face serve again where they are at most so many times the knot intervals
 MOST_REUSED = 4
-#: nodes whose values are held at once: few enough for a processor's own memory
-SLAB = 5_000
 
 
 @dataclass(frozen=True)
@@ -70,17 +72,20 @@ def bound_surface(
     carrier: SplineSurface,
     rounding: float = 0.0,
     known: Known | None = None,
+    spaces: Sequence[SplineSpace] = (),
+    seen: float = 0.0,
 ) -> Bound:
     """Bound |M - S| over [0, 1]² at equal parameters; M's trees are in the two named symbols.
 
     Of a rational S = N/ω, where ω is 1 at most, the trees are those of ωM, and what is bounded is
     |ωM - N|/ω. Bounds need not be sharper than `rounding` (a length). What was `known` is used, and
-    added to.
+    added to. `spaces` are those in which S was fitted to M, if it was, and `seen` is the largest
+    distance that is known already, if any is.
     """
     spline = HomogeneousSpline(carrier.degrees, carrier.knots, homogeneous(carrier))
     # what overflows is infinite or nan: nothing is known there
     with np.errstate(all="ignore"):
-        return _bound(tuple(trees), tuple(names), spline, known or Known(), rounding)
+        return _bound(tuple(trees), tuple(names), spline, known or Known(), rounding, spaces, seen)
 
 
 def bound_curve(
@@ -98,6 +103,8 @@ def _bound(
     spline: HomogeneousSpline,
     known: Known,
     floor: float = 0.0,
+    spaces: Sequence[SplineSpace] = (),
+    seen: float = 0.0,
 ) -> Bound:
     trees = as_tanh(take_out_ends(cancel_terms(trees)))
     coarse = [
@@ -106,7 +113,7 @@ def _bound(
     ]
     directions = [_reused(d, known.finer.get(d.key)) for d in coarse]
     function = function_of(trees, names, known)
-    expected = _first_look(function, spline, directions)
+    expected = seen or _first_look(function, spline, directions)
     least = spline.least_weight
     allowed = max(REMAINDER_SHARE * expected * least, 4 * spline.rounding, floor)
     size = float(np.ptp(spline.poles[..., :3].reshape(-1, 3), axis=0).max())
@@ -120,7 +127,8 @@ def _bound(
         found = function.remainders(directions, reach, size or 1.0, allowed)
     directions, rest = found
     known.finer |= {d.key: x.cells for d, x in zip(coarse, directions, strict=True)}
-    return _Survey(function, spline, directions, rest, max(expected, floor / SHARP)).bound()
+    expected = max(expected, floor / SHARP)
+    return _Survey(function, spline, directions, rest, expected, spaces).bound()
 
 
 def _reused(direction: Direction, finer: Cells | None) -> Direction:
@@ -142,7 +150,8 @@ def direction_along(trees: tuple[Expr, ...], name: str, knots: Array, degree: in
         nearest = points[np.argmin(np.abs(points - position))]
         breaks.append(float(nearest) if abs(nearest - position) < SAME_POSITION else position)
     points = distinct(np.concatenate((points, breaks)))
-    return Direction(name, Cells(points, nodes), known is not None, tuple(breaks))
+    cells = Cells(points, nodes)
+    return Direction(name, cells, known is not None, cells, tuple(breaks))
 
 
 def _first_look(
@@ -153,20 +162,8 @@ def _first_look(
     for d in directions:
         a, b = d.cells.points[:-1, None], d.cells.points[1:, None]
         places.append((a + (b - a) * np.array([0.27, 0.52])).ravel())
-    gap = _difference(function, spline, places[0], (*places, np.zeros(1))[1])(slice(None))
+    gap = difference_at(function, spline, places[0], (*places, np.zeros(1))[1])(slice(None))
     return float(np.sqrt(_squares(gap).max()))
-
-
-def _difference(function: Whole | Products, spline: HomogeneousSpline, s: Array, t: Array) -> Slabs:
-    """Return S - M on a grid, by slabs; of a rational S the numerator, and the denominator."""
-    of_spline, of_function = spline.on(s, t), function.on(s, t)
-
-    def gap(part: slice) -> Array:
-        result = of_spline(part)
-        result[:, :3] -= of_function(part)
-        return result
-
-    return gap
 
 
 def _squares(vectors: Array, axis: int = -2) -> Array:
@@ -191,18 +188,6 @@ def _reach(direction: Direction, deviation: float, degree: int) -> float:
     return float((1 / deviation) ** (1 / (degree + 1)))
 
 
-def _coefficients(gap: Array, s: int, t: int) -> Array:
-    """Return Bernstein coefficients on cells of degrees s and t, from values at their nodes.
-
-    Shapes: (t cells, t nodes, 3, s cells, s nodes) from (places t, 3, places s). What a step works
-    along is last, or has what lies behind it in one piece: that is many times faster.
-    """
-    along = windows(gap, 0, t)
-    along = product(to_bernstein(t), along.reshape(*along.shape[:2], -1))
-    across = windows(along.reshape(*along.shape[:2], *gap.shape[1:]), 3, s)
-    return product(across.reshape(-1, s + 1), to_bernstein(s).T).reshape(across.shape)
-
-
 class _Survey:
     """Samples of the difference on all cells, and the coefficients of its interpolants."""
 
@@ -213,20 +198,20 @@ class _Survey:
         directions: Sequence[Direction],
         rest: Remainders,
         expected: float,
+        spaces: Sequence[SplineSpace],
     ) -> None:
         """Look at all cells; coefficients need not be sharper than about `expected` allows."""
         self._directions = directions
         point = Cells(np.array([0.0, 1.0]), 0)
         self._s = directions[0].cells
         self._t = directions[1].cells if len(directions) > 1 else point
-        # what is lost of the coefficients of a numerator and of its denominator
-        spread = 1.0 if spline.is_polynomial else 3 / spline.least_weight
-        self._loss = conversion_loss(self._s.degree, self._t.degree) * spread
+        found = difference(function, spline, (self._s, self._t), spaces, expected)
         self._along = [part / spline.least_weight for part in rest.along]
         lebesgue = self._s.lebesgue * self._t.lebesgue / spline.least_weight
         self._interpolation = rest.interpolation / spline.least_weight
-        self._data = (rest.rounding + spline.rounding) * lebesgue
-        self._by_values = rest.by_values / spline.least_weight + spline.rounding * lebesgue
+        self._data = (rest.rounding * found.worse + found.rounding) * lebesgue
+        self._by_values = rest.by_values * found.worse / spline.least_weight
+        self._by_values += found.rounding * lebesgue
         known = self._data[np.isfinite(self._data)]
         self._goal = max(SHARP * expected, float(known.max(initial=0.0)))
         self._sizes = np.zeros((self._s.count, self._t.count))
@@ -234,29 +219,30 @@ class _Survey:
         self._at = 0.0, 0.0
         #: of each side: coefficients (cells, nodes, 3) and differences (places, 3), in parts
         self._sides: tuple[list[tuple[Array, Array]], ...] = ([], [], [], [])
+        #: cells with large coefficients, by number along s and t, and these: (cells, 3, i, j)
+        self._blunt: list[tuple[Integers, Integers, Array]] = []
         along, across = self._s.nodes(0, self._s.count), self._t.nodes(0, self._t.count)
-        difference = _difference(function, spline, along, across)
         nodes = max(self._t.degree, 1)
-        step = max(1, SLAB // (len(along) * nodes))
-        for first in range(0, self._t.count, step):
-            last = min(first + step, self._t.count)
+        for first in range(0, self._t.count, found.rows):
+            last = min(first + found.rows, self._t.count)
             rows = slice(first * nodes, last * nodes + 1)
-            gap = difference(rows)
+            gap = found.values(rows)
             squares = _squares(gap)
             row, column = np.unravel_index(int(squares.argmax()), squares.shape)
             # written so that what is not a number is not overlooked
             if not squares[row, column] <= self.sampled**2:
                 self.sampled = float(np.sqrt(squares[row, column]))
                 self._at = float(along[column]), float(across[rows][row])
-            self._take(first, last, gap)
+            self._take(first, last, gap, found.coefficients(first, last, gap))
+        self._sharpen()
+        self._loss = found.loss(self.sampled)
         # what is much wider than the samples would refuse what they show to be good
         wide = self._by_values > REMAINDER_SHARE * max(self.sampled, self._goal / SHARP)
         self._by_values[wide] = np.inf
 
-    def _take(self, first: int, last: int, gap: Array) -> None:
-        """Take the differences in some rows of cells into account."""
+    def _take(self, first: int, last: int, gap: Array, coefficients: Array) -> None:
+        """Take the differences in some rows of cells, and their coefficients, into account."""
         self.samples += gap[:, 0].size
-        coefficients = _coefficients(gap, self._s.degree, self._t.degree)
         if len(self._directions) == 2:
             for side, end in ((0, 0), (1, -1)):
                 # copies: views would keep the coefficients of all cells
@@ -269,18 +255,28 @@ class _Survey:
         t, nodes_t, k, *flat = coefficients.shape
         squares = _squares(coefficients.reshape(t, nodes_t, k, -1)).max(axis=1)
         sizes = np.sqrt(squares.reshape(t, *flat).max(axis=2))
-        goal = max(self._goal, SHARP * self.sampled)
-        i, j = np.nonzero(sizes > goal)
-        if len(i):
-            parts = coefficients[i, :, :, j].transpose(0, 2, 1, 3)
-            sizes[i, j] = _sharpened(parts, goal, halving(self._t.degree), halving(self._s.degree))
         self._sizes[:, first:last] = sizes.T
+        i, j = np.nonzero(sizes > max(self._goal, SHARP * self.sampled))
+        if len(i):
+            self._blunt.append((j, i + first, coefficients[i, :, :, j].transpose(0, 2, 3, 1)))
+            if sum(part.size for _, _, part in self._blunt) > MOST_BLUNT:
+                self._sharpen()
+
+    def _sharpen(self) -> None:
+        """Look closer at the cells whose coefficients are large beside what was seen by now."""
+        if not self._blunt:
+            return
+        i, j, parts = (np.concatenate(rows) for rows in zip(*self._blunt, strict=True))
+        self._blunt.clear()
+        goal = max(self._goal, SHARP * self.sampled)
+        blunt = self._sizes[i, j] > goal
+        i, j = i[blunt], j[blunt]
+        self._sizes[i, j] = _sharpened(parts[blunt], goal)
 
     def bound(self) -> Bound:
         """Return the bound."""
-        loss = self._loss * self.sampled
         rest = np.minimum(self._interpolation + self._data, self._by_values)
-        bound = (self._sizes + loss + rest) * (1 + 1e-9)
+        bound = (self._sizes + self._loss + rest) * (1 + 1e-9)
         largest = float(bound.max())
         if np.isfinite(largest):
             sides = tuple(self._side(k) for k in range(4)) if self._sides[0] else ()
@@ -307,12 +303,10 @@ class _Survey:
         work = np.concatenate([part.transpose(0, 2, 1) for part, _ in parts])[..., None]
         gaps = np.sqrt(_squares(np.concatenate([gap for _, gap in parts]), 1))
         sampled = float(gaps.max())
-        degree = self._directions[axis].cells.degree
         goal = max(SHARP * sampled, float(data[np.isfinite(data)].max(initial=0.0)))
-        sizes = _sharpened(work, goal, halving(degree), halving(0))
-        loss = self._loss * self.sampled
+        sizes = _sharpened(work, goal)
         rest = np.minimum(along + data, by_values)
-        largest = float(((sizes + loss + rest) * (1 + 1e-9)).max())
+        largest = float(((sizes + self._loss + rest) * (1 + 1e-9)).max())
         return Bound(max(largest, sampled), sampled, gaps.size)
 
     def _ranges(self, bad: Booleans) -> tuple[tuple[float, float], ...]:
@@ -324,24 +318,27 @@ class _Survey:
         return tuple(ranges)
 
 
-def _sharpened(work: Array, goal: float, halves_s: Array, halves_t: Array) -> Array:
+def _sharpened(work: Array, goal: float) -> Array:
     """Return the sizes of cells (n, 3, i, j) from the coefficients of their parts.
 
-    Parts above the goal are halved: the coefficients of the halves are nearer to the values.
+    Parts above the goal are halved, along one axis after the other: the coefficients of the halves
+    are nearer to the values.
     """
     cells = np.arange(len(work))
     result = np.zeros(len(work))
-    for depth in range(SHARPEST + 1):
+    for depth in range(2 * SHARPEST + 1):
         sizes = np.sqrt(_squares(work, 1).max(axis=(1, 2)))
         keep = sizes > goal
-        if depth == SHARPEST:
+        if depth == 2 * SHARPEST:
             keep[:] = False
         np.maximum.at(result, cells[~keep], sizes[~keep])
         cells, work = cells[keep], work[keep]
         if not len(cells):
             break
-        work = np.einsum("xij,ncjk->nxcik", halves_s, work)
-        work = np.einsum("ykl,nxcil->nxycik", halves_t, work)
-        work = work.reshape(-1, *work.shape[3:])
-        cells = np.repeat(cells, len(halves_s) * len(halves_t))
+        n, k, i, j = work.shape
+        halves = halving(j - 1)
+        both = product(work.reshape(-1, j), halves.reshape(-1, j).T)
+        # the other axis is halved next
+        work = both.reshape(n, k, i, len(halves), j).transpose(0, 3, 1, 4, 2).reshape(-1, k, j, i)
+        cells = np.repeat(cells, len(halves))
     return result

@@ -70,12 +70,20 @@ class HomogeneousSpline:
         The basis is positive, a sum of products without cancellation: some 6 roundings per degree;
         the poles then enter once per direction. A parameter is off by 4 units at most.
         """
-        size = float(np.sqrt((self.poles * self.poles).sum(axis=-1)).max())
-        result = sum(8 * (p + 2) for p in self.degrees) * UNIT * size
-        for axis, (p, knots) in enumerate(zip(self.degrees, self.knots, strict=True)):
-            gaps = knots[1 + p : -1] - knots[1 : -1 - p]
-            steps = np.diff(self.poles, axis=axis)
-            lengths = np.moveaxis(np.sqrt((steps * steps).sum(axis=-1)), axis, 0)
-            inside = gaps > 0
-            result += 4 * UNIT * p * float((lengths[inside].T / gaps[inside]).max())
-        return result * (1 + 1e-9)
+        return sum(
+            float(rounding_along(knots, p, np.moveaxis(self.poles, axis, 0)).max())
+            for axis, (p, knots) in enumerate(zip(self.degrees, self.knots, strict=True))
+        )
+
+
+def rounding_along(knots: Array, degree: int, poles: Array) -> Array:
+    """Return bounds of the errors of values of splines with the poles (n, k, d), (k).
+
+    Those of the parameter are included.
+    """
+    sizes, steps = (np.sqrt((x * x).sum(axis=-1)) for x in (poles, np.diff(poles, axis=0)))
+    gaps = knots[1 + degree : -1] - knots[1 : -1 - degree]
+    inside = gaps > 0
+    slopes = (steps[inside] / gaps[inside, None]).max(axis=0)
+    result = 8 * (degree + 2) * UNIT * sizes.max(axis=0) + 4 * UNIT * degree * slopes
+    return np.asarray(result * (1 + 1e-9))

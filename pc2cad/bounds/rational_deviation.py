@@ -22,6 +22,7 @@ def bound_spline(
     carrier: SplineCurve | SplineSurface,
     parametrisations: Sequence[Parametrisation],
     known: Known,
+    seen: float = 0.0,
 ) -> Bound:
     """Bound the distance of a function from its spline, rational ones included.
 
@@ -42,7 +43,8 @@ def bound_spline(
     if isinstance(carrier, SplineCurve):
         bound = bound_curve(trees, names[0], carrier, known)
     else:
-        bound = bound_surface(trees, names, carrier, known=known)
+        spaces = [parametrisation.space for parametrisation in parametrisations]
+        bound = bound_surface(trees, names, carrier, known=known, spaces=spaces, seen=seen)
     if weights is None:
         return bound
     # rounding of the products of poles and weights, and of the places

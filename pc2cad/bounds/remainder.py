@@ -1,5 +1,7 @@
 """How far a function can be from its interpolants on cells, from Taylor models on discs.
 
+Here it has two parameters; `discs` is about one.
+
 On a cell of half length h, whose points are the middles of discs of radius r in which F is analytic
 and within B of a polynomial of degree m at most, the interpolant at m + 1 Chebyshev-Lobatto nodes
 is off by at most 2^(1-m) h^(m+1) B/r^(m+1): the node polynomial is at most 2^(1-m) h^(m+1), and
@@ -9,7 +11,7 @@ Cauchy bounds the divided difference.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
@@ -27,8 +29,6 @@ ORDER = 6
 #: round a box is four times as wide
 SHARE_ALONG = 0.1
 SHARE_ACROSS = 0.2
-#: boxes along a parameter, if there is only one, that are not too many
-FEW = 64
 #: cells beyond which no more are halved, in one parameter and in two; and how many times the first
 MOST_CELLS, MORE = (8_000, 500_000), 8
 #: boxes of two parameters whose models are held at once
@@ -105,6 +105,10 @@ class Vectors:
     #: models that are known already, and those that become so
     known: Known
 
+    def weighted(self, weights: Array) -> Vectors:
+        """Return the same with other weights."""
+        return replace(self, weights=tuple(weights.tolist()))
+
     def models(
         self, names: Sequence[str], places: Sequence[Place], order: int
     ) -> list[list[Model]]:
@@ -138,7 +142,7 @@ def remainders(
     if not axes:
         _evaluate(vectors, directions, 0, _boxes(everywhere, directions, (1, 1)), rest, everywhere)
     part = allowed / max(1, len(axes))
-    if len(axes) == len(directions) == 2 and rest.rounding.size > 4 * MOST_BOXES:
+    if len(axes) == 2 and rest.rounding.size > 4 * MOST_BOXES:
         # beside a narrow feature cells are smaller than they need be
         boxes = _boxes(everywhere, directions, (COARSE, COARSE))
         for axis in axes:
@@ -177,15 +181,11 @@ def _refine(
     """
     share = [SHARE_ALONG if d == axis else SHARE_ACROSS for d in range(2)]
     counts = [
-        _cells_per_box(direction, part_of * r / 4**depth, len(directions))
-        for direction, part_of, r in zip(directions, share, reach, strict=False)
+        _cells_per_box(part_of * r / 4**depth) for part_of, r in zip(share, reach, strict=True)
     ]
-    # few boxes along one parameter cost no less than all, and all serve other functions
-    few = len(directions) == 1 and directions[0].cells.count <= FEW
-    wanted = np.ones_like(bad) if few else bad
-    boxes = _boxes(wanted, directions, counts)
+    boxes = _boxes(bad, directions, counts)
     before = directions[0].cells.lebesgue
-    directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, wanted, part)
+    directions[axis] = _evaluate(vectors, directions, axis, boxes, rest, bad, part)
     rest.along[1][...] *= directions[0].cells.lebesgue / before
     if max(counts) == 1:
         _look_at_values(vectors, directions, axis, rest)
@@ -195,7 +195,7 @@ def _refine(
         return rest, hard
     for d, mask in enumerate(split):
         # smaller boxes come first
-        mask[:] &= d < len(directions) and counts[d] == 1
+        mask[:] &= counts[d] == 1
     for d, mask in enumerate(split):
         if mask.any():
             directions[d] = directions[d].halved(mask)
@@ -218,25 +218,8 @@ def _look_at_values(
     np.minimum(rest.sizes, sizes, out=rest.sizes)
 
 
-def first_places(direction: Direction, reach: float, wide: bool) -> Place:
-    """Return the boxes with which `remainders` begins on a single direction.
-
-    Discs that are not `wide` hold the cells only.
-    """
-    count = 1
-    if not direction.exact:
-        count = _cells_per_box(direction, SHARE_ALONG * reach, 1)
-    everything = np.ones(direction.cells.count, dtype=bool)
-    return _place(direction, direction.groups(everything, count), wide)
-
-
-def _cells_per_box(direction: Direction, most: float, parameters: int) -> int:
-    """Return a whole power of 2, so that functions alike get the same boxes.
-
-    Few boxes along one parameter cost no less than `FEW`, and smaller ones are sooner good enough.
-    """
-    if parameters == 1:
-        most = min(most, direction.cells.count / FEW)
+def _cells_per_box(most: float) -> int:
+    """Return a whole power of 2, so that functions alike get the same boxes."""
     return 1 << (int(max(most, 1.0)).bit_length() - 1)
 
 
@@ -244,10 +227,10 @@ def _boxes(
     wanted: Booleans, directions: Sequence[Direction], size: Sequence[int]
 ) -> tuple[Groups, Groups]:
     """Return groups of the wanted rows and columns."""
-    rows = directions[0].groups(np.asarray(wanted.any(axis=1)), size[0])
-    if len(directions) == 1:
-        return rows, np.array([[0, 1]])
-    return rows, directions[1].groups(np.asarray(wanted.any(axis=0)), size[1])
+    return (
+        directions[0].groups(np.asarray(wanted.any(axis=1)), size[0]),
+        directions[1].groups(np.asarray(wanted.any(axis=0)), size[1]),
+    )
 
 
 def _evaluate(
@@ -265,8 +248,8 @@ def _evaluate(
     that axis, its degree raised if that leaves less than the goal.
     """
     places = [_place(d, g, i == axis) for i, (d, g) in enumerate(zip(directions, groups,
-              strict=False))]  # fmt: skip
-    order = order_of(directions)
+              strict=True))]  # fmt: skip
+    order = min([ORDER, *(d.cells.degree for d in directions if not d.exact)])
     names = [d.name for d in directions]
     sizes, distance, rounding = _measured(vectors, names, places, order, _any(wanted, groups))
     # boxes that hold each cell
@@ -299,8 +282,8 @@ def _measured(
     Many boxes are taken in blocks: models of all at once do not fit into a processor's own memory,
     nor those of a hundred thousand into the machine's.
     """
-    shape = (len(places[0].centre), len(places[1].centre) if len(places) > 1 else 1)
-    if len(places) > 1 and shape[0] > 1 and shape[0] * shape[1] > MOST_BOXES:
+    shape = len(places[0].centre), len(places[1].centre)
+    if shape[0] > 1 and shape[0] * shape[1] > MOST_BOXES:
         step = max(1, MOST_BOXES // shape[1])
         found = np.full((len(vectors.trees) + 2, *shape), np.inf)
         for start in range(0, shape[0], step):
@@ -348,11 +331,6 @@ def _raised(
 def _interpolated(disc: Array, left: Array, degree: int) -> Array:
     """Return how far interpolation is off, cell by cell, from what is so on discs."""
     return np.where(np.isfinite(disc), 4 * disc * left ** (degree + 1), np.inf)
-
-
-def order_of(directions: Sequence[Direction]) -> int:
-    """Return the order of the models: no more than the least degree of the cells."""
-    return min([ORDER, *(d.cells.degree for d in directions if not d.exact)])
 
 
 def _place(direction: Direction, groups: Groups, wide: bool) -> Place:

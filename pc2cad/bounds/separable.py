@@ -7,26 +7,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import partial
 
 import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import product
-from pc2cad.bounds.cells import Direction
-from pc2cad.bounds.remainder import (
-    Remainders,
-    Vectors,
-    first_places,
-    order_of,
-    remainders,
-)
+from pc2cad.bounds.cells import Cells, Direction
+from pc2cad.bounds.courses import Course
+from pc2cad.bounds.discs import first_discs, remainders_along
+from pc2cad.bounds.remainder import Remainders, Vectors, remainders
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.bounds.taylor_models import UNIT
-from pc2cad.bounds.values import length
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import Expr
+from pc2cad.geometry.splines.spline_space import SplineSpace
 
 #: more products than this are no help
 MOST_PRODUCTS = 12
@@ -64,6 +60,11 @@ class Whole:
     ) -> tuple[list[Direction], Remainders]:
         """Return cells that are small enough, and the remainders on them (see `remainders`)."""
         vectors = Vectors((self._trees,), (1.0,), self._known)
+        if len(directions) == 1:
+            (direction,) = directions
+            first = first_discs(vectors, direction, reach[0])
+            direction, rest = remainders_along(vectors, direction, first, allowed)
+            return [direction], rest
         return remainders(vectors, directions, reach, allowed)
 
 
@@ -77,17 +78,27 @@ class Products:
         self._names, self._known = names, known
         self._rows = tuple(v for v, _ in products), tuple((factor,) for _, factor in products)
 
-    @cached_property
-    def _programs(self) -> tuple[Program, Program]:
-        first, second = (Program(tuple(t for row in rows for t in row)) for rows in self._rows)
-        return first, second
+    def course(self, axis: int, cells: Cells, space: SplineSpace) -> Course:
+        """Return the vectors, or factors, beside their fits in a space."""
+        key = self._rows[axis], self._names[axis], cells.key, space
+        found = self._known.courses.get(key)
+        if found is None:
+            found = Course.of(partial(self.factors, axis), cells, space)
+            self._known.courses[key] = found
+        return found
+
+    def factors(self, axis: int, places: Array) -> Array:
+        """Return the vectors (k, 3, n) at places of the first parameter, or factors (k, 1, n)."""
+        program = Program(tuple(tree for row in self._rows[axis] for tree in row))
+        columns = program({self._names[axis]: places})
+        result = np.empty((len(columns), len(places)))
+        for row, column in zip(result, columns, strict=True):
+            row[:] = column
+        return result.reshape(len(self._rows[axis]), -1, len(places))
 
     def on(self, s: Array, t: Array) -> Slabs:
         """Return the values on a grid, by slabs."""
-        a, b = (
-            np.stack([np.broadcast_to(x, len(places)) for x in program({name: places})])
-            for program, name, places in zip(self._programs, self._names, (s, t), strict=True)
-        )
+        a, b = self.factors(0, s), self.factors(1, t)[:, 0]
         vectors, factors = a.reshape(len(b), -1), np.ascontiguousarray(b.T)
         return lambda part: product(factors[part], vectors).reshape(-1, 3, len(s))
 
@@ -96,14 +107,19 @@ class Products:
     ) -> tuple[list[Direction], Remainders] | None:
         """Return the same as `Whole`; None where the products are too large or not bounded."""
         part = allowed / max(1, sum(not d.exact for d in directions))
-        second = self._largest(directions[1], reach[1])
-        s, along = self._remainders(0, second, directions, reach, part)
-        across_first = part / s.cells.lebesgue
+        rows = [Vectors(row, (), self._known) for row in self._rows]
+        t_discs = first_discs(rows[1], directions[1], reach[1])
+        second = t_discs.sizes.max(axis=1)
+        s_discs = first_discs(rows[0], directions[0], reach[0])
+        s, along = remainders_along(rows[0].weighted(second), directions[0], s_discs, part)
         first = along.sizes.max(axis=(1, 2))
         total = float(first @ second)
         if not total * LEAST_SUM <= size:
             return None
-        t, across = self._remainders(1, first, directions, reach, across_first)
+        allowed_along_t = part / s.cells.lebesgue
+        t, across = remainders_along(
+            rows[1].weighted(first), directions[1], t_discs, allowed_along_t
+        )
         of_sums = (len(first) + 4) * UNIT * total
         rounding = along.rounding + across.rounding.T + of_sums
         errors = along.along[0], s.cells.lebesgue * across.along[0].T
@@ -115,31 +131,6 @@ class Products:
         by_values = whole[0] + s.cells.lebesgue * (whole[1].T + t.cells.lebesgue * of_sums)
         sizes = np.full((1, *rounding.shape), total)
         return [s, t], Remainders((a, b), rounding, sizes, by_values)
-
-    def _remainders(
-        self,
-        axis: int,
-        weights: Array,
-        directions: Sequence[Direction],
-        reach: Sequence[float],
-        allowed: float,
-    ) -> tuple[Direction, Remainders]:
-        vectors = Vectors(self._rows[axis], tuple(weights.tolist()), self._known)
-        (direction,), rest = remainders(
-            vectors, directions[axis : axis + 1], reach[axis : axis + 1], allowed
-        )
-        return direction, rest
-
-    def _largest(self, direction: Direction, reach: float) -> Array:
-        """Return bounds of the sizes of all factors, over the whole second parameter."""
-        rows = Vectors(self._rows[1], (), self._known)
-        for wide in (True, False):
-            places = [first_places(direction, reach, wide)]
-            models = rows.models([direction.name], places, order_of([direction]))
-            found = np.array([length([m.largest for m in row]).max() for row in models])
-            if np.isfinite(found).all():
-                break
-        return found
 
 
 def function_of(trees: tuple[Expr, ...], names: tuple[str, ...], known: Known) -> Whole | Products:

@@ -14,6 +14,7 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.bounds.cells import Cells
+from pc2cad.bounds.courses import Course
 from pc2cad.bounds.taylor_functions import (
     FUNCTIONS,
     SEVERAL,
@@ -67,6 +68,8 @@ class Known:
         #: cells by a parameter's name and the cells first tried: what is hard for one function of
         #: a parameter is hard for its others
         self.finer: dict[tuple[str, int, bytes], Cells] = {}
+        #: functions of a parameter beside their fits: two walls share those along the guide
+        self.courses: dict[tuple[object, ...], Course] = {}
 
     def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> Models:
         """Return the models known for the product of some places, to be added to."""
@@ -186,7 +189,7 @@ def _operands(node: Expr) -> tuple[Expr, ...]:
 def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order: int) -> Model:
     op = node.op
     if op == "number":
-        return constant(*_rounded(node.payload))
+        return _number(node)
     if op == "constant":
         value = float(np.pi if node.payload == "pi" else np.e)
         return constant(value, UNIT * value)
@@ -208,6 +211,11 @@ def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order
     if op == "fourier":
         return model_of(node.payload, args[0], args[1], order)
     return FUNCTIONS[op](args[0], order)
+
+
+@lru_cache(maxsize=1024)
+def _number(node: Expr) -> Model:
+    return constant(*_rounded(node.payload))
 
 
 def _rounded(exact: Fraction) -> tuple[float, float]:

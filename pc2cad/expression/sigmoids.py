@@ -9,14 +9,14 @@ from __future__ import annotations
 from fractions import Fraction
 
 from pc2cad.expression.rewriting import rewrite
-from pc2cad.expression.tree import Expr, call, number
+from pc2cad.expression.tree import Expr, call, number, ops_of
 
 HALF = Fraction(1, 2)
 
 
 def as_tanh(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return equal trees without quotients by p + q exp(x), p and q positive numbers."""
-    return rewrite(roots, "div", _rewritten)
+    return rewrite(roots, "div", _rewritten) if "exp" in ops_of(roots) else roots
 
 
 def _rewritten(node: Expr) -> Expr:

@@ -123,7 +123,9 @@ def prove_face(
         if isinstance(face.carrier, Plane):
             bounds = [_from_plane(function, face.carrier, rounding) for function in functions]
         elif isinstance(face.carrier, SplineSurface):
-            bounds = [bound_spline(*functions[0].trees, face.carrier, parametrisations, known)]
+            trees, names = functions[0].trees
+            seen = face.deviation
+            bounds = [bound_spline(trees, names, face.carrier, parametrisations, known, seen)]
         else:
             return face, []
     except BreaksNotAlignedError:
