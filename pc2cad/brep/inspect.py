@@ -20,6 +20,7 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape
 
 from pc2cad.arrays import Array
+from pc2cad.brep.checker import is_valid
 from pc2cad.brep.kernel import (
     IndexedDataMapOfShapeListOfShape,
     IndexedMapOfShape,
@@ -56,7 +57,7 @@ def inspect(solid: TopoDS_Shape) -> KernelFindings:
     faces, wires = counts[TopAbs_FACE].Size(), counts[TopAbs_WIRE].Size()
     vertices = counts[TopAbs_VERTEX].Size()
     return KernelFindings(
-        bool(BRepCheck_Analyzer(solid).IsValid()), counts[TopAbs_SHELL].Size(), faces, edges,
+        is_valid(solid), counts[TopAbs_SHELL].Size(), faces, edges,
         vertices, free, vertices - edges + faces - (wires - faces), _largest_tolerance(counts),
     )  # fmt: skip
 

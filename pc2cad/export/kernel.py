@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from OCP.BRep import BRep_Builder
-from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
 from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
@@ -32,6 +31,7 @@ from OCP.XCAFDoc import (
     XCAFDoc_Volume,
 )
 
+from pc2cad.brep.checker import is_valid
 from pc2cad.brep.integrals import solid_integrals
 from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.brep.same_numbers import same_numbers
@@ -205,7 +205,7 @@ def check_read_back(shape: Any, originals: list[Census], what: str) -> None:
 
 def _check_solid_read_back(solid: Any, original: Census, what: str) -> None:
     check_solid(solid)
-    if not BRepCheck_Analyzer(solid).IsValid():
+    if not is_valid(solid):
         raise KernelError(f"the {what} reads back as a solid that is not valid")
     found = _census(solid)
     if (found.faces, found.shells) != (original.faces, original.shells):
