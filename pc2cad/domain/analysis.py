@@ -250,25 +250,26 @@ class MapQuestions:
         """Samples of all six sides, (n, 3), after a check that every one is finite."""
         rows = []
         for d in range(3):
-            for limit in (0, 2 * (len(self._bounds[d]) - 1)):
-                ranges = [range(1, 2 * len(b) - 1, 2) for b in self._bounds]
-                ranges[d] = range(limit, limit + 1)
-                self._look(ranges)
+            ranges: list[Sequence[int]] = [range(1, 2 * len(b) - 1, 2) for b in self._bounds]
+            limits = ranges[d] = 0, 2 * (len(self._bounds[d]) - 1)
+            self._look(ranges)
+            for limit in limits:
+                ranges[d] = (limit,)
                 for cell in product(ranges[0], ranges[1], ranges[2]):
                     points = self._at(cell)
                     self._check_finite(cell, points)
                     rows.append(points.reshape(-1, 3))
         return np.concatenate(rows)
 
-    def _look(self, ranges: list[range]) -> None:
-        """Evaluate the patches of a side, some of them together."""
+    def _look(self, ranges: Sequence[Sequence[int]]) -> None:
+        """Evaluate the patches of two sides, some of them together."""
         step = _TOGETHER if self._map.is_alike_together else 1
         parts = [[row[k : k + step] for k in range(0, len(row), step)] for row in ranges]
         for block in product(*parts):
             places = [[self._positions(d, p) for p in row] for d, row in enumerate(block)]
             points = self._map.points(*open_grid(*(np.concatenate(row) for row in places)))
             within = [
-                [slice(k * len(own), (k + 1) * len(own)) if p % 2 else 0 for k, p in enumerate(row)]
+                [slice(k * len(own), (k + 1) * len(own)) if p % 2 else k for k, p in enumerate(row)]
                 for row, (own, *_) in zip(block, places, strict=True)
             ]
             for (i, j, k), keep in zip(product(*block), product(*within), strict=True):

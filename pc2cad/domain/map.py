@@ -22,7 +22,7 @@ from pc2cad.domain.pieces import Pieces
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.expression.breaks import trim_pieces
 from pc2cad.expression.derivatives import derivatives
-from pc2cad.expression.end_roots import has_whole_powers, take_out_ends
+from pc2cad.expression.end_roots import is_analytic, take_out_ends
 from pc2cad.expression.end_zeros import take_out_zeros
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.inner_roots import inner_roots
@@ -326,7 +326,7 @@ def _roots(mapping: Mapping3, direction: int) -> list[int]:
     corners are looked at as well: the speed may be infinite on those only. One that vanishes (the
     blunt tip of r = z^(3/4)) counts where it does all over the side.
     """
-    if has_whole_powers(mapping.coordinates):
+    if is_analytic(mapping.coordinates):
         return [1, 1]
     roots = []
     for limit, found in enumerate(_powers(mapping, direction, _NEAR, _NEARER)):

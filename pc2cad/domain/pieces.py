@@ -111,7 +111,7 @@ def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
     return any(node.op == "pieces" for node in among_pieces)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=64)  # the sides of one piece are compared with the same trees
 def _roots(trees: tuple[Expr, ...]) -> frozenset[Expr]:
     nodes = among(trees, lambda n: "sqrt" in n.ops and bool(n.symbols))
     return frozenset([node for node in nodes if node.op == "sqrt"])

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -76,7 +76,7 @@ def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[
         rows = [_Side(mapping, d, limit, along) for d, limit in sorted(limits) if d != along]
         few = _few(mapping, along)
         closed = [
-            _Closed(side, side(_uniform()))
+            _Closed(side, *np.split(side(_places()), [_COUNT]))
             for side in rows
             if _closes(few[side.normal, side.limit], scale)
         ]
@@ -120,6 +120,11 @@ def _uniform() -> Array:
     return (np.arange(_COUNT) + 0.5) / _COUNT
 
 
+@lru_cache(maxsize=1)
+def _places() -> Array:
+    return np.concatenate((_uniform(), _TRIED))
+
+
 def _few(mapping: Mapping3, along: int) -> dict[tuple[int, float], Array]:
     """Return points (4, 2, 3) of the four sides along a direction, by normal and limit."""
     ends, across = (0, 3), slice(1, 3)
@@ -148,6 +153,8 @@ class _Closed:
 
     side: _Side
     points: Array
+    #: the points at the places at which a shift is tried, (6, 2, 3)
+    tried: Array
 
     @cached_property
     def mean(self) -> Array:
@@ -158,11 +165,6 @@ class _Closed:
     def extent(self) -> float:
         """The largest extent of all points along an axis."""
         return float(np.ptp(self.points.reshape(-1, 3), axis=0).max())
-
-    @cached_property
-    def tried(self) -> Array:
-        """The points at the places at which a shift is tried, (6, 2, 3)."""
-        return self.side(_TRIED)
 
     @cached_property
     def reach(self) -> Array:

@@ -7,15 +7,21 @@ sine (or cosine) reaches 1 at a limit are written with atan2, whose derivatives 
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 from itertools import product
 
 from pc2cad.expression.normal_form import NormalForm, normal_form
-from pc2cad.expression.rewriting import rewrite
-from pc2cad.expression.sign_changes import sign_changes
-from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, ops_of, power, symbol, walk
+from pc2cad.expression.rewriting import among, rewrite
+from pc2cad.expression.sign_changes import keeps_sign, on_cells, sign_changes
+from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, ops_of, power, symbol
 
 #: the operations that polynomials are made of: others are not worked out to see them cancel
 POLYNOMIAL = frozenset(("number", "symbol", "add", "neg", "mul", "pow"))
+#: functions that are analytic everywhere, and what is where nothing vanishes
+_ANALYTIC = POLYNOMIAL | {
+    "constant", "sin", "cos", "exp", "sinh", "cosh", "tanh", "atan", "asinh", "fourier", "div",
+    "sqrt",
+}  # fmt: skip
 
 
 def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
@@ -29,13 +35,33 @@ def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     return roots
 
 
-def has_whole_powers(roots: tuple[Expr, ...]) -> bool:
-    """Say whether trees are polynomials as they are written: their powers at limits are whole."""
-    if not ops_of(roots) <= POLYNOMIAL:
+@lru_cache(maxsize=8)
+def is_analytic(roots: tuple[Expr, ...]) -> bool:
+    """Say whether trees are known to be analytic up to the limits: their powers there are whole.
+
+    They are made of analytic functions, and what they divide by, or take roots of, depends on one
+    parameter and vanishes nowhere, as enclosures prove. Every symbol runs from 0 to 1.
+    """
+    if not ops_of(roots) <= _ANALYTIC:
         return False
-    nodes = walk(roots, lambda n: n.args if "pow" in n.ops else ())
-    exponents = (node.args[1] for node in nodes if node.op == "pow")
-    return all(e.op == "number" and e.payload.denominator == 1 and e.payload > 0 for e in exponents)
+    for node in among(roots, lambda n: not n.ops.isdisjoint(("div", "sqrt", "pow"))):
+        ending, has_root = ONE, node.op == "sqrt"
+        if node.op in ("div", "sqrt"):
+            ending = node.args[-1]
+        elif node.op == "pow":
+            exponent = node.args[1]
+            whole = exponent.op == "number" and exponent.payload.denominator == 1
+            has_root = not whole
+            ending = ONE if whole and exponent.payload > 0 else node.args[0]
+            if exponent.symbols:
+                return False
+        if len(ending.symbols) > 1:
+            return False
+        for name in ending.symbols:
+            values = on_cells(ending, name)
+            if not keeps_sign(values) or (has_root and values.upper.flat[0] < 0):
+                return False
+    return True
 
 
 def root_exponent(node: Expr) -> Fraction | None:

@@ -215,25 +215,38 @@ class Program:
             self._among[among] = slot, partial(run, rows, first), chosen
         return self._among[among]
 
+    def _among_pieces(self, outputs: tuple[int, ...], among: Mapping[int, _Range]) -> list[_Step]:
+        """Return the steps that some values need, with places in ranges of pieces, in order."""
+        needed = self._needed(outputs, among) - {step[0] for step in self._first}
+        positions = sorted([self._position[i] for i in needed])
+        return [self._step(self._steps[k][0], among) for k in positions]
+
+    def _reached(self, outputs: tuple[int, ...]) -> list[_Step]:
+        """Return the steps that some values need, in order."""
+        needed, found = {*outputs}, list[_Step]()
+        for step in reversed(self._steps):
+            if step[0] in needed:
+                needed.update(step[2])
+                found.append(step)
+        found.reverse()
+        return found
+
     def _plan(self, outputs: tuple[int, ...], ranges: tuple[_Range, ...]) -> _Plan:
-        """Return what is left to work some values out where places are in ranges of pieces."""
+        """Return how some values are worked out where places are in ranges of pieces."""
         if len(self._plans) >= MOST_PLANS:
             self._forget()
         among = dict(zip(self._located, ranges, strict=True))
         done = {step[0] for step in self._first}
-        needed = [self._position[i] for i in self._needed(outputs, among) - done]
+        chosen = self._among_pieces(outputs, among) if among else self._reached(outputs)
         #: what is not let go of, or has been
         kept = {*outputs, *done, *self._fixed}
         steps: list[_Timed] = []
-        for k in sorted(needed, reverse=True):
-            step = self._step(self._steps[k][0], among)
-            last = [x for x in step[2] if x not in kept]
+        for step in reversed(chosen):
+            last = tuple([x for x in step[2] if x not in kept])
             kept.update(last)
-            key = (id(step), *last)
-            timed = self._timed.get(key)
-            if timed is None:
-                timed = self._timed[key] = *step, key[1:]
-            steps.append(timed)
+            timed = *step, last
+            # plans for pieces are many, and have most of their steps in common
+            steps.append(self._timed.setdefault((id(step), *last), timed) if among else timed)
         steps.reverse()
         taken = tuple([i for i in self._taken if i in kept])
         plan = _Plan(steps, taken, tuple([self._taken[i] for i in taken]))

@@ -194,6 +194,13 @@ class Symmetry:
         """+1 for a rotation, -1 for a reflection."""
         return -1 if (self.swap + self.reverse_s + self.reverse_t) % 2 else 1
 
+    @property
+    def inverse(self) -> Symmetry:
+        """The symmetry that undoes this one."""
+        if self.swap:
+            return Symmetry(True, self.reverse_t, self.reverse_s)
+        return self
+
     def read(self, values: Table) -> Table:
         """Return values on a grid of the square, (m, n, …), as they are met before the symmetry.
 

@@ -113,7 +113,10 @@ def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> t
                 "and one of them is glued to another side already; shorten the domain"
             )
         fates[first] = glued
-        fates[second] = _partner(second, first, questions, labels) or glued
+        # no other symmetry does: neither side is one with itself
+        assert glued.symmetry is not None
+        inverse = glued.symmetry.inverse
+        fates[second] = replace(glued, patch=second, partner=first, symmetry=inverse)
     return tuple(fates[p] or SideFate(p, "face", Verdict.PROVED) for p in patches)
 
 

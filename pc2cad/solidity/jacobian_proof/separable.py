@@ -18,13 +18,14 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
-from pc2cad.bounds.taylor_evaluation import enclose
+from pc2cad.bounds.taylor_evaluation import Known, enclose
 from pc2cad.bounds.taylor_models import UNIT, Place
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.breaks import find_breaks
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.normal_form import Monomial, normal_form, tree_of
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
 from pc2cad.solidity.jacobian_proof.triples import Products, scaled, triple
@@ -107,6 +108,8 @@ class _Sum:
             if second is not ZERO
         ]
         self._common = _without_powers(self._common, names[1:])
+        #: models: what all terms share is made of the same functions as the terms
+        self._known = Known()
         #: middles of the boxes where the last refinement found no sign, (3, n)
         self.left: Array | None = None
 
@@ -124,12 +127,12 @@ class _Sum:
 
     def _common_in(self, first: Place, others: _Boxes) -> _Ranges:
         """Return the common factor in boxes of the others: middles and half widths, (1, boxes)."""
-        return _enclosed([self._common], self._names[1:], others)
+        return _enclosed([self._common], self._names[1:], others, self._known)
 
     def _terms_in(self, first: Place, others: _Boxes) -> _Ranges:
         """Return the same of the sum of the terms, (boxes of the first, those of the others)."""
         a, da = _enclosed([x for x, _ in self._terms], self._names[:1], (first,))
-        b, db = _enclosed([x for _, x in self._terms], self._names[1:], others)
+        b, db = _enclosed([x for _, x in self._terms], self._names[1:], others, self._known)
         with np.errstate(all="ignore"):  # what is not bounded is nan, and of no sign
             size = product(np.abs(a).T, np.abs(b))
             off = (
@@ -206,12 +209,21 @@ def _signs(middle: Array, off: Array, sign: int) -> tuple[int, Booleans, bool]:
 def _without_powers(tree: Expr, names: tuple[str, ...]) -> Expr:
     """Return a tree without the powers of parameters that it is a multiple of."""
     for name in names:
+        if not _may_vanish(tree, name):
+            continue
         products = vector_products((tree,), name) or []
         if len(products) == 1:
             ((power,), factor) = products[0]
             base = power.args[0] if power.op == "pow" else power
             tree = factor if base.op == "symbol" else tree
     return tree
+
+
+def _may_vanish(tree: Expr, name: str) -> bool:
+    """Say whether a place leaves it open that a tree vanishes where a parameter does."""
+    rest = dict.fromkeys(tree.symbols, 0.371)
+    at, away = evaluate(tree, {**rest, name: 0.0}), evaluate(tree, rest)
+    return name in tree.symbols and not abs(at) > 1e-6 * abs(away)
 
 
 def _without_common_power(trees: list[Expr], name: str) -> list[Expr]:
@@ -271,7 +283,10 @@ def _halves(others: _Boxes, chosen: Booleans) -> _Boxes:
 
 
 def _enclosed(
-    trees: list[Expr], names: tuple[str, ...], places: tuple[Place, ...]
+    trees: list[Expr],
+    names: tuple[str, ...],
+    places: tuple[Place, ...],
+    known: Known | None = None,
 ) -> tuple[Array, Array]:
     """Return middles and half widths of the trees' ranges, (trees, all boxes)."""
     count = len(places[0].centre)
@@ -281,7 +296,7 @@ def _enclosed(
         parts = [_enclosed(trees, names, tuple(p.part(x) for p in places)) for x in slices]
         middle, reach = (np.concatenate(rows, axis=1) for rows in zip(*parts, strict=True))
         return middle, reach
-    models = enclose(trees, names, places, ORDER)
+    models = enclose(trees, names, places, ORDER, known)
     shape = np.broadcast_shapes(*(p.spread(axis).centre.shape for axis, p in enumerate(places)))
     middle, reach = (
         np.stack([np.broadcast_to(x, shape).ravel() for x in values])
