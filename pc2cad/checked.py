@@ -4,13 +4,13 @@
                    ─orient→     Orientation     the sign of det J, or a fold
                    ─analyse→    Analysis        which sides collapse, coincide, bound
                    ─integrate→  MassProperties  volume, area, centroid of the equation
-                   ─solidity→   Solidity        no overlap
+                   ─solidity→   Question        no overlap: by samples, or left to the faces
                                 ⇒ CheckedMap    ⇒ B-rep, volume splines, meshes, points
 
 Each stage takes the results before it and returns one frozen value. The limits of a channel say
 what is near to break it. Where it is proved that nothing does they are worked out when asked for;
 where something is sampled they are looked at as well (*limits*), and where a stage refuses the map
-they are the closer reason.
+they are the closer reason. So are overlaps that samples show, where these were left to a proof.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pc2cad.domain.cuts import parted as cut_apart
 from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
 from pc2cad.equation.point_equation import PointEquation
-from pc2cad.errors import NotASolidError, ToleranceNotReachedError
+from pc2cad.errors import NotASolidError, PointCadError, ToleranceNotReachedError
 from pc2cad.expression.carried import begin_build
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.tree import ValueDomainError
@@ -39,7 +39,7 @@ from pc2cad.geometry.scale import Scale
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.solidity.orientation import Orientation, find_orientation
-from pc2cad.solidity.solidity import Solidity, check_solidity
+from pc2cad.solidity.solidity import Question, Solidity, ask_solidity
 
 if TYPE_CHECKING:
     from pc2cad.integrals.fields import FieldIntegral
@@ -65,7 +65,13 @@ class CheckedMap:
     #: how deep layers may be, where that is known
     depths: tuple[Limit, ...]
     mass: MassProperties
-    solidity: Solidity
+    #: whether samples show an overlap
+    question: Question
+
+    @property
+    def solidity(self) -> Solidity:
+        """What samples show of overlaps; raises NotASolidError for one when it is first asked."""
+        return self.question.answer
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
@@ -160,7 +166,11 @@ def _extreme(extreme: Extreme) -> dict[str, float | None]:
 
 
 class Stages:
-    """Runs stages in turn, tells their names as they begin and notes their seconds."""
+    """Runs stages in turn, tells their names as they begin and notes their seconds.
+
+    A check that another stage may make needless is `put_off`. It is made when it is asked for, and
+    first of all where a later stage raises: what it raises is the closer reason.
+    """
 
     def __init__(self, progress: Progress | None = None) -> None:
         self._progress = progress
@@ -168,6 +178,17 @@ class Stages:
         #: what is put behind the message where the map is refused or has no value, worked out then;
         #: a remark that knows a closer reason raises it
         self.remarks: list[Callable[[], str]] = []
+        self._waiting: dict[str, Callable[[], object]] = {}
+        self._remarked: Exception | None = None
+
+    def put_off(self, name: str, run: Callable[[], object]) -> None:
+        """Make a stage later, if it has to be made."""
+        self._waiting[name] = run
+
+    def make_up(self) -> None:
+        """Run what was put off."""
+        while self._waiting:
+            self(*self._waiting.popitem())
 
     def __call__(self, name: str, run: Callable[[], Result]) -> Result:
         """Return the result of a stage."""
@@ -176,13 +197,21 @@ class Stages:
         start = time.perf_counter()
         try:
             result = run()
-        except (NotASolidError, ValueDomainError) as error:
+        except (PointCadError, ValueDomainError) as error:
+            self.make_up()
+            if isinstance(error, NotASolidError | ValueDomainError):
+                self._remark(error)
+            raise
+        self.times[name] = self.times.get(name, 0.0) + time.perf_counter() - start
+        return result
+
+    def _remark(self, error: Exception) -> None:
+        """Put the remarks behind the message of an error, once."""
+        if error is not self._remarked:
             said = "; ".join(filter(None, (remark() for remark in self.remarks)))
             if said:
                 error.args = (f"{error} ({said})",)
-            raise
-        self.times[name] = time.perf_counter() - start
-        return result
+            self._remarked = error
 
 
 def check_map(
@@ -210,8 +239,8 @@ def check_map(
     mass = run("integrate", lambda: integrate(analysis))
     if accept is not None:
         accept(mass)
-    solidity = run("solidity", lambda: check_solidity(analysis, orientation.sign, faces))
-    checked = CheckedMap(analysis, orientation, depths, mass, solidity)
+    question = run("solidity", lambda: ask_solidity(analysis, orientation, faces))
+    checked = CheckedMap(analysis, orientation, depths, mass, question)
     if not (faces and orientation.verdict is Verdict.PROVED):
         run("limits", lambda: check_limits(checked.limits))
     return checked

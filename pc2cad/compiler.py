@@ -103,11 +103,15 @@ def _compiled(checked: CheckedMap, options: CompileOptions, run: Stages) -> Body
     from pc2cad.channels.limits import check_limits
     from pc2cad.part import Body
     from pc2cad.representation.boundary import represent
-    from pc2cad.representation.embedding import embed
+    from pc2cad.representation.embedding import embed, not_proved
     from pc2cad.validation import validate
 
+    if checked.question.can_wait:
+        run.put_off("solidity", lambda: checked.solidity)
     model = run("represent", lambda: represent(checked, options))
-    embedding = run("embed", lambda: embed(checked, model))
+    embedding = run("embed", lambda: embed(checked, model, run.make_up))
+    if not_proved(checked, model, embedding):
+        run.make_up()
     if not embedding.proved:
         run("limits", lambda: check_limits(checked.limits))
     built = run("build", lambda: build(model))

@@ -210,9 +210,9 @@ class EquationReport:
     frame: str
     #: det J keeps its sign: proved or sampled
     determinant: str
-    #: inner images with winding number 1, and how near parts of the boundary may come, untouched
+    #: inner images seen to have winding number 1; 0 where that is proved of all
     images: int
-    contact_clearance: float
+    contact_clearance: float  #: how near parts of the boundary may come, untouched
     #: that M covers no place twice: proved, but for places as near to the boundary as
     #: `overlap_depth`; or sampled, and `overlap_open` says what is not proved and where
     injectivity: str
@@ -347,7 +347,7 @@ class Report(Evidence):
 
     @property
     def images(self) -> int:
-        """Number of inner images with winding number 1."""
+        """Number of inner images seen to have winding number 1; 0 where that is proved of all."""
         return self.one.images
 
     @property

@@ -9,7 +9,6 @@ integrals taken from the equation.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +20,6 @@ from pc2cad.checked import CheckedMap
 from pc2cad.domain.pinch import pinch_of
 from pc2cad.equation.point_equation import Expectations
 from pc2cad.errors import KernelError, NotASolidError
-from pc2cad.expression.identity import Verdict
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.geometry.carriers import (
     SplineCurve,
@@ -43,6 +41,7 @@ from pc2cad.report import (
     SideReport,
 )
 from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
+from pc2cad.representation.embedding import not_proved
 from pc2cad.solidity.embedding.proof import TOUCHING
 from pc2cad.solidity.embedding.verdict import Embedding
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of
@@ -282,7 +281,8 @@ def _own(
 ) -> EquationReport:
     """Return what is known from the equation itself."""
     boundary, properties = model.complex, checked.mass
-    open_ = "; ".join(_not_proved(checked, model, embedding))
+    open_ = "; ".join(not_proved(checked, model, embedding))
+    seen = checked.solidity if open_ or not checked.question.can_wait else None
     return EquationReport(
         sides=tuple(_side(side, boundary) for side in boundary.sides),
         genus=tuple(
@@ -293,11 +293,9 @@ def _own(
         ),
         frame=checked.equation.frame,
         determinant=checked.orientation.verdict.value,
-        images=checked.solidity.images,
+        images=0 if seen is None else seen.images,
         contact_clearance=(
-            min(checked.solidity.apart, TOUCHING * model.size)
-            if embedding.proved
-            else checked.solidity.apart
+            TOUCHING * model.size if embedding.proved else checked.solidity.apart
         ),
         injectivity="sampled" if open_ else "proved",
         overlap_depth=(
@@ -317,19 +315,6 @@ def _own(
             for limit in checked.limits
         ),
     )  # fmt: skip
-
-
-def _not_proved(checked: CheckedMap, model: BoundaryModel, embedding: Embedding) -> Iterator[str]:
-    """Yield what keeps it from being proved that M covers no place twice."""
-    if not embedding.proved:
-        yield f"nothing has separated {embedding.open}"
-    if checked.orientation.verdict is not Verdict.PROVED:
-        yield "the sign of det J is sampled"
-    sampled = [face.name for face in model.faces if face.evidence == "sampled"]
-    if sampled:
-        yield f"deviations from the equation are sampled: {', '.join(sampled)}"
-    if embedding.sides:
-        yield f"that sides collapse or coincide is sampled: {', '.join(embedding.sides)}"
 
 
 def _side(side: SideFate, boundary: BoundaryComplex) -> SideReport:

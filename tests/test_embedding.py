@@ -45,7 +45,7 @@ from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
 from pc2cad.solidity.injectivity import OverlappingMapError
 from pc2cad.solidity.orientation import find_orientation
-from pc2cad.solidity.solidity import Solidity
+from pc2cad.solidity.solidity import Question
 
 U, V, W = pc.parameters()
 
@@ -55,10 +55,10 @@ def unexamined(equation: PointEquation) -> CheckedMap:
     from pc2cad.integrals.mass_properties import integrate
 
     analysis = analyse(equation)
+    orientation = find_orientation(analysis.map)
     return CheckedMap(
-        analysis, find_orientation(analysis.map), (), integrate(analysis),
-        Solidity(1, 0.0, 0),
-    )  # fmt: skip
+        analysis, orientation, (), integrate(analysis), Question(analysis, orientation)
+    )
 
 
 def embedding(map_, tolerance: float | None = None, domain=None):

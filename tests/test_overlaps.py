@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import pc2cad as pc
+from pc2cad.checked import Stages
+from pc2cad.compiler import compile_solid
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.errors import PointCadError
+from pc2cad.errors import PointCadError, ToleranceNotReachedError
+from pc2cad.solidity import solidity
+from pc2cad.solidity.continuity import is_continuous
 from pc2cad.solidity.face_mesh import cut
-from pc2cad.solidity.injectivity import OverlappingMapError, check_injective
+from pc2cad.solidity.injectivity import OverlappingMapError, check_injective, material_shell
 from pc2cad.solidity.orientation import find_orientation
 from pc2cad.solidity.self_intersection import Contact, find_contact
+from pc2cad.solidity.solidity import Question
 
 U, V, W = pc.parameters()
 THETA, PHI = 2 * pc.pi * U, 2 * pc.pi * V
@@ -163,7 +169,7 @@ def test_a_thin_wall_is_no_contact(wall):
 def test_waves_both_ways_are_seen_whatever_their_number(waves):
     height = 2 + Fraction(1, 50) * pc.sin(2 * pc.pi * waves * U) * pc.sin(2 * pc.pi * waves * V)
     analysis = analyse(point_equation((U, V, W * height)))
-    found = check_injective(analysis, 1)
+    found = check_injective(analysis, 1, cut(analysis))
     assert found.images >= 125
 
 
@@ -244,6 +250,125 @@ def test_what_the_effort_leaves_open_is_said():
     t = 4 * pc.pi * U
     spiral = radius * pc.cos(t), radius * pc.sin(t), V + Fraction("0.3") * pc.sin(2 * pc.pi * U)
     analysis = analyse(point_equation(spiral))
-    found = check_injective(analysis, find_orientation(analysis.map).sign, 1000)
+    sign = find_orientation(analysis.map).sign
+    found = check_injective(analysis, sign, cut(analysis), 1000)
     assert 1e-5 < found.apart < 0.1
     assert f"an overlap of up to {found.apart:.2g} mm is not excluded" in found.warning
+
+
+# -- samples that are put off ----------------------------------------------------------------------
+
+
+def test_nothing_is_left_to_samples_where_the_faces_are_proved_to_meet_nowhere(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With one shell, with a void, and with layers; a sampled sign of det J is none of these."""
+    looked: list[bool] = []
+
+    def look(*given, **more):
+        looked.append(True)
+        return check_injective(*given, **more)
+
+    monkeypatch.setattr(solidity, "check_injective", look)
+    for map_ in (torus(3, W), torus(3, 1 + W), helix(4, 1.1 * touching_pitch(4, 1), 2, W)):
+        report = pc.compile_part(map_).report
+        assert (report.injectivity, report.images) == ("proved", 0)
+        assert 0 < report.contact_clearance < 1e-8 * report.size
+    assert looked == []
+    shells = analyse(point_equation(torus(3, 1 + W))).boundary.shells
+    assert len(shells) == 2
+    monkeypatch.setattr("pc2cad.solidity.orientation.proved_sign", lambda *given: 0)
+    report = pc.compile_part(torus(3, W)).report
+    assert report.injectivity == "sampled"
+    assert report.images >= 125
+    assert looked == [True]
+
+
+@pytest.mark.parametrize(
+    "map_",
+    [
+        helix(4, 0.9 * touching_pitch(4, 1), 2, W),
+        ramp("400", 1e-3),
+        eight(Fraction(2)),  # the strands touch, within what built faces may deviate
+    ],
+    ids=["rod", "ramp", "strands"],
+)
+def test_what_samples_refuse_is_refused_in_their_words(map_) -> None:
+    equation = point_equation(map_)
+    analysis = analyse(equation)
+    with pytest.raises(OverlappingMapError) as before:
+        Question(analysis, find_orientation(analysis.map), faces=True).answer  # noqa: B018
+    told: list[str] = []
+    with pytest.raises(OverlappingMapError) as after:
+        compile_solid(equation, progress=told.append)
+    assert str(after.value) == str(before.value)
+    assert told[-4:] == ["solidity", "represent", "embed", "solidity"]
+
+
+def test_a_void_needs_no_samples_to_be_one() -> None:
+    analysis = analyse(point_equation(torus(3, 1 + W)))
+    question = Question(analysis, find_orientation(analysis.map), faces=True)
+    assert question.can_wait
+    assert question.outer_shell == question.answer.outer_shell
+    outer = analysis.boundary.shells[question.outer_shell].faces
+    assert [analysis.boundary.name(analysis.boundary.faces[f].patch) for f in outer] == ["w=1"]
+
+
+def test_shells_of_which_two_enclose_material_are_left_to_samples() -> None:
+    """Their volumes have the wrong sign where det J has, too."""
+    analysis = analyse(point_equation(torus(3, 1 + W)))
+    sign = find_orientation(analysis.map).sign
+    meshes = cut(analysis)
+    assert material_shell(analysis, sign, meshes) is not None
+    same = [replace(mesh, shell=1 - mesh.shell) for mesh in meshes]
+    assert material_shell(analysis, sign, same) == 1 - material_shell(analysis, sign, meshes)
+    one = [mesh for mesh in meshes if mesh.shell == material_shell(analysis, sign, meshes)]
+    twice = [*one, *(replace(mesh, shell=1 - mesh.shell) for mesh in one)]
+    assert material_shell(analysis, sign, twice) is None
+
+
+def test_a_check_that_was_put_off_is_made_once_and_has_the_first_word() -> None:
+    told: list[str] = []
+    stages = Stages(told.append)
+    stages.remarks.append(lambda: "the remark")
+
+    def fail(error: Exception) -> None:
+        raise error
+
+    stages.put_off("check", lambda: None)
+    with pytest.raises(ToleranceNotReachedError, match=r"^too rough$"):
+        stages("fit", lambda: fail(ToleranceNotReachedError("too rough")))
+    assert told == ["fit", "check"]
+    stages.put_off("check", lambda: fail(OverlappingMapError("it overlaps")))
+    with pytest.raises(OverlappingMapError, match=r"^it overlaps \(the remark\)$"):
+        stages("fit", lambda: fail(ToleranceNotReachedError("too rough")))
+    stages.put_off("check", lambda: fail(OverlappingMapError("it overlaps")))
+    with pytest.raises(OverlappingMapError, match=r"^it overlaps \(the remark\)$"):
+        stages("embed", stages.make_up)
+    assert told[2:] == ["fit", "check", "embed", "check"]
+
+
+@pytest.mark.parametrize(
+    ("tree", "proved"),
+    [
+        (pc.sin(U) * pc.exp(V - W) + abs(U - V), True),
+        (U / (1 + V * W), True),
+        (pc.sqrt(2 + U - V * W), True),
+        ((1 + U) ** Fraction(-3, 2), True),
+        (pc.log(1 + U + V), True),
+        (pc.asin(U / 2), True),
+        (U**3 * (V + 1) ** (-2), True),
+        (1 / (U - Fraction(1, 3)), False),
+        ((U - Fraction(1, 3)) ** (-2), False),
+        (pc.log(U), False),
+        (pc.sqrt(U - V), False),
+        (pc.floor(U + V), False),
+        (pc.atan2(V, U - 2), False),
+        (pc.tan(U), False),
+        ((U + 1) ** (V - 2), True),
+        ((U - 1) ** (V - 2), False),
+    ],
+)
+def test_what_is_made_of_continuous_functions_does_not_jump(tree, proved: bool) -> None:
+    coordinates = point_equation((tree, V, W)).coordinates
+    assert is_continuous(coordinates) == proved

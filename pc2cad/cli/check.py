@@ -319,8 +319,6 @@ def _deviation(report: Report) -> str:
 
 
 def _overlap(own: EquationReport, units: str) -> str:
-    if not own.images:
-        return "not examined"
     if own.injectivity == "proved":
         near = f", but within {own.overlap_depth:.2g} {units} of the boundary"
         return (

@@ -81,7 +81,7 @@ def represent(
         _Work(cells, vertices, tolerance, analysis.scale.evaluation_noise, Known(), prove)
     )
     shells = [faces_of(shell, faces) for shell in cells.boundary.shells]
-    shells.insert(0, shells.pop(checked.solidity.outer_shell))
+    shells.insert(0, shells.pop(checked.question.outer_shell))
     layers = tuple(
         layer(name, index, cells, faces) for index, name in enumerate(analysis.equation.layers)
     )

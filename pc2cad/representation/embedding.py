@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -28,10 +29,13 @@ from pc2cad.topology.complex import SideFate
 _DEGREE = 7
 
 
-def embed(checked: CheckedMap, model: BoundaryModel) -> Embedding:
+def embed(
+    checked: CheckedMap, model: BoundaryModel, doubt: Callable[[], object] = lambda: None
+) -> Embedding:
     """Return what is known of whether the model's faces meet but where they are joined.
 
-    Raises OverlappingMapError where the equation's do, BuiltFacesMeetError where only the model's.
+    `doubt` is called where that is not clear soon: it may know why and raise. Raises
+    OverlappingMapError where the equation's do, BuiltFacesMeetError where only the model's.
     """
     sheets, left = sheets_of(model)
     regions, beside = _regions(checked.analysis, model), _beside(model)
@@ -39,12 +43,29 @@ def embed(checked: CheckedMap, model: BoundaryModel) -> Embedding:
         replace(sheet, region=regions.get(sheet.cell, -1), beside=beside[sheet.face])
         for sheet in sheets
     ]
+    if left or any(face.evidence == "sampled" for face in model.faces):
+        doubt()
     found = check_embedded(
         checked.analysis, sheets, edge_lines(model.edges, model.complex, model.vertices),
-        [face.deviation for face in model.faces], [model.faces[i].name for i in left],
+        [face.deviation for face in model.faces], [model.faces[i].name for i in left], doubt,
     )  # fmt: skip
     gap, names = _glued(checked.analysis)
     return replace(found, depth=max(found.depth, gap), sides=names)
+
+
+def not_proved(checked: CheckedMap, model: BoundaryModel, embedding: Embedding) -> list[str]:
+    """Return what keeps it from being proved that M covers no place twice."""
+    found = []
+    if not embedding.proved:
+        found.append(f"nothing has separated {embedding.open}")
+    if checked.orientation.verdict is not Verdict.PROVED:
+        found.append("the sign of det J is sampled")
+    sampled = [face.name for face in model.faces if face.evidence == "sampled"]
+    if sampled:
+        found.append(f"deviations from the equation are sampled: {', '.join(sampled)}")
+    if embedding.sides:
+        found.append(f"that sides collapse or coincide is sampled: {', '.join(embedding.sides)}")
+    return found
 
 
 def _beside(model: BoundaryModel) -> list[tuple[int, int]]:

@@ -1,6 +1,8 @@
 """Does the map jump.
 
-A step between two samples that is much larger than those beside it is either steep or a jump. Which
+It does not where it is made of continuous functions, and nothing that is divided by vanishes: that
+is proved by enclosures over boxes that fill the box. Where it is not, samples are looked at: a step
+between two samples that is much larger than those beside it is either steep or a jump. Which
 of them shows by halving: where the map is continuous the step becomes small with its interval, and
 at a jump it stays, down to neighbouring numbers. Jumps inside the box reach its sides, unless they
 close in themselves; those of the sides are found.
@@ -8,13 +10,20 @@ close in themselves; those of the sides are found.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from itertools import groupby
+from typing import Final
 
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.domain.analysis import Analysis
 from pc2cad.errors import NotASolidError
+from pc2cad.expression.enclosures import IntervalProgram
+from pc2cad.expression.intervals import Interval
+from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.tree import Expr, ops_of, walk
 from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 
 #: a step is looked into where it exceeds both steps beside it by this factor; so many per direction
@@ -26,9 +35,78 @@ TOGETHER = 16
 #: steps below this share of the part's size are left to the comparison with the tolerance
 SMALLEST = 1e-6
 
+#: what is continuous wherever its operands are
+_CONTINUOUS: Final = frozenset((
+    "number", "constant", "symbol", "add", "mul", "neg", "sin", "cos", "atan", "sinh", "cosh",
+    "tanh", "asinh", "exp", "abs", "min", "max", "fourier",
+))  # fmt: skip
+#: of what is continuous for some operands only: where these have to stay
+_Range = Callable[[Interval], bool]
+_RANGES: Final[dict[str, _Range]] = {
+    "div": lambda x: bool(((x.lower > 0) | (x.upper < 0)).all()),
+    "sqrt": lambda x: bool((x.lower >= 0).all()),
+    "log": lambda x: bool((x.lower > 0).all()),
+    "asin": lambda x: bool(((x.lower >= -1) & (x.upper <= 1)).all()),
+    "acos": lambda x: bool(((x.lower >= -1) & (x.upper <= 1)).all()),
+    "acosh": lambda x: bool((x.lower >= 1).all()),
+    "atanh": lambda x: bool(((x.lower > -1) & (x.upper < 1)).all()),
+}
+#: boxes along each parameter, by the number of parameters that something depends on
+_BOXES: Final = {1: 64, 2: 32, 3: 12}
+
 
 class DiscontinuousMapError(NotASolidError):
     """The map jumps inside its box: the image falls into parts."""
+
+
+def is_continuous(roots: tuple[Expr, ...]) -> bool:
+    """Say whether trees are proved to be finite and continuous over the unit box."""
+    if ops_of(roots) <= _CONTINUOUS:
+        return True
+    asked: list[tuple[tuple[str, ...], str, Expr]] = []
+    for node in walk(roots):
+        if node.op in _CONTINUOUS or not node.symbols:
+            continue
+        found = _asked(node)
+        if found is None:
+            return False
+        asked += [(tuple(sorted(tree.symbols)), op, tree) for op, tree in found if tree.symbols]
+    # by parameters: variants of a template have some trees in common
+    asked.sort(key=lambda row: row[0])
+    return all(
+        _stay(names, tuple(dict.fromkeys((op, tree) for _, op, tree in rows)))
+        for names, rows in groupby(asked, lambda row: row[0])
+    )
+
+
+def _asked(node: Expr) -> list[tuple[str, Expr]] | None:
+    """Return which operands of an operation have to stay in a range, None: it may jump anyway."""
+    if node.op == "pieces":
+        return [] if node.payload.smoothness >= 0 else None
+    if node.op == "pow":
+        base, exponent = node.args
+        if exponent.op != "number":
+            return [("log", base)]
+        whole, positive = exponent.payload.denominator == 1, exponent.payload > 0
+        if whole:
+            return [] if positive else [("div", base)]
+        return [("sqrt" if positive else "log", base)]
+    if node.op not in _RANGES:
+        return None
+    return [(node.op, node.args[-1])]
+
+
+@lru_cache(maxsize=64)
+def _stay(names: tuple[str, ...], asked: tuple[tuple[str, Expr], ...]) -> bool:
+    """Say whether operands that depend on some parameters are proved to stay in their ranges."""
+    ends = np.linspace(0.0, 1.0, _BOXES[len(names)] + 1)
+    boxes = {}
+    for name in names:
+        shape = [-1 if name == other else 1 for other in PARAMETERS]
+        boxes[name] = Interval(ends[:-1].reshape(shape), ends[1:].reshape(shape))
+    trees = tuple(dict.fromkeys(tree for _, tree in asked))
+    found = dict(zip(trees, IntervalProgram(trees)(boxes), strict=True))
+    return all(_RANGES[op](found[tree]) for op, tree in asked)
 
 
 def check_continuous(analysis: Analysis, face_meshes: Sequence[FaceMesh]) -> None:

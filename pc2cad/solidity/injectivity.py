@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import cross, lengths
 from pc2cad.domain.analysis import Analysis, analyse
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.pinch import pinch_of
@@ -67,13 +68,14 @@ class Injectivity:
     warning: str = ""
 
 
-def check_injective(analysis: Analysis, sign: int, most_pairs: int = MOST_PAIRS) -> Injectivity:
+def check_injective(
+    analysis: Analysis, sign: int, face_meshes: Sequence[FaceMesh], most_pairs: int = MOST_PAIRS
+) -> Injectivity:
     """Return how injectivity was checked; raise a NotASolidError where it fails.
 
     `sign` is that of det J: it says on which side of the boundary the image is. `most_pairs` of
     cells are followed at once.
     """
-    face_meshes = cut(analysis)
     check_continuous(analysis, face_meshes)
     found = find_contact(analysis, face_meshes, most_pairs=most_pairs)
     if isinstance(found, Contact):
@@ -320,25 +322,50 @@ def _turn_rate(argument: Expr, name: str) -> float:
     return abs(float(turns)) if not rest.symbols and rest.op == "number" else 0.0
 
 
+def material_shell(analysis: Analysis, sign: int, face_meshes: Sequence[FaceMesh]) -> int | None:
+    """Return the one shell of positive volume; None where there are more, or that is not clear."""
+    volumes, errors = zip(*_volumes(analysis, sign, face_meshes), strict=True)
+    outer = [i for i, volume in enumerate(volumes) if volume > 0]
+    clear = all(abs(v) > 2 * error for v, error in zip(volumes, errors, strict=True))
+    return outer[0] if clear and len(outer) == 1 else None
+
+
+def _volumes(
+    analysis: Analysis, sign: int, face_meshes: Sequence[FaceMesh]
+) -> list[tuple[float, float]]:
+    """Return the signed volume of each shell's mesh, and how far it may be off."""
+    parts = _triangles(analysis, sign, face_meshes)
+    centre = np.concatenate(parts).mean(axis=(0, 1))
+    found = []
+    for i, part in enumerate(parts):
+        error = max(face_mesh.error for face_mesh in face_meshes if face_mesh.shell == i)
+        area = float(lengths(cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0])).sum()) / 2
+        found.append((float(np.linalg.det(part - centre).sum()) / 6, area * error))
+    return found
+
+
+def _triangles(analysis: Analysis, sign: int, face_meshes: Sequence[FaceMesh]) -> list[Array]:
+    """Return the outward triangles of each shell."""
+    return [
+        np.concatenate([s.halves(s.cells(), sign) for s in face_meshes if s.shell == i])
+        for i in range(len(analysis.boundary.shells))
+    ]
+
+
 def _outer_shell(analysis: Analysis, mesh: _Mesh) -> int:
     """Return the one shell of positive volume; the others have to be voids inside it."""
     count = len(analysis.boundary.shells)
     if count == 1:
         return 0
-    parts = [
-        np.concatenate([s.halves(s.cells(), mesh.sign) for s in mesh.face_meshes if s.shell == i])
-        for i in range(count)
-    ]
-    centre = mesh.table.triangles.mean(axis=(0, 1))
-    volumes = [float(np.linalg.det(part - centre).sum()) for part in parts]
-    outer = [i for i, volume in enumerate(volumes) if volume > 0]
+    volumes = _volumes(analysis, mesh.sign, mesh.face_meshes)
+    outer = [i for i, (volume, _) in enumerate(volumes) if volume > 0]
     if len(outer) != 1:
         raise ShellsNotNestedError(
             f"{len(outer)} of {count} shells enclose material; one solid has one outer shell and "
             "otherwise voids"
         )
     hull = _Mesh([s for s in mesh.face_meshes if s.shell == outer[0]], mesh.sign)
-    for i, part in enumerate(parts):
+    for i, part in enumerate(_triangles(analysis, mesh.sign, mesh.face_meshes)):
         places = part[:: max(1, len(part) // 50), 0]
         if i != outer[0]:
             doubtful = places[winding_numbers(places, hull.table.triangles) != 1]

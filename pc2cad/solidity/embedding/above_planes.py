@@ -48,8 +48,8 @@ class PlaneSides:
         return np.asarray((self.bits[a, columns[b]] | self.bits[b, columns[a]]) > 0)
 
 
-def sides_of_planes(surfaces: Surfaces, pairs: Integers, noise: float) -> PlaneSides:
-    """Return on which sides of plane faces' planes patches are.
+def sides_of_planes(surfaces: Surfaces, pairs: Integers, room: float) -> PlaneSides:
+    """Return on which sides of plane faces' planes patches are, farther from these than a room.
 
     Asked are pairs of sheets (k, 2), one curved and one in a plane.
     """
@@ -65,7 +65,7 @@ def sides_of_planes(surfaces: Surfaces, pairs: Integers, noise: float) -> PlaneS
         own = planes[curved == index]
         start = int(surfaces.start[index])
         rows = slice(start, start + int(surfaces.shapes[index].prod()))
-        bits[rows, columns[own]] = _bits(surfaces, index, own, 2 * noise).T
+        bits[rows, columns[own]] = _bits(surfaces, index, own, room).T
     return PlaneSides(bits, columns)
 
 

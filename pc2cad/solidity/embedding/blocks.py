@@ -26,15 +26,19 @@ from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall
 FEW = 128
 
 
-def near_pairs(surfaces: Surfaces, noise: float, every: bool = False) -> tuple[Integers, int]:
+def near_pairs(
+    surfaces: Surfaces, noise: float, every: bool = False, near: float = 0.0
+) -> tuple[Integers, int]:
     """Return pairs of patches, each with itself too, that nothing parts as blocks.
+
+    What is no farther apart than `near` is not parted.
 
     With them comes the number of blocks that were looked at. Sheets with no solid in common, one of
     them between two, are compared where `every` pair is asked for.
     """
-    search = _Search(surfaces, noise)
+    search = _Search(surfaces, noise, max(near, 2 * noise))
     # the largest blocks are whole sheets
-    pairs = meeting(search.levels[-1].low, search.levels[-1].high, 2 * noise)
+    pairs = meeting(search.levels[-1].low, search.levels[-1].high, search.room)
     if not every:
         one, other = (surfaces.beside[pairs[:, k]] for k in (0, 1))
         pairs = pairs[(one[:, :, None] == other[:, None]).any(axis=(1, 2))]
@@ -166,6 +170,8 @@ def _among(count: int, *numbers: Integers) -> Integers:
 class _Search:
     surfaces: Surfaces
     noise: float
+    #: what is no farther apart is not parted
+    room: float
     _across: dict[tuple[int, int], list[Cones]] = field(default_factory=dict)
     _planes: list[PlaneSides] = field(default_factory=list)
 
@@ -220,7 +226,7 @@ class _Search:
 
     def look_at_planes(self, pairs: Integers) -> None:
         """Find out on which sides of the planes blocks are of sheets, which are in pairs."""
-        found = sides_of_planes(self.surfaces, pairs, self.noise)
+        found = sides_of_planes(self.surfaces, pairs, self.room)
         for level in self.levels:
             if level.parts is not None:
                 found = found.merged(*level.parts)
@@ -249,7 +255,7 @@ class _Search:
         return pairs[left], [corner[~parted] for corner in corners]
 
     def _meet(self, level: _Level, pairs: Integers) -> Booleans:
-        low, high = (np.ascontiguousarray(x.T) for x in (level.low, level.high + 2 * self.noise))
+        low, high = (np.ascontiguousarray(x.T) for x in (level.low, level.high + self.room))
         a, b = np.ascontiguousarray(pairs.T)
         left = np.arange(len(pairs))
         # each direction parts many

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ _SLAB = 4096
 SEEN = 8
 #: of many pairs some are followed to the end first
 FIRST = 48
+#: halvings after which most of what meets nowhere is done with
+SOON = 2
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,28 @@ class Outcome:
     meets: bool = False
 
 
+@dataclass(eq=False)
+class Doubt:
+    """What is asked, once, where two parts that are not joined are not told apart soon, or near."""
+
+    ask: Callable[[], object] = lambda: None
+    #: how near (model units), nothing once it was asked
+    near: float = 0.0
+
+    def raised(self) -> None:
+        """Ask: it may raise."""
+        if self.near:
+            self.near = 0.0
+            self.ask()
+
+
 def prove(
-    sheets: Sequence[Sheet], lines: Array, size: float, noise: float, every: bool = False
+    sheets: Sequence[Sheet],
+    lines: Array,
+    size: float,
+    noise: float,
+    every: bool = False,
+    doubt: Doubt | None = None,
 ) -> Outcome:
     """Return whether sheets meet nowhere but where they are joined.
 
@@ -71,7 +93,7 @@ def prove(
     all are compared.
     """
     surfaces = Surfaces(sheets, lines)
-    descent = _Descent(surfaces, Separation(noise), Joints(surfaces), size, noise)
+    descent = _Descent(surfaces, Separation(noise), Joints(surfaces), size, noise, doubt or Doubt())
     every = every or surfaces.beside.max() == 0
     outcome = descent.run(every)
     if every or outcome.meets or outcome.depth <= TOUCHING * size:
@@ -86,6 +108,7 @@ class _Descent:
     joints: Joints
     size: float
     noise: float
+    doubt: Doubt = field(default_factory=Doubt)
     count: int = 0
     work: int = 0
 
@@ -96,7 +119,7 @@ class _Descent:
 
     def run(self, every: bool) -> Outcome:
         surfaces = self.surfaces
-        pairs, self.count = near_pairs(surfaces, self.noise, every)
+        pairs, self.count = near_pairs(surfaces, self.noise, every, self.doubt.near)
         if len(pairs) == 0:
             return Outcome(self.count)
         patches, index = np.unique(pairs, return_inverse=True)
@@ -111,6 +134,9 @@ class _Descent:
             pairs, joined, depth = self._undone(cells, pairs, level == 0)
             if len(pairs) == 0:
                 break
+            dive = level % 3 == 1 and len(pairs) > FIRST
+            if (dive or level >= SOON) and not joined.all():
+                self.doubt.raised()
             cells, pairs = cells.of(pairs)
             hopeless = joined & (joined.sum() > MOST_JOINED or level >= DEEPEST_JOINED)
             meeting, small = self._met(cells, pairs, joined)
@@ -124,7 +150,7 @@ class _Descent:
             if len(pairs) == 0:
                 break
             free = np.flatnonzero(~joined)
-            if len(free) and level % 3 == 1 and len(pairs) > FIRST:
+            if len(free) and dive:
                 found = self._dive(cells, pairs[free], depth[free])
                 if found is not None:
                     return Outcome(self.count, 0.0, found, True)
@@ -220,10 +246,11 @@ class _Descent:
         for start in range(0, len(pairs), _SLAB):
             part = pairs[start : start + _SLAB]
             a, b = part[:, 0], part[:, 1]
-            meet = (low[a] <= high[b] + 2 * self.tests.noise) & (
-                low[b] <= high[a] + 2 * self.tests.noise
-            )
-            part = part[meet.all(axis=1)]
+            gap = np.maximum(low[a] - high[b], low[b] - high[a]).max(axis=1)
+            meet = gap <= 2 * self.noise
+            if (~meet & (gap <= self.doubt.near)).any():
+                self.doubt.raised()
+            part = part[meet]
             self.work += len(part) * (self.surfaces.degree + 1) ** 2
             found = self._undone_slab(cells, part, whole)
             kept.append(found[0])
@@ -255,9 +282,12 @@ class _Descent:
         if len(index) and not whole:
             done[index] = parted_walls(cells, pairs[index], self.noise)
         depth = np.zeros(len(pairs))
-        index = np.flatnonzero(~where.any & ~done)
+        index = np.flatnonzero(~where.any & (~done | (self.doubt.near > 0)))
         if len(index):
-            done[index], depth[index] = self.tests.apart(cells, pairs[index])
+            parted, depth[index] = self.tests.apart(cells, pairs[index], self.doubt.near)
+            done[index] |= parted
+            if (done[index] & (depth[index] >= -self.doubt.near)).any():
+                self.doubt.raised()
         left = ~done
         return (
             np.concatenate((own, pairs[left])),

@@ -288,8 +288,11 @@ class Separation:
         height = height.reshape(free.shape)
         return rises(height, free, self.noise) | rises(-height, free, self.noise)
 
-    def apart(self, cells: Cells, pairs: Integers) -> tuple[Booleans, Array]:
-        """Say which pairs an axis separates, and how far each would have to move to be."""
+    def apart(self, cells: Cells, pairs: Integers, wanted: float = 0.0) -> tuple[Booleans, Array]:
+        """Say which pairs an axis separates, and how far each would have to move to be.
+
+        Axes are tried until one leaves a gap as wide as is `wanted`.
+        """
         a, b = pairs[:, 0], pairs[:, 1]
         points = cells.points.reshape(len(cells), -1, 3)
         left = np.arange(len(pairs))
@@ -303,9 +306,7 @@ class Separation:
             )
             over = np.where(axis.any(axis=1), 2 * self.noise - gap, np.inf)
             depth[left] = np.minimum(depth[left], over)
-            left = left[over >= 0]
+            left = left[over >= -wanted]
             if len(left) == 0:
                 break
-        result = np.ones(len(pairs), dtype=bool)
-        result[left] = False
-        return result, depth
+        return depth < 0, depth

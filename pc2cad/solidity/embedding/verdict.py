@@ -7,7 +7,7 @@ the boundary than that, both wind equally often. Faces that meet nowhere wind on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.sheets import Sheet
 from pc2cad.solidity.embedding.crossing import crossing_depth
-from pc2cad.solidity.embedding.proof import TOUCHING, Meeting, Outcome, prove
+from pc2cad.solidity.embedding.proof import TOUCHING, Doubt, Meeting, Outcome, prove
 from pc2cad.solidity.injectivity import OverlappingMapError
 from pc2cad.solidity.nearest_places import descended
 from pc2cad.solidity.overlap_depth import overlap_depth, told_depth
@@ -59,18 +59,22 @@ def check_embedded(
     lines: Array,
     deviations: Sequence[float],
     left: Sequence[str],
+    doubt: Callable[[], object] = lambda: None,
 ) -> Embedding:
     """Return what is known of the built faces, as sheets; raise where they meet.
 
     `lines` are start and step of the straight edges, `deviations` those of all faces, `left` names
-    of faces that are no sheets. Raises OverlappingMapError where the equation meets itself, and
-    BuiltFacesMeetError where only what was built does.
+    of faces that are no sheets. `doubt` is called, and may raise, where faces meet, are not soon
+    told apart, or are so near one another that the equation's may touch. Raises
+    OverlappingMapError where the equation meets itself, and BuiltFacesMeetError where only what was
+    built does.
     """
     if not sheets:
         return Embedding(False, 0, np.inf, _not_taken(left))
     # of a solid one side of which is missing nothing follows
     noise, every = analysis.scale.evaluation_noise, bool(left)
-    outcome = prove(sheets, lines, analysis.size, noise, every)
+    near = 2 * max(deviations) + TOUCHING * analysis.size + analysis.scale.sampling_noise
+    outcome = prove(sheets, lines, analysis.size, noise, every, Doubt(doubt, near))
     if outcome.meeting is not None and outcome.meets:
         found = _found(analysis, sheets, outcome.meeting)
         if found.joined(_MEET * analysis.size):
