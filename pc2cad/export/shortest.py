@@ -23,7 +23,6 @@ Whole = NDArray[np.int64]
 DIGITS, DECIMALS = 17, 6
 #: all but the last two digits are kept
 LEAST = DIGITS - 2
-_PLACES = 10 ** np.arange(DIGITS - 1, -1, -1)
 #: exact, up to 10^22
 _POWERS = np.array([float(10**power) for power in range(23)])
 _HALVES = float(2**27 + 1)
@@ -107,19 +106,48 @@ def _cut(text: Any, starts: Whole, points: Whole, ends: Whole, scaled: NDArray[n
     known &= np.where(below_one, (points == starts + 1) & (first > points), True)
     known &= text[first] != _ZERO
     rows = np.flatnonzero(known)
-    columns = np.arange(DIGITS)
-    places = first[rows, None] + columns
-    places += places >= np.where(below_one[rows], len(text), points[rows])[:, None]
-    digits = (text[places] - np.uint8(_ZERO)).astype(np.int64) @ _PLACES
+    if not len(rows):
+        return known
+    last = ends[rows] - 1
+    digits = _digits(text, starts[rows], points[rows], last)
     kept, up = _needed(digits, _POWERS[decimals[rows]])
-    last = places[np.arange(len(rows)), kept - 1]
+    # after the point: there are more decimals than digits to be cut
+    final = last - DIGITS + kept
     # no nine that becomes ten, and no zero at the end: those are printed anew
-    fine = (kept > 0) & np.where(up, text[last] < _NINE, (text[last] > _ZERO) | (kept == DIGITS))
-    text[last[fine & up]] += np.uint8(1)
+    lowest = text[final]
+    fine = (kept > 0) & np.where(up, lowest < _NINE, (lowest > _ZERO) | (kept == DIGITS))
+    text[final[fine & up]] += np.uint8(1)
     for count in range(LEAST, DIGITS):
-        text[places[fine & (kept <= count), count]] = 0
+        text[last[fine & (kept <= count)] - (DIGITS - 1 - count)] = 0
     known[rows] = fine
     return known
+
+
+def _digits(text: Any, starts: Whole, points: Whole, last: Whole) -> Whole:
+    """Return the `DIGITS` digits before and after a point, up to `last`, as whole numbers."""
+    joined = text.copy()
+    # what is before a point goes over it
+    longest = int((points - starts).max(initial=0))
+    for count in range(1, longest + 1):
+        there = points[points - starts >= count] - count
+        joined[there + 1] = text[there]
+    eights = np.ndarray(len(text) - 7, "<u8", joined.data, strides=(1,))
+    low, high = _eight(eights[last - 7]), _eight(eights[last - 15])
+    first = (joined[last - 16] - np.uint8(_ZERO)).astype(np.uint64)
+    whole = (first * np.uint64(10**8) + high) * np.uint64(10**8) + low
+    return np.asarray(whole, np.int64)
+
+
+def _eight(words: Any) -> Any:
+    """Return the numbers of eight digits each, from the bytes of their text in words of eight.
+
+    Tens and ones side by side make two digits, those hundreds and ones four, and so on.
+    """
+    words = words - np.uint64(0x3030303030303030)
+    for bits, mask in ((8, 0x00FF00FF00FF00FF), (16, 0x0000FFFF0000FFFF), (32, 0xFFFFFFFF)):
+        tens = np.uint64(10 ** (bits // 8))
+        words = (words * tens + (words >> np.uint64(bits))) & np.uint64(mask)
+    return words
 
 
 def _needed(digits: Whole, powers: Array) -> tuple[Whole, NDArray[np.bool_]]:
