@@ -19,6 +19,7 @@ from OCP.Geom import (
     Geom_ConicalSurface,
     Geom_CylindricalSurface,
     Geom_ElementarySurface,
+    Geom_Line,
     Geom_SphericalSurface,
     Geom_Surface,
     Geom_SurfaceOfRevolution,
@@ -30,7 +31,7 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
-from pc2cad.brep.from_kernel import conic_terms, frame, vector
+from pc2cad.brep.from_kernel import conic_terms, vector
 from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_face, as_vertex
 from pc2cad.brep.spline_integrals import read_curve, read_patch
 from pc2cad.errors import KernelError
@@ -45,7 +46,7 @@ _KINDS = (
 )  # fmt: skip
 
 #: what a shape is made of: words that must be equal, and numbers that may be rounded
-Numbers = tuple[tuple[Any, ...], Array]
+Numbers = tuple[tuple[Any, ...], Array | tuple[float, ...]]
 
 
 def same_numbers(one: TopoDS_Shape, other: TopoDS_Shape) -> bool:
@@ -62,10 +63,16 @@ def same_numbers(one: TopoDS_Shape, other: TopoDS_Shape) -> bool:
 
 
 def _agree(one: Numbers, other: Numbers) -> bool:
-    (words, numbers), (others, found) = one, other
-    if words != others or numbers.shape != found.shape:
+    (words, few), (others, there) = one, other
+    if words != others:
         return False
-    if (numbers == found).all():  # nearly always, and sooner told
+    # nearly always they are equal, which is sooner told
+    if isinstance(few, tuple) and few == there:
+        return True
+    numbers, found = np.asarray(few), np.asarray(there)
+    if numbers.shape != found.shape:
+        return False
+    if (numbers == found).all():
         return True
     size = np.abs(numbers).max(initial=0.0)
     allowed = LAST_PLACES * sys.float_info.epsilon * size
@@ -79,9 +86,9 @@ def _numbers(shape: TopoDS_Shape) -> Iterator[Numbers]:
         TopExp.MapShapes_s(shape, kind, found)
         maps.append(found)
     _, faces, edges, vertices = maps
-    yield tuple(found.Extent() for found in maps), np.empty(0)
+    yield tuple(found.Extent() for found in maps), ()
     for i in range(1, vertices.Extent() + 1):
-        yield (), vector(BRep_Tool.Pnt_s(as_vertex(vertices.FindKey(i))))
+        yield (), BRep_Tool.Pnt_s(as_vertex(vertices.FindKey(i))).Coord()
     for i in range(1, edges.Extent() + 1):
         yield from _of_edge(as_edge(edges.FindKey(i)), vertices)
     for i in range(1, faces.Extent() + 1):
@@ -95,10 +102,10 @@ def _of_edge(edge: TopoDS_Edge, vertices: IndexedMapOfShape) -> Iterator[Numbers
         for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge))
     )
     if BRep_Tool.Degenerated_s(edge):
-        yield (ends, "degenerated"), np.empty(0)
+        yield (ends, "degenerated"), ()
         return
     first, last = BRep_Tool.Range_s(edge)
-    yield (ends,), np.array([first, last])
+    yield (ends,), (first, last)
     yield from _of_curve(BRep_Tool.Curve_s(edge, first, last))
 
 
@@ -107,7 +114,7 @@ def _of_face(face: TopoDS_Face, edges: IndexedMapOfShape) -> Iterator[Numbers]:
     while walk.More():
         uses.append((edges.FindIndex(walk.Current()), walk.Current().Orientation()))
         walk.Next()
-    yield (face.Orientation(), tuple(uses)), np.empty(0)
+    yield (face.Orientation(), tuple(uses)), ()
     yield from _of_surface(BRep_Tool.Surface_s(face))
 
 
@@ -116,6 +123,10 @@ def _of_curve(curve: Any) -> Iterator[Numbers]:
         spline = read_curve(curve, _ORIGIN)
         yield (spline.degree,), spline.knots
         yield ("spline",), spline.poles
+        return
+    if isinstance(curve, Geom_Line):
+        along = curve.Position()
+        yield ("line",), along.Location().Coord() + along.Direction().Coord()
         return
     place, terms = conic_terms(curve)
     yield tuple(terms), np.array([place, *terms.values()])
@@ -128,10 +139,11 @@ def _of_surface(surface: Geom_Surface) -> Iterator[Numbers]:
         yield (kind, patch.degrees), np.concatenate(patch.knots)
         yield (tuple(map(len, patch.knots)),), patch.poles
     elif isinstance(surface, Geom_ElementarySurface):
-        place, axes = frame(surface.Position(), _ORIGIN)
-        yield (kind,), place
-        yield (), axes
-        yield (), np.array(_sizes(surface))
+        place = surface.Position()
+        yield (kind,), place.Location().Coord()
+        x, y, z = place.XDirection(), place.YDirection(), place.Direction()
+        yield (), x.Coord() + y.Coord() + z.Coord()
+        yield (), _sizes(surface)
     elif isinstance(surface, Geom_SweptSurface):
         yield (kind,), vector(surface.Direction())
         if isinstance(surface, Geom_SurfaceOfRevolution):
@@ -141,11 +153,11 @@ def _of_surface(surface: Geom_Surface) -> Iterator[Numbers]:
         raise KernelError(f"the numbers of a {kind} are not known")
 
 
-def _sizes(surface: Geom_ElementarySurface) -> list[float]:
+def _sizes(surface: Geom_ElementarySurface) -> tuple[float, ...]:
     if isinstance(surface, Geom_CylindricalSurface | Geom_SphericalSurface):
-        return [surface.Radius()]
+        return (surface.Radius(),)
     if isinstance(surface, Geom_ConicalSurface):
-        return [surface.RefRadius(), surface.SemiAngle()]
+        return surface.RefRadius(), surface.SemiAngle()
     if isinstance(surface, Geom_ToroidalSurface):
-        return [surface.MajorRadius(), surface.MinorRadius()]
-    return []
+        return surface.MajorRadius(), surface.MinorRadius()
+    return ()
