@@ -20,7 +20,7 @@ from pc2cad.geometry.plane_chains import outer_chain
 from pc2cad.geometry.sheets import curve_pieces, elevated
 
 #: points that the kernel takes of all edges of a face from which on proving is the faster way
-WORTH_WHILE = 160
+WORTH_WHILE = 200
 #: as many of them as an edge that is no spline takes as long as
 _STRAIGHT = 4
 #: points that the kernel takes of a spline at most (``Geom2dInt_Geom2dCurveTool::NbSamples``)

@@ -123,6 +123,8 @@ def _kernel_text(exportable: Exportable) -> bytes:
     writer.SetNameMode(True)
     writer.SetColorMode(True)
     writer.SetPropsMode(True)
+    # of which there are none, and which take a while to be looked for
+    writer.SetDimTolMode(False)
     if not writer.Transfer(
         document(exportable, part21.mark), STEPControl_StepModelType.STEPControl_AsIs
     ):
