@@ -7,6 +7,7 @@ that meet no singularity; its halves, and theirs, lie in the same discs: halving
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from pc2cad.bounds.values import ranges
 #: order of the models, where the degree of the cells allows it
 ORDER = 8
 #: radii of discs round a box, as multiples of half its length
-RADII = (4.0, 3.0, 2.25, 1.6)
+RADII = (4.0, 2.6, 1.7)
 #: boxes that are not too many to begin with, and those whose models are held at once
 FEW, MOST_BOXES = 64, 128
 #: lengths of boxes as shares of that over which the function is expected to be analytic
@@ -157,8 +158,7 @@ class _Line:
         self.direction = self.direction.halved(which)
         both = np.repeat(np.arange(len(which)), 1 + which)
         self._discs, self._by_values = self._discs.of(both), self._by_values[both]
-        (off,) = self._left(self.direction.cells.degree)
-        self.off = np.minimum(self.off[both], off)
+        self.off = np.minimum(self.off[both], self._left()(self.direction.cells.degree))
 
     def renew(self, which: Booleans) -> None:
         """Take discs round cells themselves: all of them, where they are few, serve others too."""
@@ -173,31 +173,31 @@ class _Line:
         """Note what discs leave, in the lowest degree that leaves few cells bad, if any does."""
         if self.direction.exact:
             return
-        cells = self.direction.cells
-        rows = self._left(*range(cells.degree, cells.degree + RAISED + 1))
-        offs = [np.minimum(self.off, row) for row in rows]
-        bad = [np.count_nonzero(~(off <= self._allowed)) for off in offs]
-        most = MOST_BAD * cells.count
-        more = next((k for k, count in enumerate(bad) if count <= most), 0)
-        self.direction = self.direction.on(Cells(cells.points, cells.degree + more))
-        self.off = offs[more]
+        cells, left = self.direction.cells, self._left()
+        lowest, most = np.minimum(self.off, left(cells.degree)), MOST_BAD * cells.count
+        for degree in range(cells.degree, cells.degree + RAISED + 1):
+            off = lowest if degree == cells.degree else np.minimum(self.off, left(degree))
+            if np.count_nonzero(~(off <= self._allowed)) <= most:
+                break
+        else:
+            degree, off = cells.degree, lowest
+        self.direction, self.off = self.direction.on(Cells(cells.points, degree)), off
         unknown = ~np.isfinite(self.off) & (self.ratio < BESIDE)
         if unknown.any():
             self._look_at_values(unknown)
 
-    def _left(self, *degrees: int) -> list[Array]:
-        """Return how far interpolation of each degree is off on the cells."""
+    def _left(self) -> Callable[[int], Array]:
+        """Return how far interpolation is off on the cells, by its degree."""
         discs, half = self._discs, self.direction.cells.half
         points = self.direction.cells.points
         middle = (points[:-1] + points[1:]) / 2
         room = discs.radius - np.abs(middle - discs.centre) - half - 8 * UNIT
         share = half / (2 * room) * (1 + 1e-12)
         deviation = np.tensordot(self._vectors.weights, discs.deviation, 1) * (4 * (1 + 1e-12))
-        known = np.isfinite(deviation) & (room > 0)
-        return [
-            np.where(known, deviation * share ** (degree + 1), np.inf).min(axis=0)
-            for degree in degrees
-        ]
+        # nothing is known of a cell that its disc has no room for
+        deviation = np.where(np.isfinite(deviation) & (room > 0), deviation, np.inf)
+        share = np.where(room > 0, share, 1.0)
+        return lambda degree: np.asarray((deviation * share ** (degree + 1)).min(axis=0))
 
     def _look_at_values(self, unknown: Booleans) -> None:
         """Note what ranges of values say of the cells in which no disc says anything."""

@@ -12,7 +12,7 @@ real places, so that values sampled by `Program` can stand for exact ones.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import prod
@@ -32,6 +32,17 @@ TINY = 1e-300
 MOST_GATHERED = 1 << 15
 #: entries of a matrix that adds up products of pairs
 MOST_SUMMED = 1 << 14
+
+
+class _Once:
+    """A property that is worked out once, without the lock of a `cached_property`."""
+
+    def __init__(self, work: Callable[[Model], Array]) -> None:
+        self._work, self._name = work, work.__name__
+
+    def __get__(self, model: Model, owner: type[Model]) -> Array:
+        found = model.__dict__[self._name] = self._work(model)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,25 +65,25 @@ class Model:
         """The polynomial's value in the middle."""
         return np.asarray(self.terms[0, 0])
 
-    @cached_property
+    @_Once
     def sizes(self) -> Array:
-        """The sums of |terms| by total degree, (degrees, n, m)."""
+        """Return the sums of |terms| by total degree, (degrees, n, m)."""
         return by_degree(np.abs(self.terms))
 
-    @cached_property
+    @_Once
     def size(self) -> Array:
-        """The sum of all |terms|."""
+        """Return the sum of all |terms|."""
         return _sum(self.sizes)
 
-    @cached_property
+    @_Once
     def reach(self) -> Array:
-        """How far values, computed ones too, may be from `centre`."""
+        """Return how far values, computed ones too, may be from `centre`."""
         total = _sum(self.sizes[1:])
         return np.asarray((total * (1 + 1e-12) + self.radius + self.error) * SLACK)
 
-    @cached_property
+    @_Once
     def largest(self) -> Array:
-        """Largest modulus of any value, computed ones too."""
+        """Return the largest modulus of any value, computed ones too."""
         return np.asarray((self.size + self.radius + self.error) * (1 + 1e-12))
 
 
