@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import math
 import struct
+from functools import lru_cache
 from itertools import accumulate
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from OCP.BinTools import BinTools_CurveSet, BinTools_SurfaceSet
 from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Integers
 from pc2cad.errors import KernelError
 
 _KNOT = np.dtype([("value", "<f8"), ("times", "<i4")])
@@ -45,8 +46,20 @@ def spline_curve(poles: Array, knots: Array, degree: int) -> Geom_BSplineCurve:
     return _read(BinTools_CurveSet(), b"Curves 1\n" + kind, poles, [table]).Curve(1)
 
 
+def counted(flat: Array) -> tuple[Array, Integers]:
+    """Return the distinct knots of a knot vector, and how often each comes."""
+    return _distinct(np.asarray(flat, dtype=float).tobytes())
+
+
+@lru_cache(maxsize=64)  # faces and edges that meet have theirs in common
+def _distinct(flat: bytes) -> tuple[Array, Integers]:
+    values, counts = np.unique(np.frombuffer(flat), return_counts=True)
+    values.flags.writeable = counts.flags.writeable = False
+    return values, counts
+
+
 def _counted(flat: Array) -> Any:
-    values, counts = np.unique(flat, return_counts=True)
+    values, counts = counted(flat)
     table = np.empty(len(values), _KNOT)
     table["value"], table["times"] = values, counts
     return table

@@ -29,7 +29,7 @@ from pc2cad.brep.kernel import (
     Array1OfPnt2d,
     Array1OfReal,
 )
-from pc2cad.brep.spline_numbers import spline_curve, spline_surface
+from pc2cad.brep.spline_numbers import counted, spline_curve, spline_surface
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import (
     Arc,
@@ -105,7 +105,7 @@ def _weighted(poles: Array, weights: Array | None, whose: str) -> Array:
 def _multiplicities(flat: Array) -> tuple[Array, Integers]:
     """Return the distinct knots, which the kernel can tell apart, and how often each comes."""
     check_finite(flat, "a knot vector")
-    values, counts = np.unique(flat, return_counts=True)
+    values, counts = counted(flat)
     if len(values) > 1 and np.diff(values).min() < 1e-10 * (values[-1] - values[0]):
         raise KernelError("two knots are nearer than 1e-10 of the parameter range")
     return values, counts
