@@ -33,7 +33,7 @@ from pc2cad.domain.sections import sections
 from pc2cad.expression.angle_multiples import common
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.narrow import narrow_limits
-from pc2cad.geometry.recognition.separable_form import LARGEST_ORDER
+from pc2cad.geometry.recognition.separable_form import LARGEST_ORDER, is_wave
 from pc2cad.geometry.splines.adaptive_knots import DirectionRules, adapt
 from pc2cad.geometry.splines.arcs import Arcs, Wave
 from pc2cad.geometry.splines.portrait import Sampler, closer
@@ -298,8 +298,9 @@ def exact_course(
 
 
 def _wave(function: RestrictedMap, axis: int) -> Wave | None:
-    form = function.form if function.may_be_exact(axis) else None
-    if form is None or form.axes[axis].kind != "wave" or not form.axes[axis].is_linear:
+    trees, names = function.trees
+    form = function.form if function.may_be_exact(axis) and is_wave(trees, names[axis]) else None
+    if form is None or not form.axes[axis].is_linear:
         return None
     first, last = form.axes[axis].turn(1, np.array([0.0, 1.0])).tolist()
     return Wave(abs(last - first), form.order(axis))

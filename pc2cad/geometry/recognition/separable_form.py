@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import prod
+from math import prod, sqrt
 from typing import Final, Literal
 
 import numpy as np
@@ -125,15 +125,9 @@ def separate(
 
     `seen` is how far apart points are that were seen, where somebody has looked at some.
     """
-    trees = tuple([_parted(root) for root in roots])
-    if not all(map(_is_sum_of_products, among(trees, lambda n: len(n.symbols) > 1))):
+    forms = _forms(tuple(roots))
+    if forms is None:
         return None
-    forms = []
-    for root in trees:
-        form = _form(root)
-        if form is None or any(len(atom.symbols) > 1 for m in form for atom, _ in m):
-            return None
-        forms.append(form)
     axes = tuple(_axis(forms, name) for name in names)
     vectors: dict[tuple[Term, ...], Array] = {}
     known: _Known = {}
@@ -141,7 +135,7 @@ def separate(
         for monomial, coefficient in form.items():
             for terms, value in _products(monomial, float(coefficient), axes, known):
                 vectors.setdefault(terms, np.zeros(len(forms)))[column] += value
-    sizes = {key: float(np.linalg.norm(v)) for key, v in vectors.items() if _moves(key)}
+    sizes = {key: sqrt(v.dot(v)) for key, v in vectors.items() if _moves(key)}
     if not np.isfinite(list(sizes.values())).all():
         return None  # of what has no bound nothing is rounding
     seen = extent(roots, names) if seen is None else seen
@@ -153,6 +147,27 @@ def separate(
             break
         del vectors[key]
     return Separation(axes, vectors, slack)
+
+
+def is_wave(roots: Sequence[Expr], name: str) -> bool:
+    """Say whether `separate` finds waves along a parameter: it takes more to know of which size."""
+    forms = _forms(tuple(roots))
+    return forms is not None and _axis(forms, name).kind == "wave"
+
+
+@lru_cache(maxsize=64)
+def _forms(roots: tuple[Expr, ...]) -> list[NormalForm] | None:
+    """Return the normal forms of trees where these are sums of products of one-parameter atoms."""
+    trees = tuple([_parted(root) for root in roots])
+    if not all(map(_is_sum_of_products, among(trees, lambda n: len(n.symbols) > 1))):
+        return None
+    forms = []
+    for root in trees:
+        form = _form(root)
+        if form is None or any(len(atom.symbols) > 1 for m in form for atom, _ in m):
+            return None
+        forms.append(form)
+    return forms
 
 
 @lru_cache(maxsize=1024)
