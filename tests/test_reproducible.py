@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pc2cad.arrays.linear import inverse, product, solve
+from pc2cad.arrays.linear import inverse, product, solve, tensor
 
 SCRIPT = """
 import json
@@ -94,6 +94,23 @@ def test_products_in_blocks_are_products(shape: tuple[int, int, int]) -> None:
     assert np.abs(product(a, b) - a @ b).max() <= 1e-13 * size**2
     assert np.abs(product(a, b[:, 0]) - a @ b[:, 0]).max() <= 1e-13 * size**2
     assert np.abs(product(a[0], b) - a[0] @ b).max() <= 1e-13 * size**2
+
+
+@pytest.mark.parametrize(
+    ("shape", "rows", "columns"),
+    [((3, 5, 7), 11, 13), ((4, 40, 3), 9, 500), ((3, 300, 20), 1000, 20), ((1, 2, 400), 3, 700)],
+)
+def test_sums_over_two_axes_are_those_of_each_part(
+    shape: tuple[int, int, int], rows: int, columns: int
+) -> None:
+    draw = np.random.default_rng(3)
+    a, values, b = (
+        draw.random(size) for size in ((rows, shape[1]), shape, (columns, shape[2]))
+    )  # fmt: skip
+    found = tensor(rows, values, b)
+    wanted = np.einsum("pi,kij,qj->kpq", a, values, b, optimize=True)
+    assert found(a) == pytest.approx(wanted, rel=1e-13)
+    assert found(a[:2]) == pytest.approx(wanted[:, :2], rel=1e-13)
 
 
 @pytest.mark.parametrize("size", [1, 60, 73, 200])

@@ -8,7 +8,7 @@ Nothing is set for the process; products of vectors, which need no BLAS, go with
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -112,8 +112,44 @@ def _by_rows(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return a @ b for a small b, in one call of a stack of blocks of rows."""
     rows = max(1, ONE_THREAD // b.size)
     whole = len(a) // rows * rows
-    stack = a[:whole].reshape(-1, rows, a.shape[1]) if whole else a[:0].reshape(0, 1, a.shape[1])
-    return np.concatenate(((stack @ b).reshape(whole, b.shape[1]), a[whole:] @ b))
+    result = np.empty((len(a), b.shape[1]))
+    if whole:
+        stack = result[:whole].reshape(-1, rows, b.shape[1])
+        np.matmul(a[:whole].reshape(-1, rows, a.shape[1]), b, out=stack)
+    np.matmul(a[whole:], b, out=result[whole:])
+    return result
+
+
+def tensor(rows: int, values: Array, b: Array) -> Callable[[Any], Array]:
+    """Return what takes matrices a to the sums Σ a_pi b_qj V_kij over i and j, (k, p, q).
+
+    In the order that takes less where these have so many rows together.
+    """
+    (n, m), q = values.shape[1:], len(b)
+    if rows * m * (n + q) < q * n * (m + rows):
+        return lambda a: _times_columns(_times_rows(a, values), b)
+    across = _times_columns(values, b)
+    return lambda a: _times_rows(a, across)
+
+
+def _times_rows(a: Array, values: Array) -> Array:
+    """Return a (p, n) @ values (k, n, m) in blocks of rows."""
+    (k, n, m), p = values.shape, len(a)
+    if n * m > ONE_THREAD:
+        return along(a, values, 1)
+    result, step = np.empty((k, p, m)), ONE_THREAD // (n * m)
+    for start in range(0, p, step):
+        part = slice(start, start + step)
+        np.matmul(a[part], values, out=result[:, part])
+    return result
+
+
+def _times_columns(values: Array, b: Array) -> Array:
+    """Return values (k, n, m) @ b (q, m) turned over."""
+    (k, n, m), q = values.shape, len(b)
+    if m * q > ONE_THREAD:
+        return along(b, values, 2)
+    return _by_rows(values.reshape(-1, m), b.T).reshape(k, n, q)
 
 
 def along(matrix: Array, values: Array, axis: int) -> Array:

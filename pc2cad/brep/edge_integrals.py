@@ -12,9 +12,9 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
+from pc2cad.brep.gauss_rules import legendre
 from pc2cad.brep.kernel import as_face
 from pc2cad.brep.settling import settled
-from pc2cad.brep.spline_integrals import legendre
 from pc2cad.brep.trimmed_integrals import STEP, TRIMMED_ACCURACY
 from pc2cad.errors import KernelError
 from pc2cad.geometry.jets import EdgeFunction, cuts_between

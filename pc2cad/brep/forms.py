@@ -25,16 +25,18 @@ class Form:
     #: of each further column: what it is at most, per area, `reach` away from the origin
     most: Callable[[float], Array] | None = None
 
-    def columns(self, points: Array, normals: Array) -> Array:
-        """Return the integrands at places, (n, 5 + k)."""
-        first = np.empty((len(points), 5))
-        # coordinate by coordinate: sums over rows of three take thrice as long
+    def rows(self, points: Array, normals: Array) -> Array:
+        """Return the integrands (5 + k, …) at places with normals, (3, …) each."""
+        first = np.empty((5, *points.shape[1:]))
         flux = points * normals
-        first[:, 0] = flux[:, 0] + flux[:, 1] + flux[:, 2]
-        squares = normals * normals
-        first[:, 1] = np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2])
-        first[:, 2:] = points * points * normals
-        return first if self.more is None else np.hstack((first, self.more(points, normals)))
+        np.add(flux[0] + flux[1], flux[2], out=first[0])
+        np.multiply(points, flux, out=first[2:])
+        squares = np.multiply(normals, normals, out=flux)
+        np.sqrt(squares[0] + squares[1] + squares[2], out=first[1])
+        if self.more is None:
+            return first
+        more = self.more(points.reshape(3, -1).T, normals.reshape(3, -1).T).T
+        return np.concatenate((first, more.reshape(-1, *first.shape[1:])))
 
     def worth(self, area: float, reach: float) -> Array:
         """Return what each integral over an area may be at most, (5 + k,)."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -13,13 +13,13 @@ from OCP.Geom2d import Geom2d_BSplineCurve
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
-from pc2cad.arrays.linear import cross, product
+from pc2cad.arrays.linear import product
 from pc2cad.brep.forms import FLUX, Form
+from pc2cad.brep.gauss_rules import gauss, rules_together
 from pc2cad.brep.spline_numbers import curve_numbers, surface_numbers
+from pc2cad.brep.spline_tables import bases, part_of, summing, times
 from pc2cad.errors import KernelError
 from pc2cad.geometry.splines.spline_basis import (
-    SparseRows,
-    basis_matrices,
     local_bases,
     spline_jets,
     windows,
@@ -27,15 +27,6 @@ from pc2cad.geometry.splines.spline_basis import (
 from pc2cad.geometry.splines.turns import turning_limits
 
 _Spline = TypeVar("_Spline", Geom_BSplineCurve, Geom2d_BSplineCurve, Geom_BSplineSurface)
-
-
-def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
-    """Return the nodes and weights of a Gauss rule on every span between knots."""
-    spans = distinct(knots)
-    x, weight = legendre(count)
-    half = np.diff(spans)[:, None] / 2
-    nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
-    return nodes.ravel(), (half * weight).ravel()
 
 
 def spline_jet(knots: Array, poles: Array, degree: int) -> Callable[[Array], tuple[Array, Array]]:
@@ -68,6 +59,13 @@ class SplineCurveData:
     def jet(self, t: Array) -> tuple[Array, Array]:
         """Return points and first derivatives, (len(t), 3) each."""
         point, along = project(*self._jet(t))
+        return point, along
+
+    def along(self, t: Array) -> tuple[Array, Array]:
+        """Return what `jet` does, by tables that curves with the same knots have in common."""
+        values, slopes = bases(t, self.knots, self.degree)
+        net = differences(self.poles[:, None], self.knots, self.degree, 0)[:, 0]
+        point, along = project(times(values, self.poles), times(slopes, net))
         return point, along
 
     @cached_property
@@ -138,8 +136,9 @@ MOST_EXACT_PIECES = 64
 #: places of the lines on which a rule is settled: uneven, near both ends, for so many spans
 _SPANS = 40
 _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934, 0.996])
-#: orders of Gauss rules that are compared, and halvings of a span
-_ORDERS, DEEPEST = (4, 8, 12), 24
+#: orders of Gauss rules, the last of which the others are held against, and what that is itself
+#: held against where spans are halved; and how often these are
+_ORDERS, _HIGHEST, DEEPEST = (4, 6, 8), 12, 24
 #: pieces turn by so much at most (radians) before rules are tried on them
 FARTHEST_TURN = np.pi / 3
 #: how often lines are taken anew; what is sharp beyond that shows in areas that disagree with the
@@ -147,10 +146,11 @@ FARTHEST_TURN = np.pi / 3
 MOST_ROUNDS = 4
 #: what may be left open in the end, by the accuracy that each span is settled to
 LEFT_OPEN = 100
-#: basis functions up to which matrices are dense
-DENSE = 48
-#: scattered places that are evaluated at once
-CHUNK = 20_000
+#: scattered places that are evaluated at once, and those of a grid: what is made of them stays near
+CHUNK, TOGETHER = 20_000, 3_000
+
+ALL = slice(None)
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,15 +180,14 @@ class Patch:
 
     def integrate(self, form: Form = FLUX) -> Array:
         """Return the integrals with as many Gauss nodes as they need, where they need them."""
-        rules = self._rules()
+        (s, along_s), (t, along_t) = self._rules()
+        seen = self._product(s, t)
         total: Array | float = 0.0
-        step = max(1, 200_000 // len(rules[1][0]))
-        for i in range(0, len(rules[0][0]), step):
-            part = (rules[0][0][i : i + step], rules[0][1][i : i + step])
-            points, normals = self._jet(part[0], rules[1][0])
-            weights = part[1][:, None] * rules[1][1]
-            values = form.columns(points.reshape(-1, 3), normals.reshape(-1, 3))
-            total = total + product(weights.ravel(), values)
+        step = max(1, TOGETHER // len(t))
+        for i in range(0, len(s), step):
+            part = slice(i, i + step)
+            values = form.rows(*seen(part))
+            total = total + product(product(values, along_t), along_s[part])
         return np.asarray(total)
 
     def _rules(self) -> list[tuple[Array, Array]]:
@@ -212,31 +211,37 @@ class Patch:
     def _rule(self, direction: int, lines: Array) -> tuple[Array, Array, Array]:
         """Return nodes and weights along one direction, settled on lines across it, and its panels.
 
-        Spans whose integrals change with the order of the rule are halved until they do not: a
-        crease much sharper than its span is found, and only there is it resolved. Panels are
-        returned as their limits.
+        Panels are returned as their limits.
         """
-        accuracy = self.accuracy
         limits = self._limits[direction]
         panels = np.stack((limits[:-1], limits[1:]), axis=1)
+        *lower, high = _ORDERS
+        sums, many = self._panel_sums(direction, panels, lines, (lower[0], high))
+        scale = self._scale(np.abs(many).sum(axis=1))
+        for order in lower:
+            if order != lower[0]:
+                (sums,) = self._panel_sums(direction, panels, lines, (order,))
+            if _gaps(sums, many, scale).max() <= self.accuracy:
+                return *gauss(panels, order), limits
+        return self._rule_of_halves(direction, lines, panels)
+
+    def _rule_of_halves(
+        self, direction: int, lines: Array, panels: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return what `_rule` does, where spans of one order do not do.
+
+        Spans whose integrals change with the order of the rule are halved until they do not: a
+        crease much sharper than its span is found, and only there is it resolved.
+        """
+        last = panels[-1:, 1]
         done, starts = list[tuple[Array, Array]](), list[Array]()
-        sizes: Array | float = 0.0
-        reach = np.sqrt((self.poles[..., :3] ** 2).sum(axis=-1)).max()
-        for depth in range(DEEPEST + 1):
-            # the two lower orders settle most rules; the higher ones where they do not
-            orders = _ORDERS[:2] if depth == 0 else _ORDERS[1:]
-            few, many = self._panel_sums(direction, panels, lines, orders)
-            sizes = np.maximum(sizes, np.abs(many).sum(axis=0))
-            # lines near a pole add little: what counts is the largest
-            volume, area = np.max(sizes, axis=0)[:2]
-            scale = np.array([volume, area, *[volume * reach] * 3]) + np.finfo(float).tiny
-            gaps = (np.abs(few - many) / scale).max(axis=(1, 2))
-            if depth == 0:
-                if gaps.max() <= accuracy:
-                    return *_gauss(panels, _ORDERS[0]), limits
-                continue
-            right = gaps <= accuracy
-            done.append(_gauss(panels[right], _ORDERS[1]))
+        sizes = np.zeros((5, len(lines)))
+        for _ in range(DEEPEST):
+            few, many = self._panel_sums(direction, panels, lines, (_ORDERS[-1], _HIGHEST))
+            sizes = np.maximum(sizes, np.abs(many).sum(axis=1))
+            gaps = _gaps(few, many, self._scale(sizes))
+            right = gaps <= self.accuracy
+            done.append(gauss(panels[right], _ORDERS[-1]))
             starts.append(panels[right, 0])
             panels = panels[~right]
             if len(panels) == 0:
@@ -245,39 +250,45 @@ class Patch:
             panels = np.concatenate((
                 np.stack((panels[:, 0], middle), axis=1), np.stack((middle, panels[:, 1]), axis=1)
             ))  # fmt: skip
-        if len(panels) and not gaps[~right].sum() <= LEFT_OPEN * accuracy:
+        if len(panels) and not gaps[~right].sum() <= LEFT_OPEN * self.accuracy:
             raise KernelError(
                 f"the integrals over a face do not settle: after halving its spans {DEEPEST} "
                 f"times, {gaps[~right].sum():.2g} of them is left open"
             )
-        done.append(_gauss(panels, _ORDERS[-1]))
+        done.append(gauss(panels, _HIGHEST))
         nodes, weights = (np.concatenate([rule[k] for rule in done]) for k in (0, 1))
         order = np.argsort(nodes)
-        limits = np.sort(np.concatenate((*starts, panels[:, 0], limits[-1:])))
+        limits = np.sort(np.concatenate((*starts, panels[:, 0], last)))
         return nodes[order], weights[order], limits
 
+    def _scale(self, sizes: Array) -> Array:
+        """Return what integrals (5,) along lines count against, from those of sizes (5, lines)."""
+        # lines near a pole add little: what counts is the largest
+        volume, area = sizes.max(axis=1)[:2].tolist()
+        return np.array([volume, area, *[volume * self._reach] * 3]) + TINY
+
+    @cached_property
+    def _reach(self) -> float:
+        return float(np.sqrt((self.poles[..., :3] ** 2).sum(axis=-1).max()))
+
     def _panel_sums(
-        self, direction: int, panels: Array, lines: Array, orders: Sequence[int]
+        self, direction: int, panels: Array, lines: Array, orders: tuple[int, ...]
     ) -> list[Array]:
-        """Return the integrands of `FLUX` along each line over each panel, (panels, lines, 5)."""
-        rules = [_gauss(panels, order) for order in orders]
-        nodes = np.concatenate([rule[0] for rule in rules])
-        order = np.argsort(nodes)
+        """Return the integrands of `FLUX` along each line over each panel, (5, panels, lines).
+
+        Once for each order of a Gauss rule.
+        """
+        x, weights = rules_together(orders)
+        half = (panels[:, 1] - panels[:, 0])[:, None] / 2
+        nodes = (panels.mean(axis=1)[:, None] + half * x).ravel()
+        shape = len(panels), len(x)
         if direction == 0:
-            points, normals = self._jet(nodes[order], lines)
-        else:
-            points, normals = (x.transpose(1, 0, 2) for x in self._jet(lines, nodes[order]))
-        values = np.empty((len(nodes), len(lines), 5))
-        values[order, :, 0] = np.einsum("ijk,ijk->ij", points, normals)
-        values[order, :, 1] = np.sqrt(np.einsum("ijk,ijk->ij", normals, normals))
-        values[order, :, 2:] = points**2 * normals
-        sums, start = [], 0
-        for rule, count in zip(rules, orders, strict=True):
-            end = start + len(rule[0])
-            part = values[start:end] * rule[1][:, None, None]
-            sums.append(part.reshape(len(panels), count, len(lines), 5).sum(axis=1))
-            start = end
-        return sums
+            values = FLUX.rows(*self._product(nodes, lines)(ALL))
+            sums = weights @ values.reshape(5, *shape, -1)
+            return [sums[:, :, k] * half for k in range(len(orders))]
+        values = FLUX.rows(*self._product(lines, nodes)(ALL))
+        sums = values.reshape(5, -1, *shape) @ weights.T
+        return [sums[..., k].transpose(0, 2, 1) * half for k in range(len(orders))]
 
     def scattered(self, s: Array, t: Array) -> tuple[Array, Array, Array]:
         """Return points and both derivatives, (n, 3) each, at places (s, t) of shape (n,)."""
@@ -309,21 +320,44 @@ class Patch:
 
     def on_grid(self, s: Array, t: Array) -> tuple[Array, Array]:
         """Return points and normals (of the parameters' own length), (n, m, 3), on a grid."""
-        return self._jet(
-            *(np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True))
-        )
+        places = (np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True))
+        rows = self._product(*places)(ALL)
+        points, normals = (np.moveaxis(row, 0, -1) for row in rows)
+        return points, normals
 
-    def _jet(self, s: Array, t: Array) -> tuple[Array, Array]:
-        """Return points and outward normals (of the parameters' own length) on a grid."""
+    def _product(self, s: Array, t: Array) -> Callable[[slice], tuple[Array, Array]]:
+        """Return what gives points and outward normals, (3, n, m) each, on a part of s and all t.
+
+        Normals have the parameters' own length.
+        """
         (a, slope_a), (b, slope_b) = (
-            _bases(x, k, n) for x, k, n in zip((s, t), self.knots, self.degrees, strict=True)
+            bases(x, k, n) for x, k, n in zip((s, t), self.knots, self.degrees, strict=True)
         )
-        point, ds, dt = project(
-            _tensor(a, self.poles, b),
-            _tensor(slope_a, self._nets[0], b),
-            _tensor(a, self._nets[1], slope_b),
+        poles, net_s, net_t = self._rows
+        tables = a, slope_a, a
+        sums = summing(a, poles, b), summing(slope_a, net_s, b), summing(a, net_t, slope_b)
+
+        def seen(part: slice) -> tuple[Array, Array]:
+            pairs = zip(sums, tables, strict=True)
+            rows = [take(part_of(table, part)) for take, table in pairs]
+            if len(rows[0]) > 3:
+                rational = project(*(np.moveaxis(x, 0, -1) for x in rows))
+                rows = [np.moveaxis(x, -1, 0) for x in rational]
+            point, ds, dt = rows
+            normal = np.empty_like(point)
+            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                np.subtract(ds[j] * dt[k], ds[k] * dt[j], out=normal[i])
+            return point, normal if self.sign > 0 else -normal
+
+        return seen
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array, Array]:
+        """The poles and those of both derivatives, coordinate by coordinate (k, …)."""
+        poles, along_s, along_t = (
+            np.ascontiguousarray(np.moveaxis(net, -1, 0)) for net in (self.poles, *self._nets)
         )
-        return point, self.sign * cross(ds, dt)
+        return poles, along_s, along_t
 
 
 def _lines(knots: Array) -> Array:
@@ -344,33 +378,9 @@ def _sum(i: Integers, a: Array, poles: Array, j: Integers, b: Array) -> Array:
     return np.asarray(np.einsum("nj,njk->nk", b, np.einsum("ni,nijk->njk", a, local)))
 
 
-def _gauss(panels: Array, order: int) -> tuple[Array, Array]:
-    """Return the nodes and weights of a Gauss rule on every panel (n, 2), panel by panel."""
-    x, weight = legendre(order)
-    half = (panels[:, 1] - panels[:, 0])[:, None] / 2
-    return (panels.mean(axis=1)[:, None] + half * x).ravel(), (half * weight).ravel()
-
-
-@lru_cache(maxsize=64)
-def legendre(order: int) -> tuple[Array, Array]:
-    """Return the nodes and weights of a Gauss rule on [-1, 1], read-only."""
-    x, weight = np.polynomial.legendre.leggauss(order)
-    x.flags.writeable = weight.flags.writeable = False
-    return x, weight
-
-
-def _bases(t: Array, knots: Array, degree: int) -> list[Array | SparseRows]:
-    """Return the values at t of all basis functions, and of those of the derivative's poles.
-
-    Sparse where there are many.
-    """
-    return _known_bases(t.tobytes(), knots.tobytes(), degree)
-
-
-@lru_cache(maxsize=8)  # both sides of a wall have their knots in common
-def _known_bases(places: bytes, knots: bytes, degree: int) -> list[Array | SparseRows]:
-    tables = basis_matrices(np.frombuffer(knots), degree, np.frombuffer(places))
-    return [table.toarray() if table.shape[1] <= DENSE else table for table in tables]
+def _gaps(few: Array, many: Array, scale: Array) -> Array:
+    """Return by how much integrals (5, panels, lines) of two rules differ on each panel."""
+    return np.asarray((np.abs(few - many).max(axis=2) / scale[:, None]).max(axis=0))
 
 
 def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
@@ -378,15 +388,3 @@ def differences(poles: Array, knots: Array, degree: int, axis: int) -> Array:
     n = poles.shape[axis]
     scale = degree / (knots[degree + 1 : degree + n] - knots[1:n])
     return np.diff(poles, axis=axis) * (scale[:, None, None] if axis == 0 else scale[:, None])
-
-
-def _times(table: Array | SparseRows, flat: Array) -> Array:
-    return product(table, flat) if isinstance(table, np.ndarray) else table @ flat
-
-
-def _tensor(a: Array | SparseRows, poles: Array, b: Array | SparseRows) -> Array:
-    """Return the values (len(a), len(b), k) of Σ a_i b_j P_ij."""
-    n, m, k = poles.shape
-    rows = _times(a, poles.reshape(n, -1)).reshape(-1, m, k).transpose(1, 0, 2)
-    values = _times(b, rows.reshape(m, -1)).reshape(b.shape[0], -1, k)
-    return np.ascontiguousarray(values.transpose(1, 0, 2))

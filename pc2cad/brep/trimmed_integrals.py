@@ -22,6 +22,7 @@ from OCP.Geom import (
     Geom_Line,
     Geom_Surface,
 )
+from OCP.Geom2d import Geom2d_Curve
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face
@@ -31,9 +32,10 @@ from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import cross, product
 from pc2cad.brep.forms import FLUX, Form
 from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
+from pc2cad.brep.gauss_rules import gauss_on, legendre, rules_together
 from pc2cad.brep.kernel import as_edge, as_face
-from pc2cad.brep.settling import settled
-from pc2cad.brep.spline_integrals import gauss_on, legendre
+from pc2cad.brep.settling import ORDERS, settled
+from pc2cad.brep.spline_integrals import read_curve
 from pc2cad.geometry.jets import (
     CurveFunction,
     SurfaceFunction,
@@ -94,12 +96,13 @@ def trimmed_flux(
 
 def is_whole(surface: Geom_BSplineSurface, face: TopoDS_Face) -> bool:
     """Say whether a face is all of its surface: every edge runs along the border of its domain."""
-    limits = np.array(surface.Bounds()).reshape(2, 2)
-    reach = 1e-9 * np.ptp(limits, axis=1)
-    for path in _paths(face):
-        places = path.curve.jet(np.linspace(*path.span, 5))[0]
-        near = np.abs(places[:, :, None] - limits) <= reach[:, None]
-        if not near.all(axis=0).any():
+    u, last_u, v, last_v = surface.Bounds()
+    sides = [(0, u), (0, last_u), (1, v), (1, last_v)]
+    reach = 1e-9 * (last_u - u), 1e-9 * (last_v - v)
+    for curve, (first, last), _ in _pcurves(face):
+        step = (last - first) / 4
+        places = [curve.Value(first + k * step).Coord() for k in range(5)]
+        if not any(all(abs(p[d] - at) <= reach[d] for p in places) for d, at in sides):
             return False
     return True
 
@@ -131,15 +134,21 @@ class _Path:
         return bool(np.ptp(self.curve.jet(np.linspace(*self.span, 5))[0][:, 0]) == 0.0)
 
 
-def _paths(face: TopoDS_Face) -> Iterator[_Path]:
+def _pcurves(face: TopoDS_Face) -> Iterator[tuple[Geom2d_Curve, tuple[float, float], bool]]:
+    """Yield edges' curves in the parameter plane, their ranges, and whether they run forward."""
     plain = as_face(face.Oriented(TopAbs_FORWARD))
     explorer = TopExp_Explorer(plain, TopAbs_EDGE)
     while explorer.More():
         edge = as_edge(explorer.Current())
         span = BRep_Tool.Range_s(edge, plain)
-        curve = path_function(BRep_Tool.CurveOnSurface_s(edge, plain, *span))
-        yield _Path(curve, span, edge.Orientation() != TopAbs_REVERSED)
+        curve = BRep_Tool.CurveOnSurface_s(edge, plain, *span)
+        yield curve, span, edge.Orientation() != TopAbs_REVERSED
         explorer.Next()
+
+
+def _paths(face: TopoDS_Face) -> Iterator[_Path]:
+    for curve, span, forward in _pcurves(face):
+        yield _Path(path_function(curve), span, forward)
 
 
 @dataclass(frozen=True)
@@ -213,8 +222,8 @@ class _Strip:
         a = np.broadcast_to(place[..., :1], b.shape)
         point, along_a, along_b = self.data.jet(a.ravel(), b.ravel())
         normal = self.sign * cross(along_a, along_b)
-        values = self.form.columns(point, normal) * both.ravel()[:, None]
-        return np.asarray(values.reshape(len(cells), -1, values.shape[1]).sum(axis=1))
+        values = self.form.rows(point.T, normal.T) * both.ravel()
+        return np.asarray(values.reshape(len(values), len(cells), -1).sum(axis=2).T)
 
 
 def _nodes(limits: Array, count: int) -> tuple[Array, Array]:
@@ -289,30 +298,41 @@ def _primitives(p: Array, q: Array) -> Array:
 
 def _along_curve(curve: Geom_Curve, first: float, last: float, origin: Array, axes: Array) -> Array:
     """Return the integrals of `plane_moments` along one curve, (6,)."""
+    if isinstance(curve, Geom_BSplineCurve) and not curve.IsRational():
+        data = read_curve(curve, origin)
+        t, weights = gauss_on(cuts_between((first, last), data.knots), 2 * data.degree)
+        return product(_moments(*data.along(t), axes), weights)
     basis = curve_function(curve, origin)
     cuts = cuts_between((first, last), basis.breaks)
-
-    def moments(t: Array) -> Array:
-        point, slope = basis.jet(t)
-        p, q = (point @ axes.T).T
-        return np.asarray(_primitives(p, q) * (slope @ axes[1]))
-
-    if basis.weight is None and isinstance(curve, Geom_BSplineCurve):
-        t, weights = gauss_on(cuts, 2 * basis.degree)
-        return np.asarray(product(moments(t), weights))
     point, slope = basis.jet(np.linspace(cuts[:-1], cuts[1:], LOOKS, axis=1).ravel())
     reach, speed = (float(np.abs(x @ axes.T).max()) for x in (point, slope))
-    turns = turns_of(slope.reshape(-1, LOOKS, 3))
+    cuts = _short_pieces(cuts, turns_of(slope.reshape(-1, LOOKS, 3)))
+    cells = np.stack((cuts[:-1], cuts[1:]), axis=1)
+    worth = (last - first) * speed * reach ** np.array([1, 2, 2, 3, 3, 3]) + np.finfo(float).tiny
+
+    def rules(cells: Array, orders: tuple[int, ...]) -> list[Array]:
+        x, weights = rules_together(orders)
+        half = np.diff(cells) / 2
+        t = cells.mean(axis=1, keepdims=True) + half * x
+        values = _moments(*basis.jet(t.ravel()), axes).reshape(6, *t.shape)
+        return [(product(values, row) * half[:, 0]).T for row in weights]
+
+    # the higher two orders in one go, which is hardly dearer than one alone
+    few, many = rules(cells, ORDERS[1:])
+    if (np.abs(few - many) / worth).max() <= ACCURACY:
+        return np.asarray(many.sum(axis=0))
+    return settled(lambda *cut: rules(*cut)[0], cells, 1, ACCURACY, lambda _: worth)
+
+
+def _moments(points: Array, slopes: Array, axes: Array) -> Array:
+    """Return the integrands (6, n) of `plane_moments` at places of a curve, (n, 3)."""
+    p, q = (points @ axes.T).T
+    return np.asarray(_primitives(p, q) * (slopes @ axes[1]))
+
+
+def _short_pieces(cuts: Array, turns: Array) -> Array:
+    """Return cuts of a curve, and more where it turns by more than `STEP` between two."""
     pieces = np.maximum(np.ceil(turns / STEP - 1e-9), 1).astype(int).tolist()
-    cuts = distinct(np.concatenate(
+    return distinct(np.concatenate(
         [np.linspace(*ends, count + 1) for ends, count in zip(pairwise(cuts), pieces, strict=True)]
     ))  # fmt: skip
-
-    def rule(cells: Array, orders: tuple[int, ...]) -> Array:
-        t, weights = _nodes(cells, orders[0])
-        values = moments(t.ravel()).reshape(6, *t.shape)
-        return np.asarray((values * weights).sum(axis=-1).T)
-
-    worth = (last - first) * speed * reach ** np.array([1, 2, 2, 3, 3, 3])
-    cells = np.stack((cuts[:-1], cuts[1:]), axis=1)
-    return settled(rule, cells, 1, ACCURACY, lambda _: worth + np.finfo(float).tiny)

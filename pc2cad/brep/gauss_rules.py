@@ -1,0 +1,47 @@
+"""Gauss rules on spans and panels."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from pc2cad.arrays import Array
+from pc2cad.arrays.distinct import distinct
+
+
+def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on every span between knots."""
+    spans = distinct(knots)
+    x, weight = legendre(count)
+    half = np.diff(spans)[:, None] / 2
+    nodes = (spans[:-1, None] + spans[1:, None]) / 2 + half * x
+    return nodes.ravel(), (half * weight).ravel()
+
+
+def gauss(panels: Array, order: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on every panel (n, 2), panel by panel."""
+    x, weight = legendre(order)
+    half = (panels[:, 1] - panels[:, 0])[:, None] / 2
+    return (panels.mean(axis=1)[:, None] + half * x).ravel(), (half * weight).ravel()
+
+
+@lru_cache(maxsize=8)
+def rules_together(orders: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return the ascending nodes (n,) of Gauss rules on [-1, 1], and weights of each (k, n)."""
+    nodes = np.concatenate([legendre(order)[0] for order in orders])
+    weights = np.zeros((len(orders), len(nodes)))
+    start = 0
+    for row, order in zip(weights, orders, strict=True):
+        row[start : start + order] = legendre(order)[1]
+        start += order
+    ascending = np.argsort(nodes)
+    return nodes[ascending], weights[:, ascending]
+
+
+@lru_cache(maxsize=64)
+def legendre(order: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule on [-1, 1], read-only."""
+    x, weight = np.polynomial.legendre.leggauss(order)
+    x.flags.writeable = weight.flags.writeable = False
+    return x, weight
