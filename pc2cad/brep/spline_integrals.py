@@ -139,6 +139,9 @@ _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934
 #: orders of Gauss rules, the last of which the others are held against, and what that is itself
 #: held against where spans are halved; and how often these are
 _ORDERS, _HIGHEST, DEEPEST = (4, 6, 8), 12, 24
+#: what the first order may leave, by the accuracy, for the second to be tried, and what that may:
+#: less, as little more makes it much better
+NEAR, CLOSE = 100, 0.02
 #: pieces turn by so much at most (radians) before rules are tried on them
 FARTHEST_TURN = np.pi / 3
 #: how often lines are taken anew; what is sharp beyond that shows in areas that disagree with the
@@ -215,14 +218,16 @@ class Patch:
         """
         limits = self._limits[direction]
         panels = np.stack((limits[:-1], limits[1:]), axis=1)
-        *lower, high = _ORDERS
-        sums, many = self._panel_sums(direction, panels, lines, (lower[0], high))
+        few, some, high = _ORDERS
+        sums, many = self._panel_sums(direction, panels, lines, (few, high))
         scale = self._scale(np.abs(many).sum(axis=1))
-        for order in lower:
-            if order != lower[0]:
-                (sums,) = self._panel_sums(direction, panels, lines, (order,))
-            if _gaps(sums, many, scale).max() <= self.accuracy:
-                return *gauss(panels, order), limits
+        gap = _gaps(sums, many, scale).max()
+        if gap <= self.accuracy:
+            return *gauss(panels, few), limits
+        if gap <= NEAR * self.accuracy:
+            (sums,) = self._panel_sums(direction, panels, lines, (some,))
+            if _gaps(sums, many, scale).max() <= CLOSE * self.accuracy:
+                return *gauss(panels, some), limits
         return self._rule_of_halves(direction, lines, panels)
 
     def _rule_of_halves(
