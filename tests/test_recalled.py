@@ -7,8 +7,10 @@ import pytest
 from pc2cad.equation.language import read_expression
 from pc2cad.equation.points import Combination, point
 from pc2cad.equation.syntax import ExpressionSyntaxError
+from pc2cad.errors import InputError
 from pc2cad.expression.budget import bounded, left
 from pc2cad.expression.tree import number, symbol
+from pc2cad.templates.file import parse_template
 
 TEXT = "length(A - B)*p + det(A - B, A - C, B - C)"
 
@@ -56,3 +58,26 @@ def test_a_function_that_bears_a_name_of_the_language_is_asked() -> None:
     own = read_expression("rotx(2)", {}, {"rotx": lambda t: t * 10})
     assert isinstance(plain, Combination)
     assert own == number(20)
+
+
+def test_figures_of_variants_are_those_of_a_template_that_is_written_so() -> None:
+    text = (
+        'title = "box"\n[parameters]\na = {{ default = {a} }}\nn = {{ default = 6 }}\n'
+        '[solid]\nx = "a*u"\ny = "v"\nz = "w"\n'
+        '[expect]\nvolume = "a"\narea = "2 + 4*sqrt(a^2)"\ncentroid = ["a/2", 0.5, "1/2"]\n'
+        'faces = "{faces}"\n'
+    )
+    template = parse_template(text.format(a=1, faces="6"), "box")
+    other = parse_template(text.format(a='"7/3"', faces="6"), "box").bind({})
+    found = template.bind({"a": "7/3"}).expectations
+    assert found.centroid == pytest.approx(other.expectations.centroid, rel=1e-15)
+    for name in ("volume", "area", "faces"):
+        assert getattr(found, name) == pytest.approx(getattr(other.expectations, name), rel=1e-15)
+    # counts that depend on parameters are exact, and figures without a value are refused
+    counted = parse_template(text.format(a=1, faces="n"), "box")
+    assert counted.bind({"n": 5}).expectations.faces == 5
+    with pytest.raises(InputError, match="whole number"):
+        counted.bind({"n": "11/2"})
+    rooted = parse_template(text.format(a=1, faces="6").replace("a^2", "a - 1"), "box")
+    with pytest.raises(InputError, match="not a real number"):
+        rooted.bind({"a": "1/2"})

@@ -20,7 +20,7 @@ from pc2cad.templates.channel_tables import attempt, read_curve, read_frame, rea
 from pc2cad.templates.order import FRAME_NAMES, Entry, entries, in_order
 from pc2cad.templates.series_tables import read_series
 from pc2cad.templates.tables import Tables, shown, written
-from pc2cad.templates.template import Definition, Moved, Parameter, Template
+from pc2cad.templates.template import MEASURED, Definition, Moved, Parameter, Template
 from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
 if TYPE_CHECKING:
@@ -35,8 +35,6 @@ TABLES: Final = (
 _EXPECTED: Final = (
     "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
 )  # fmt: skip
-#: those that are no counts
-_MEASURED: Final = ("volume", "area", "centroid")
 _CARRIERS: Final = (
     "plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bezier", "spline",
     "rational",
@@ -50,15 +48,17 @@ def read_tables(
     bound: Mapping[str, Expr],
     moved: Mapping[str, Moved],
     free: str = "",
+    expects: bool = True,
 ) -> Template:
     """Return the template that the tables of one solid hold.
 
     `bound` gives parameters their values (`free` stays a symbol, and its value is used only where
-    there has to be one) and `moved` replaces points; `file` is named in messages.
+    there has to be one) and `moved` replaces points; `file` is named in messages. What the template
+    expects is left out unless it `expects` something.
     Raises TemplateError for a mistake, also where the trees grow beyond all measure (see `budget`).
     """
     with bounded():
-        return Reader(file, data, bound, moved, free).template(name)
+        return Reader(file, data, bound, moved, free).template(name, expects)
 
 
 @dataclass
@@ -91,7 +91,7 @@ class Reader(Tables):
         self._moved = moved
         self._free = free
 
-    def template(self, name: str) -> Template:
+    def template(self, name: str, expects: bool = True) -> Template:
         """Return the template of one solid."""
         self.check_keys(self.data, (*TEXTS, *TABLES), "")
         texts = self.texts()
@@ -105,7 +105,7 @@ class Reader(Tables):
             name, **texts, parameters=parameters, points=points, curves=found.curves,
             data=found.data, guide=found.guide, frame=found.frame, carried=tuple(found.carried),
             layers=tuple(found.layers), lets=tuple(found.lets), domain=domain, solid=solid, M=M,
-            fields=fields, expected=self._expected(),
+            fields=fields, expected=self._expected() if expects else {},
             _again=partial(read_tables, name, self.file, self.data),
             _given=(self._bound, self._moved), consumed=frozenset(self.consumed),
         )  # fmt: skip
@@ -354,7 +354,7 @@ class Reader(Tables):
             trees = tuple(self.scalar(key, value) for value in values)
             if any(not tree.symbols.isdisjoint(PARAMETER_NAMES) for tree in trees):
                 self.fail(key, "must not depend on u, v or w")
-            if name not in _MEASURED and not trees[0].symbols:
+            if name not in MEASURED and not trees[0].symbols:
                 self._check_count(key, trees[0])
             result[path] = trees
         return result

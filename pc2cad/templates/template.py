@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from math import isfinite
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.equation.fields import make_field
 from pc2cad.equation.language import Listed, nearest, read_expression
@@ -59,6 +61,8 @@ class Definition:
     value: Value
 
 
+#: what [expect] may state that is no count
+MEASURED: Final = frozenset(("volume", "area", "centroid"))
 #: what may stand for a template's point: text, a point, or three coordinates
 Moved = str | Combination | Sequence[Expr | Number]
 
@@ -164,9 +168,24 @@ class Template(Header):
         bound, moved = self.values(values)
         # what has no parameters has been read with all of them already
         whole = not (bound or moved or any(self._given))
-        read = self if whole else self._again(bound, moved)
+        known = None if whole or moved else self._figures(bound)
+        read = self if whole else self._again(bound, moved, expects=known is None)
         equation = read._equation(bound, partial(self._bind_moved, values or {}))
+        if known is not None:
+            equation = replace(equation, expectations=known)
         return replace(equation, freer=partial(self._freed, bound, moved)) if bound else equation
+
+    def _figures(self, bound: Mapping[str, Expr]) -> Expectations | None:
+        """Return what [expect] states at some values of the parameters, if it is told by its trees.
+
+        Not so where the reading asked for values, or a count depends on them: it is whole, exactly.
+        """
+        depend = [name for (name, *_), trees in self.expected.items() for x in trees if x.symbols]
+        if self.consumed or any(self._given) or not MEASURED.issuperset(depend):
+            return None
+        figures = expectations(self.expected, {n: evaluate(x, {}) for n, x in bound.items()})
+        told = figures.volume, figures.area, *(figures.centroid or ())
+        return figures if all(x is None or isfinite(x) for x in told) else None
 
     def _freed(self, bound: Mapping[str, Expr], moved: Mapping[str, Moved], name: str) -> Variation:
         """Return how the equation changes with one of its parameters."""
@@ -234,17 +253,20 @@ class Template(Header):
         return written_sums(self.solid[0].text, known)
 
 
-def expectations(expected: Mapping[tuple[str, ...], tuple[Expr, ...]]) -> Expectations:
-    """Return the figures that trees without parameters state, by their keys in [expect]."""
+def expectations(
+    expected: Mapping[tuple[str, ...], tuple[Expr, ...]],
+    values: Mapping[str, float] = MappingProxyType({}),
+) -> Expectations:
+    """Return the figures that trees state, by their keys in [expect], at values of parameters."""
     figures: dict[str, Any] = {}
     for (name, *below), trees in expected.items():
-        numbers = tuple(evaluate(tree, {}) for tree in trees)
+        numbers = tuple(evaluate(tree, values) for tree in trees)
         if name == "centroid":
             figures[name] = numbers
         elif below:
             figures.setdefault(name, {})[below[0]] = round(numbers[0])
         else:
-            whole = name not in ("volume", "area")
+            whole = name not in MEASURED
             figures[name] = round(numbers[0]) if whole else numbers[0]
     return Expectations(**figures)
 

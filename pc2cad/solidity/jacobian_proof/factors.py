@@ -112,6 +112,7 @@ def _form(mapping: Mapping3) -> NormalForm | None:
     return form if len(form) <= MOST_TERMS else None
 
 
+@lru_cache(maxsize=4)
 def _has_many_nodes(roots: tuple[Expr, ...]) -> bool:
     seen, left = set(roots), list(roots)
     while left and len(seen) <= MOST_NODES:
