@@ -338,11 +338,11 @@ def test_a_channel_is_proved_up_to_its_bend(reach, sign):
 def test_only_boxes_without_a_sign_are_halved(monkeypatch):
     boxes, enclose = [], separable.enclose
 
-    def counted(trees, names, places, order):
+    def counted(trees, names, places, order, known):
         if len(places) == 2:
             spread = [place.spread(axis) for axis, place in enumerate(places)]
             boxes.append(np.broadcast(*(place.centre for place in spread)).size)
-        return enclose(trees, names, places, order)
+        return enclose(trees, names, places, order, known)
 
     monkeypatch.setattr(separable, "enclose", counted)
     mapping = mapped((U / (1.02 + pc.sin(6 * V) * pc.cos(6 * W)), V, W))

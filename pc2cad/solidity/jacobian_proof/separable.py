@@ -22,13 +22,12 @@ from pc2cad.bounds.taylor_evaluation import Known, enclose
 from pc2cad.bounds.taylor_models import UNIT, Place
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.breaks import find_breaks
-from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.normal_form import Monomial, normal_form, tree_of
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
-from pc2cad.solidity.jacobian_proof.triples import Products, scaled, triple
+from pc2cad.solidity.jacobian_proof.triples import Products, minor, scaled, triple
 
 #: boxes of two parameters
 _Boxes = tuple[Place, Place]
@@ -86,25 +85,24 @@ class _Sum:
         self._names = names
         rows = scaled(products, names[0])
         factors = tuple([row.factor for row in rows])
-        along, across = (derivatives(factors, name) for name in names[1:])
         minors = {
-            (i, j): minor
+            (i, j): found
             for i, j in combinations(range(len(rows)), 2)
-            if (minor := along[i] * across[j] - along[j] * across[i]) is not ZERO
+            if (found := minor(factors[i], factors[j], names[1:])) is not ZERO
         }
         #: what all terms share, and what is known to be positive inside taken out of it
         self._common = next(iter(minors.values())) if len(minors) == 1 else ONE
-        found: dict[Expr, Expr] = {}
-        for (i, j), minor in minors.items():
+        terms: dict[Expr, Expr] = {}
+        for (i, j), of_pair in minors.items():
             for k, factor in enumerate(factors):
                 first = triple(rows, k, i, j, names[0])
-                second = factor if minor is self._common else factor * minor
+                second = factor if of_pair is self._common else factor * of_pair
                 if first is not ZERO:
-                    found[first] = found.get(first, ZERO) + second
-        firsts = _without_common_power(list(found), names[0])
+                    terms[first] = terms.get(first, ZERO) + second
+        firsts = _without_common_power(list(terms), names[0])
         self._terms = [
             (first, second)
-            for first, second in zip(firsts, found.values(), strict=True)
+            for first, second in zip(firsts, terms.values(), strict=True)
             if second is not ZERO
         ]
         self._common = _without_powers(self._common, names[1:])

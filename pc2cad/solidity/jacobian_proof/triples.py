@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import reduce
 from itertools import islice
-from operator import and_
+from operator import add, and_
 from typing import Final, NamedTuple
 
 from pc2cad.expression.derivatives import derivatives
@@ -63,6 +63,45 @@ def _short(tree: Expr) -> Expr:
     few = next(islice(walk((tree,)), MOST_NODES, None), None) is None
     form = normal_form(tree, MOST_TERMS) if few else None
     return tree if form is None or len(form) > 1 else tree_of(form)
+
+
+def minor(first: Expr, second: Expr, names: Sequence[str]) -> Expr:
+    """Return f_v g_w - f_w g_v of two factors f and g, in the parameters v and w.
+
+    Where f = p·r and g = q·r, and p and q depend on v alone, as in walls of a section, it is
+    r r_w (p_v q - q_v p), without the derivative r_v.
+    """
+    if not first.symbols or not second.symbols:
+        return ZERO
+    (p, r), (q, other) = _parted(first), _parted(second)
+    for sign, (name, rest) in ((1, names), (-1, names[::-1])):
+        if r is other and rest not in p.symbols | q.symbols:
+            (p_v, q_v), (r_w,) = derivatives((p, q), name), derivatives((r,), rest)
+            return r * r_w * (sign * _short(p_v * q - q_v * p))
+    (f_v, g_v), (f_w, g_w) = (derivatives((first, second), name) for name in names)
+    return f_v * g_w - g_v * f_w
+
+
+def _parted(tree: Expr) -> tuple[Expr, Expr]:
+    """Return what all terms of a sum, or of a multiple of one, are multiples of, and the rest."""
+    outer, atoms = _factors(tree)
+    sums = [atom for atom in atoms if atom.op == "add"]
+    if len(sums) != 1:
+        return tree, ONE
+    atoms.remove(sums[0])
+    terms, stack = list[tuple[Fraction, Counter[Expr]]](), [(sums[0], 1)]
+    while stack:
+        node, sign = stack.pop()
+        if node.op == "neg":
+            stack.append((node.args[0], -sign))
+        elif node.op == "add":
+            stack += [(arg, sign) for arg in reversed(node.args)]
+        else:
+            multiple, own = _factors(node)
+            terms.append((sign * multiple, Counter(own)))
+    first, common = terms[0][0], reduce(and_, (own for _, own in terms))
+    rest = [_product(multiple / first, (own - common).elements()) for multiple, own in terms]
+    return _product(outer * first, [*atoms, *common.elements()]), reduce(add, rest)
 
 
 def _split(vector: Sequence[Expr]) -> tuple[Fraction, list[Expr], tuple[Expr, ...]]:
