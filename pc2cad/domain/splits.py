@@ -174,6 +174,13 @@ class _Closed:
             return np.full(len(steps), np.inf)
         return np.asarray(_BESIDE * np.maximum(steps, np.roll(steps, 1)))
 
+    def may_meet(self, points: Array, places: Array, turned: bool) -> bool:
+        """Say whether samples leave it open that the side meets points (n, 2, 3) at places."""
+        nearest = (places * _COUNT).astype(int) % _COUNT
+        there = self.points[nearest, ::-1] if turned else self.points[nearest]
+        away = np.linalg.norm(there - points, axis=-1).max(axis=1)
+        return bool((away <= self.reach[nearest]).all())
+
 
 def _alike(first: _Closed, second: _Closed, turned: bool) -> bool:
     there = second.mean[::-1] if turned else second.mean
@@ -189,6 +196,7 @@ class _Search:
     def __init__(self, first: _Closed, second: _Closed, turned: bool, scale: Scale) -> None:
         self.first, self.second, self.scale = first.side, second.side, scale
         self.across = _ACROSS[::-1] if turned else _ACROSS
+        self.closed, self.turned = second, turned
         self.points = first.tried
         there = second.points[:, ::-1] if turned else second.points
         away = np.linalg.norm(there - self.points[0], axis=-1).max(axis=1)
@@ -275,6 +283,8 @@ def _cuts(search: _Search) -> set[Fraction]:
             elif part == 0 and not reverse:
                 continue
             moved = (float(part) - _TRIED if reverse else float(part) + _TRIED) % 1
+            if not search.closed.may_meet(points, moved, search.turned):
+                continue
             if np.abs(second(moved, search.across) - points).max() > near:
                 continue
             if not reverse:
