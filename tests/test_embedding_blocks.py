@@ -259,3 +259,19 @@ def test_parts_of_spans_are_held_as_such(width):
     corners = heights.reshape(len(low), 3, 3, -1)[:, ::2, ::2]
     assert (corners >= low[:, None, None] - 1e-15).all()
     assert (corners <= high[:, None, None] + 1e-15).all()
+
+
+def test_splines_with_the_same_knots_are_held_together_as_each_alone():
+    surface = tube(3, 4)
+    patches = surface_patches(surface)
+    other = surface.poles[:, ::-1] * [1.0, 0.5, 2.0]
+    both = hold_in_pieces(patches, np.stack((surface.poles, other), axis=2))
+    for k, poles in enumerate((surface.poles, other)):
+        alone = hold_in_pieces(patches, poles)
+        for one, whole in zip(alone.limits(), both.limits(), strict=True):
+            assert np.array_equal(one, whole[k])
+        for axis in (0, 1):
+            one, whole = alone.tangents(axis, 1e-12), both.tangents(axis, 1e-12)
+            assert np.array_equal(one.axes, whole.axes[k])
+            assert np.array_equal(one.radii, whole.radii[k])
+        assert np.array_equal(alone.ways(1e-12).radii, both.ways(1e-12).radii[k])

@@ -5,14 +5,14 @@ Most of a spline of many patches is done with before any patch of it is made (`h
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.boxes import meeting
-from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import lengths, unit
 from pc2cad.geometry.sheets import Patches, projected
 from pc2cad.solidity.embedding.above_planes import PlaneSides, sides_of_planes
@@ -24,6 +24,12 @@ from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall
 
 #: sheets of no more patches are held by the control points of each from the first
 FEW = 128
+#: blocks of so many are few enough to be compared each with each
+FEW_BLOCKS = 128
+#: of two sheets: one alone, and none that are a wall
+ALONE, NO_WALL = -1, -2
+#: from a block to the four corners of the rectangle round it and another one, in steps
+_SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 def near_pairs(
@@ -31,29 +37,23 @@ def near_pairs(
 ) -> tuple[Integers, int]:
     """Return pairs of patches, each with itself too, that nothing parts as blocks.
 
-    What is no farther apart than `near` is not parted.
-
-    With them comes the number of blocks that were looked at. Sheets with no solid in common, one of
-    them between two, are compared where `every` pair is asked for.
+    What is no farther apart than `near` is not parted. With them comes the number of blocks that
+    were looked at. Sheets with no solid in common, one of them between two, are compared where
+    `every` pair is asked for.
     """
-    search = _Search(surfaces, noise, max(near, 2 * noise))
-    # the largest blocks are whole sheets
-    pairs = meeting(search.levels[-1].low, search.levels[-1].high, search.room)
-    if not every:
-        one, other = (surfaces.beside[pairs[:, k]] for k in (0, 1))
-        pairs = pairs[(one[:, :, None] == other[:, None]).any(axis=(1, 2))]
-    # what lies in one plane does not meet itself where its edges do not
-    for row in (surfaces.plane, np.array([sheet.region for sheet in surfaces.sheets])):
-        pairs = pairs[(row[pairs[:, 0]] < 0) | (row[pairs[:, 0]] != row[pairs[:, 1]])]
-    graphs = np.array([_is_graph(sheet.patches, noise) for sheet in surfaces.sheets])
-    pairs = pairs[(pairs[:, 0] != pairs[:, 1]) | ~graphs[pairs[:, 0]]]
-    search.look_at_planes(pairs)
-    count = len(surfaces.sheets)
+    search = _Search(surfaces, noise, max(near, 2 * noise), every)
+    pairs, count = search.coarsest(), len(surfaces.sheets)
     for depth in range(len(search.levels) - 1, -1, -1):
-        if depth + 1 < len(search.levels):
-            pairs = _children(search.levels[depth + 1], search.levels[depth], pairs)
-            count += len(_among(len(search.levels[depth].sheet), pairs))
-        pairs = search.left(depth, pairs)
+        level = search.levels[depth]
+        further = depth + 1 < len(search.levels)
+        if further:
+            pairs = _children(search.levels[depth + 1].children, pairs)
+        if len(level.low) > len(surfaces.sheets):
+            count += _number(len(level.low), pairs)
+        if further:
+            pairs = pairs[search.meet(level, pairs)]
+        pairs = pairs[~search.planes[depth].part(pairs, level.sheet)]
+        pairs = search.left(level, pairs)
     return pairs, count
 
 
@@ -66,33 +66,42 @@ def _is_graph(patches: Patches, noise: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Level:
-    """Blocks of all sheets, row by row: what holds them and their tangents along s and t."""
+    """Blocks of all sheets, and of all walls behind them, row by row.
 
-    #: limits in thirteen directions (B, 13)
+    A wall is two sheets on one grid, and its blocks are those of either.
+    """
+
+    #: limits of the sheets' blocks in thirteen directions (B, 13)
     low: Array
     high: Array
-    cones: tuple[Cones, Cones]
-    #: rows and columns of blocks of each sheet
+    #: cones of the tangents along s (B), along t (B), and of the ways across the walls
+    cones: Cones
+    #: rows and columns of blocks of each sheet, and of each wall
     shapes: Integers
     #: smaller blocks by those that they are parts of, and the first of each one's
     parts: tuple[Integers, Integers] | None = None
 
     @cached_property
     def start(self) -> Integers:
-        """First block of each sheet."""
+        """First block of each sheet and wall."""
         sizes = self.shapes.prod(axis=1)
         return np.asarray(np.cumsum(sizes) - sizes)
 
     @cached_property
-    def sheet(self) -> Integers:
-        """The sheet of each block."""
+    def owner(self) -> Integers:
+        """The sheet or wall of each block."""
         return np.repeat(np.arange(len(self.shapes)), self.shapes.prod(axis=1))
+
+    @property
+    def sheet(self) -> Integers:
+        """The sheet of each of the sheets' blocks."""
+        return self.owner[: len(self.low)]
 
     @cached_property
     def place(self) -> Integers:
         """Row and column of each block in its sheet."""
-        index = np.arange(len(self.sheet)) - self.start[self.sheet]
-        return np.stack(np.divmod(index, self.shapes[self.sheet, 1]), axis=1)
+        index = np.arange(len(self.owner)) - self.start[self.owner]
+        return np.stack(np.divmod(index, self.shapes[self.owner, 1]), axis=1)
 
     @cached_property
     def narrow(self) -> Booleans:
@@ -100,70 +109,68 @@ class _Level:
 
         Both half angles together are less than a right angle.
         """
-        s, t = (cones.slopes[0] for cones in self.cones)
-        return np.asarray(s * s + t * t < 1)
+        sines = self.cones[: 2 * len(self.low)].slopes[0]
+        return np.asarray((sines * sines).reshape(2, -1).sum(axis=0) < 1)
 
-    def tangents(self, corners: Integers) -> tuple[Cones, Cones]:
-        """Return cones of the tangents along s and t in rectangles of some corners (k, n)."""
-        s, t = (joint([cones[rows] for rows in corners.T]) for cones in self.cones)
-        return s, t
+    @cached_property
+    def children(self) -> Integers:
+        """The smaller blocks of each of the sheets' blocks, ascending, (B, 4); -1 for none."""
+        assert self.parts is not None
+        order, first = self.parts
+        counts = np.diff(first, append=len(order))
+        table = np.full((len(first), 4), -1)
+        rank = np.arange(len(order)) - np.repeat(first, counts)
+        table[np.repeat(np.arange(len(first)), counts), rank] = order
+        return table[: len(self.low)]
+
+    def tangents(self, corners: Integers) -> Cones:
+        """Return cones of the tangents along s and t in rectangles of corners (k, n), (2, n)."""
+        return joint(self.cones[np.stack((corners, len(self.low) + corners), axis=1)])
 
     def coarser(self) -> _Level:
         """Return blocks of two by two."""
-        shapes, order, first = _parents(self.shapes, self.sheet, self.place)
-        low, high = self.low[order], self.high[order]
-        s, t = (_merged(cones, order, first) for cones in self.cones)
-        return _Level(np.minimum.reduceat(low, first), np.maximum.reduceat(high, first), (s, t),
-                      shapes, (order, first))  # fmt: skip
-
-
-def _parents(
-    shapes: Integers, sheet: Integers, place: Integers
-) -> tuple[Integers, Integers, Integers]:
-    """Return the shapes of blocks of two by two; blocks by their parents, each one's first."""
-    coarser = (shapes + 1) // 2
-    sizes = coarser.prod(axis=1)
-    start = np.cumsum(sizes) - sizes
-    parent = start[sheet] + place[:, 0] // 2 * coarser[sheet, 1] + place[:, 1] // 2
-    order = np.argsort(parent, kind="stable")
-    return coarser, order, np.searchsorted(parent[order], np.arange(sizes.sum()))
+        shapes = (self.shapes + 1) // 2
+        sizes = shapes.prod(axis=1)
+        start, half = np.cumsum(sizes) - sizes, self.place // 2
+        parent = start[self.owner] + half[:, 0] * shapes[self.owner, 1] + half[:, 1]
+        order = np.argsort(parent, kind="stable")
+        first = np.searchsorted(parent[order], np.arange(sizes.sum()))
+        # sheets come before walls, with larger numbers
+        count, blocks = len(self.low), int(np.searchsorted(first, len(self.low)))
+        own, starts = order[:count], first[:blocks]
+        # cones along t, and across, stand by their blocks behind those along s
+        cones = _merged(
+            self.cones,
+            np.concatenate((own, count + order)),
+            np.concatenate((starts, count + first)),
+        )
+        low = np.minimum.reduceat(self.low[own], starts)
+        high = np.maximum.reduceat(self.high[own], starts)
+        return _Level(low, high, cones, shapes, (order, first))
 
 
 def _merged(cones: Cones, order: Integers, first: Integers) -> Cones:
     axes, radii = cones.axes[order], cones.radii[order]
     mean = unit(np.add.reduceat(axes, first))
-    own = np.repeat(mean, np.diff(np.append(first, len(order))), axis=0)
+    own = np.repeat(mean, np.diff(first, append=len(order)), axis=0)
     return Cones(mean, np.maximum.reduceat(lengths(axes - own) + radii, first))
 
 
-def _children(coarse: _Level, fine: _Level, pairs: Integers) -> Integers:
-    options = []
-    for side in (0, 1):
-        row = pairs[:, side]
-        own = coarse.sheet[row]
-        i, j = coarse.place[row].T
-        found = []
-        for di in (0, 1):
-            for dj in (0, 1):
-                x, y = 2 * i + di, 2 * j + dj
-                inside = (x < fine.shapes[own, 0]) & (y < fine.shapes[own, 1])
-                found.append(np.where(inside, fine.start[own] + x * fine.shapes[own, 1] + y, -1))
-        options.append(found)
-    alone = pairs[:, 0] == pairs[:, 1]
-    blocks = []
-    for p, first in enumerate(options[0]):
-        for q, second in enumerate(options[1]):
-            chosen = (first >= 0) & (second >= 0) & (~alone | (p <= q))
-            blocks.append(np.stack((first[chosen], second[chosen]), axis=1))
-    return np.concatenate(blocks)
+def _children(table: Integers, pairs: Integers) -> Integers:
+    """Return all pairs of parts of paired blocks, each pair once."""
+    first, second = (table[row].T for row in pairs.T)
+    chosen = (first >= 0)[:, None] & (second >= 0)
+    alone = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
+    chosen[:, :, alone] &= np.triu(np.ones((4, 4), dtype=bool))[..., None]
+    p, q, row = np.nonzero(chosen)
+    return np.stack((first[p, row], second[q, row]), axis=1)
 
 
-def _among(count: int, *numbers: Integers) -> Integers:
-    """Return which of so many numbers there are, ascending."""
+def _number(count: int, pairs: Integers) -> int:
+    """Return how many of so many blocks are in pairs."""
     there = np.zeros(count, dtype=bool)
-    for row in numbers:
-        there[row] = True
-    return np.flatnonzero(there)
+    there[pairs] = True
+    return int(np.count_nonzero(there))
 
 
 @dataclass(eq=False)
@@ -172,16 +179,73 @@ class _Search:
     noise: float
     #: what is no farther apart is not parted
     room: float
-    _across: dict[tuple[int, int], list[Cones]] = field(default_factory=dict)
-    _planes: list[PlaneSides] = field(default_factory=list)
+    every: bool
 
     @cached_property
     def levels(self) -> list[_Level]:
-        """Patches, and ever larger blocks of them."""
-        found = [self._first()]
-        while found[-1].shapes.max() > 1:
+        """Patches, and ever larger blocks of them, until they are few."""
+        low, high, cones = self._held
+        shapes = [*self.surfaces.shapes, *(self.surfaces.shapes[i] for i, _ in self._walls)]
+        found = [_Level(low, high, cones, np.array(shapes))]
+        while len(found[-1].low) > FEW_BLOCKS and found[-1].shapes.max() > 1:
             found.append(found[-1].coarser())
         return found
+
+    def coarsest(self) -> Integers:
+        """Return the pairs of the largest blocks, of sheets to be compared."""
+        level, start = self.levels[-1], self.surfaces.start
+        whole = self.planes[0].merged(np.arange(len(self.surfaces.sheet_of)), start)
+        sheets = self._sheets[~whole.part(self._sheets, np.arange(len(start)))]
+        pairs = meeting(level.low, level.high, self.room)
+        asked = np.zeros((len(start),) * 2, dtype=bool)
+        asked[tuple(sheets.T)] = True
+        return np.asarray(pairs[asked[tuple(level.sheet[pairs].T)]])
+
+    @cached_property
+    def planes(self) -> list[PlaneSides]:
+        """On which sides of the planes blocks of each level are."""
+        found = [sides_of_planes(self.surfaces, self._sheets, self.room)]
+        for level in self.levels[1:]:
+            assert level.parts is not None
+            order, first = level.parts
+            count = len(found[-1].bits)
+            found.append(found[-1].merged(order[:count], first[: len(level.low)]))
+        return found
+
+    @cached_property
+    def _sheets(self) -> Integers:
+        """The pairs of sheets that are to be compared."""
+        surfaces = self.surfaces
+        low, high, _ = self._patches
+        pairs = meeting(
+            np.minimum.reduceat(low, surfaces.start), np.maximum.reduceat(high, surfaces.start),
+            self.room,
+        )  # fmt: skip
+        if not self.every:
+            one, other = (surfaces.beside[pairs[:, k]] for k in (0, 1))
+            pairs = pairs[(one[:, :, None] == other[:, None]).any(axis=(1, 2))]
+        # what lies in one plane does not meet itself where its edges do not
+        for row in (surfaces.plane, np.array([sheet.region for sheet in surfaces.sheets])):
+            pairs = pairs[(row[pairs[:, 0]] < 0) | (row[pairs[:, 0]] != row[pairs[:, 1]])]
+        graphs = np.array([_is_graph(sheet.patches, self.noise) for sheet in surfaces.sheets])
+        return np.asarray(pairs[(pairs[:, 0] != pairs[:, 1]) | ~graphs[pairs[:, 0]]])
+
+    @cached_property
+    def _walls(self) -> list[tuple[int, int]]:
+        """The pairs of sheets that may be the two sides of a wall."""
+        apart = self._sheets[self._sheets[:, 0] != self._sheets[:, 1]]
+        fit = self.surfaces.walls(apart[:, 0], apart[:, 1])
+        return [(i, j) for i, j in apart[fit].tolist()]
+
+    @cached_property
+    def _wall_of(self) -> Integers:
+        """The wall that two sheets are, (sheets, sheets): one `ALONE` or `NO_WALL`."""
+        table = np.full((len(self.surfaces.sheets),) * 2, NO_WALL)
+        own = np.flatnonzero(self.surfaces.separable & (self.surfaces.plane < 0))
+        table[own, own] = ALONE
+        for k, (i, j) in enumerate(self._walls):
+            table[i, j] = table[j, i] = k
+        return table
 
     @cached_property
     def _large(self) -> Booleans:
@@ -193,68 +257,69 @@ class _Search:
         ]
         return np.asarray((self.surfaces.shapes.prod(axis=1) > FEW) & np.array(plain))
 
-    def _first(self) -> _Level:
+    @cached_property
+    def _patches(self) -> tuple[Array, Array, Cones]:
+        """Limits of all patches, and cones of their tangents along s, then along t."""
         surfaces = self.surfaces
         count = len(surfaces.sheet_of)
-        level = _Level(
-            np.empty((count, 13)), np.empty((count, 13)),
-            (Cones(np.empty((count, 3)), np.empty(count)),
-             Cones(np.empty((count, 3)), np.empty(count))), surfaces.shapes,
-        )  # fmt: skip
-        self._refine(level, np.flatnonzero(~self._large[surfaces.sheet_of]))
-        for index in np.flatnonzero(self._large).tolist():
-            part = slice(surfaces.start[index], surfaces.start[index] + level.shapes[index].prod())
-            patches = surfaces.sheets[index].patches
-            held = hold_in_pieces(patches, projected(patches.poles))
-            level.low[part], level.high[part] = held.limits()
-            for axis, cones in enumerate(level.cones):
-                found = held.tangents(axis, self.noise)
-                cones.axes[part], cones.radii[part] = found.axes, found.radii
-        return level
+        found = (np.empty((count, 13)), np.empty((count, 13)),
+                 Cones(np.zeros((2 * count, 3)), np.full(2 * count, 2.0)))  # fmt: skip
+        self._hold_by_points(*found, np.flatnonzero(~self._large[surfaces.sheet_of]))
+        large = np.flatnonzero(self._large).tolist()
+        for own in _alike(large, [surfaces.sheets[i].patches for i in large]):
+            patches = surfaces.sheets[own[0]].patches
+            poles = [projected(surfaces.sheets[i].patches.poles) for i in own]
+            held = hold_in_pieces(patches, np.stack(poles, axis=2))
+            rows = surfaces.start[own][:, None] + np.arange(patches.shape[0] * patches.shape[1])
+            found[0][rows], found[1][rows] = held.limits()
+            for axis in (0, 1):
+                cones = held.tangents(axis, self.noise)
+                found[2].axes[axis * count + rows] = cones.axes
+                found[2].radii[axis * count + rows] = cones.radii
+        return found
 
-    def _refine(self, level: _Level, patches: Integers) -> None:
+    @cached_property
+    def _held(self) -> tuple[Array, Array, Cones]:
+        """The same with cones of the ways across walls behind them."""
+        low, high, cones = self._patches
+        ways = [self._ways(i, j) for i, j in self._walls]
+        axes = np.concatenate([cones.axes, *(way.axes for way in ways)])
+        radii = np.concatenate([cones.radii, *(way.radii for way in ways)])
+        return low, high, Cones(axes, radii)
+
+    def _ways(self, i: int, j: int) -> Cones:
+        """Return cones of the ways from the patches of one sheet to those of another."""
+        surfaces = self.surfaces
+        if self._large[i]:
+            first, second = (surfaces.sheets[k].patches for k in (i, j))
+            return hold(first, projected(second.poles) - projected(first.poles)).ways(self.noise)
+        own = np.arange(int(surfaces.shapes[i].prod()))
+        nets = [projected(surfaces.nets(surfaces.start[k] + own)) for k in (i, j)]
+        return cones_of((nets[1] - nets[0]).reshape(len(own), -1, 3), self.noise)
+
+    def _hold_by_points(self, low: Array, high: Array, cones: Cones, patches: Integers) -> None:
         """Hold some patches by their own control points."""
         if len(patches) == 0:
             return
         points = projected(self.surfaces.nets(patches))
-        flat = points.reshape(len(patches), -1, 3)
-        level.low[patches], level.high[patches] = boxes(flat)
-        for axis, cones in enumerate(level.cones):
-            steps = np.diff(points, axis=1 + axis).reshape(len(patches), -1, 3)
-            found = cones_of(steps, self.noise)
-            cones.axes[patches], cones.radii[patches] = found.axes, found.radii
+        low[patches], high[patches] = boxes(points.reshape(len(patches), -1, 3))
+        curved = np.flatnonzero(self.surfaces.plane[self.surfaces.sheet_of[patches]] < 0)
+        if len(curved) == 0:
+            return
+        for axis in (0, 1):
+            steps = np.diff(points[curved], axis=1 + axis).reshape(len(curved), -1, 3)
+            found, rows = cones_of(steps, self.noise), axis * len(low) + patches[curved]
+            cones.axes[rows], cones.radii[rows] = found.axes, found.radii
 
-    def look_at_planes(self, pairs: Integers) -> None:
-        """Find out on which sides of the planes blocks are of sheets, which are in pairs."""
-        found = sides_of_planes(self.surfaces, pairs, self.room)
-        for level in self.levels:
-            if level.parts is not None:
-                found = found.merged(*level.parts)
-            self._planes.append(found)
-
-    def left(self, depth: int, pairs: Integers) -> Integers:
-        """Return the pairs of blocks that are not parted."""
-        level = self.levels[depth]
-        if depth + 1 < len(self.levels):
-            pairs = pairs[self._meet(level, pairs)]
-        pairs = pairs[~self._planes[depth].part(pairs, level.sheet)]
-        pairs, corners = self._left_beside(depth, pairs)
-        if depth == 0:
-            # the others are held by their own control points
-            looked = _among(len(level.sheet), pairs, *corners)
-            self._refine(level, looked[self._large[level.sheet[looked]]])
-            pairs, _ = self._left_beside(depth, pairs[self._meet(level, pairs)])
-        return pairs
-
-    def _left_beside(self, depth: int, pairs: Integers) -> tuple[Integers, list[Integers]]:
-        """Return the pairs that are not parted as rectangles, and the corners of theirs."""
-        rows, *corners = self._rectangles(self.levels[depth], pairs)
-        parted = self._parted(depth, *corners)
+    def left(self, level: _Level, pairs: Integers) -> Integers:
+        """Return the pairs of blocks that are not parted as rectangles."""
+        rows, first, second = self._rectangles(level, pairs)
         left = np.ones(len(pairs), dtype=bool)
-        left[rows[parted]] = False
-        return pairs[left], [corner[~parted] for corner in corners]
+        left[rows[self._parted(level, first, second)]] = False
+        return pairs[left]
 
-    def _meet(self, level: _Level, pairs: Integers) -> Booleans:
+    def meet(self, level: _Level, pairs: Integers) -> Booleans:
+        """Say of which pairs the limits meet."""
         low, high = (np.ascontiguousarray(x.T) for x in (level.low, level.high + self.room))
         a, b = np.ascontiguousarray(pairs.T)
         left = np.arange(len(pairs))
@@ -271,70 +336,40 @@ class _Search:
 
         With them come the corners of the rectangle round both (k, 4), on both sheets.
         """
-        surfaces = self.surfaces
-        a, b = pairs[:, 0], pairs[:, 1]
-        one, other = level.sheet[a], level.sheet[b]
-        size = level.shapes[one]
-        near = (size == level.shapes[other]).all(axis=1)
-        step = level.place[b] - level.place[a]
-        round_ = surfaces.closed[one] & surfaces.closed[other]
+        narrow, sheet = level.narrow[pairs].all(axis=1), level.sheet[pairs]
+        rows = np.flatnonzero(narrow & (self._wall_of[sheet[:, 0], sheet[:, 1]] > NO_WALL))
+        (one, other), (a, b) = sheet[rows].T, pairs[rows].T
+        size, step = level.shapes[one], level.place[b] - level.place[a]
+        round_ = self.surfaces.closed[one] & self.surfaces.closed[other]
         step = np.where(round_, (step + size // 2) % size - size // 2, step)
-        near &= (np.abs(step) <= 1).all(axis=1)
-        near &= surfaces.separable[one] & (surfaces.plane[one] < 0)
-        near &= level.narrow[a] & level.narrow[b]
-        two = near & (one != other)
-        near[two] = surfaces.walls(one[two], other[two])
-        rows = np.flatnonzero(near)
-        here, step, size = level.place[a[rows]], step[rows], size[rows]
-        shifts = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-        corner = (here[:, None] + shifts * step[:, None]) % size[:, None]
-        index = corner[..., 0] * size[:, None, 1] + corner[..., 1]
-        first, second = (level.start[sheet[rows], None] + index for sheet in (one, other))
-        return rows, first, second
+        near = np.flatnonzero((np.abs(step) <= 1).all(axis=1))
+        size = size[near][:, None]
+        corner = (level.place[a[near]][:, None] + _SHIFTS * step[near][:, None]) % size
+        index = corner[..., 0] * size[..., 1] + corner[..., 1]
+        start = level.start
+        return rows[near], start[one[near], None] + index, start[other[near], None] + index
 
-    def _parted(self, depth: int, first: Integers, second: Integers) -> Booleans:
+    def _parted(self, level: _Level, first: Integers, second: Integers) -> Booleans:
         """Say in which rectangles sheets do not meet themselves or one another."""
-        level = self.levels[depth]
-        one, other = level.sheet[first[:, 0]], level.sheet[second[:, 0]]
-        result = np.zeros(len(one), dtype=bool)
-        alone = np.flatnonzero(one == other)
+        sheet = level.sheet[first[:, 0]]
+        wall = self._wall_of[sheet, level.sheet[second[:, 0]]]
+        result = np.zeros(len(wall), dtype=bool)
+        alone, walls = np.flatnonzero(wall < 0), np.flatnonzero(wall >= 0)
         if len(alone):
-            result[alone] = is_alone(*level.tangents(first[alone]))
-        walls = np.flatnonzero(one != other)
-        if len(walls) == 0:
-            return result
-        s, t = level.tangents(np.concatenate((first[walls], second[walls]), axis=1))
-        # no ways across part what has tangents all round
-        narrow = np.flatnonzero(s.slopes[0] ** 2 + t.slopes[0] ** 2 < 1)
-        walls, s, t = walls[narrow], s[narrow], t[narrow]
-        keys = one[walls] * len(self.surfaces.sheets) + other[walls]
-        for key in distinct(keys):
-            i, j = divmod(int(key), len(self.surfaces.sheets))
-            rows = np.flatnonzero(keys == key)
-            ways = self._ways(i, j)
-            across = ways[min(depth, len(ways) - 1)]
-            own = first[walls[rows]] - level.start[i]
-            found = is_wall(s[rows], t[rows], joint([across[k] for k in own.T]))
-            result[walls[rows]] = found
+            tangents = level.tangents(first[alone].T)
+            result[alone] = is_alone(tangents[0], tangents[1])
+        if len(walls):
+            tangents = level.tangents(np.concatenate((first[walls].T, second[walls].T)))
+            start = level.start[len(self.surfaces.sheets) + wall[walls]] - level.start[sheet[walls]]
+            across = level.cones[len(level.low) + start + first[walls].T]
+            result[walls] = is_wall(tangents[0], tangents[1], joint(across))
         return result
 
-    def _ways(self, i: int, j: int) -> list[Cones]:
-        """Return cones of the ways from one sheet to another, of patches and of larger blocks."""
-        if (i, j) not in self._across:
-            surfaces = self.surfaces
-            shapes = surfaces.shapes[[i]]
-            count = int(shapes.prod())
-            if self._large[i]:
-                first, second = (surfaces.sheets[k].patches for k in (i, j))
-                gap = projected(second.poles) - projected(first.poles)
-                found = [hold(first, gap).ways(self.noise)]
-            else:
-                nets = [projected(surfaces.nets(surfaces.start[k] + np.arange(count)))
-                        for k in (i, j)]  # fmt: skip
-                found = [cones_of((nets[1] - nets[0]).reshape(count, -1, 3), self.noise)]
-            while shapes.max() > 1:
-                place = np.indices(shapes[0]).reshape(2, -1).T
-                shapes, order, rows = _parents(shapes, np.zeros(len(place), dtype=int), place)
-                found.append(_merged(found[-1], order, rows))
-            self._across[i, j] = found
-        return self._across[i, j]
+
+def _alike(numbers: Sequence[int], grids: Sequence[Patches]) -> list[list[int]]:
+    """Return numbers of grids that are made alike, by the same index and matrices."""
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for number, grid in zip(numbers, grids, strict=True):
+        assert grid.matrices is not None
+        groups.setdefault((*map(id, grid.matrices), *map(id, grid.index)), []).append(number)
+    return list(groups.values())

@@ -9,7 +9,6 @@ patches that turn far are held in pieces, which have fewer corners than they hav
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from math import comb
@@ -28,11 +27,14 @@ MOST_PIECES, TURN = 3, 0.33
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """Corners of a grid of patches in k × k pieces, and how much these bend: without weights."""
+    """Corners of a grid of patches in k × k pieces, and how much these bend: without weights.
 
-    #: (kn+1, km+1, 3)
+    Several splines with the same knots are held together: their number stands behind the grid's.
+    """
+
+    #: (kn+1, km+1, …, 3)
     corners: Array
-    #: largest |F_ss|, |F_st|, |F_tt| of each patch's pieces in their own coordinates, (n, m) each
+    #: largest |F_ss|, |F_st|, |F_tt| of patches' pieces in their own coordinates, (n, m, …) each
     bends: tuple[Array, Array, Array]
 
     @property
@@ -40,55 +42,59 @@ class Hold:
         return np.asarray((self.bends[0] + self.bends[2]) / 8)
 
     def limits(self) -> tuple[Array, Array]:
-        """Return limits of the patches in thirteen directions, (n·m, 13) each."""
-        low, high = (
-            reduce(least, self._within(values))
-            for values, least in zip(
-                boxes(self.corners[..., None, :]), (np.minimum, np.maximum), strict=True
-            )
-        )
+        """Return limits of the patches in thirteen directions, (…, n·m, 13) each."""
+        low, high = boxes(self.corners[..., None, :])
         bow = self._bow[..., None]
-        return (low - bow).reshape(-1, 13), (high + bow).reshape(-1, 13)
+        return (_in_row(self._within(low).min(axis=0) - bow, 1),
+                _in_row(self._within(high).max(axis=0) + bow, 1))  # fmt: skip
 
     def tangents(self, axis: int, noise: float) -> Cones:
-        """Return cones of the tangents along s or t."""
+        """Return cones of the tangents along s or t, (…, n·m)."""
         return self._around(np.diff(self.corners, axis=axis), self._reach(axis), noise)
 
     def ways(self, noise: float) -> Cones:
-        """Return cones of all values themselves."""
+        """Return cones of all values themselves, (…, n·m)."""
         return self._around(self.corners, self._bow, noise)
 
     @property
     def turn(self) -> float:
-        """How far the tangents of a patch turn on average, along both directions together."""
-        total = 0.0
+        """How far a patch's tangents turn on average, along both directions together, at most."""
+        total = np.zeros(self._bow.shape[2:])
         for axis in (0, 1):
-            chords = np.diff(self.corners, axis=axis)
-            length = float(lengths(chords).sum()) * self._bow.size / (chords.size // 3)
-            total += float(self._reach(axis).sum()) / length if length else 0.0
-        return total
+            chords = lengths(np.diff(self.corners, axis=axis))
+            mean = chords.sum(axis=(0, 1)) / (chords.shape[0] * chords.shape[1])
+            bend = self._reach(axis).sum(axis=(0, 1)) / (self._bow.shape[0] * self._bow.shape[1])
+            total += np.where(mean > 0, bend / np.where(mean > 0, mean, 1.0), 0.0)
+        return float(total.max())
 
     def _reach(self, axis: int) -> Array:
         return (self.bends[2 * axis] + self.bends[1]) / 2
 
     def _around(self, vectors: Array, reach: Array, noise: float) -> Cones:
-        """Return the cones, in one row, of all that is nearer than a reach to a patch's vectors."""
-        return joint([around(each, reach, noise) for each in self._within(vectors)]).flat()
+        """Return the cones of all that is nearer than a reach to a patch's vectors."""
+        found = joint(around(self._within(vectors), reach, noise))
+        return Cones(_in_row(found.axes, 1), _in_row(found.radii, 0))
 
-    def _within(self, values: Array) -> Sequence[Array]:
+    def _within(self, values: Array) -> Array:
         """Return the values (kn.., km.., …) that belong to the patches, one of each at a time."""
-        n, m = self.bends[0].shape
+        n, m = self.bends[0].shape[:2]
         k = (len(self.corners) - 1) // n
         last = (n - 1) * k, (m - 1) * k
-        return [
+        return np.array([
             values[a : a + last[0] + 1 : k, b : b + last[1] + 1 : k]
             for a in range(values.shape[0] - last[0])
             for b in range(values.shape[1] - last[1])
-        ]
+        ])  # fmt: skip
+
+
+def _in_row(values: Array, behind: int) -> Array:
+    """Return values of patches (n, m, …) with the patches in one row, before so many last axes."""
+    flat = values.reshape(-1, *values.shape[2:])
+    return np.moveaxis(flat, 0, -1 - behind)
 
 
 def hold(patches: Patches, poles: Array) -> Hold:
-    """Return what holds patches of a spline with these poles (N, M, 3) and the patches' knots."""
+    """Return what holds patches of splines with these poles (N, M, …, 3) and the patches' knots."""
     assert patches.knots is not None
     bends = []
     for orders in ((2, 0), (1, 1), (0, 2)):
@@ -139,7 +145,7 @@ def _largest(values: Array, knots: Array, index: Integers, order: int) -> Array:
     # patches of one span are equal parts of it
     length = ((knots[span + 1] - knots[span]) / np.bincount(span)[span]) ** order
     most = reduce(np.maximum, (values[k] for k in index[:, : index.shape[1] - order].T))
-    return np.asarray(most * length[:, None])
+    return np.asarray(most * length.reshape(-1, *[1] * (most.ndim - 1)))
 
 
 def _derived(poles: Array, knots: Array, order: int) -> Array:

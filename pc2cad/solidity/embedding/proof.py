@@ -131,7 +131,7 @@ class _Descent:
         stuck: Meeting | None = None
         stuck_depth = 0.0
         for level in range(DEEPEST):
-            pairs, joined, depth = self._undone(cells, pairs, level == 0)
+            pairs, joined, depth = self._undone(cells, pairs)
             if len(pairs) == 0:
                 break
             dive = level % 3 == 1 and len(pairs) > FIRST
@@ -232,13 +232,8 @@ class _Descent:
         flat = between.points.reshape(-1, 3)
         return bool(np.ptp(flat, axis=0).max() <= 2 * self.touching)
 
-    def _undone(
-        self, cells: Cells, pairs: Integers, whole: bool = False
-    ) -> tuple[Integers, Booleans, Array]:
-        """Return pairs that nothing separates, which of them are joined, how deep others are.
-
-        Rectangles of `whole` patches were looked at as blocks already.
-        """
+    def _undone(self, cells: Cells, pairs: Integers) -> tuple[Integers, Booleans, Array]:
+        """Return pairs that nothing separates, which of them are joined, how deep others are."""
         kept, joined, depth = [], [], []
         if len(pairs) == 0:
             return pairs, np.zeros(0, dtype=bool), np.zeros(0)
@@ -252,15 +247,13 @@ class _Descent:
                 self.doubt.raised()
             part = part[meet]
             self.work += len(part) * (self.surfaces.degree + 1) ** 2
-            found = self._undone_slab(cells, part, whole)
+            found = self._undone_slab(cells, part)
             kept.append(found[0])
             joined.append(found[1])
             depth.append(found[2])
         return np.concatenate(kept), np.concatenate(joined), np.concatenate(depth)
 
-    def _undone_slab(
-        self, cells: Cells, pairs: Integers, whole: bool
-    ) -> tuple[Integers, Booleans, Array]:
+    def _undone_slab(self, cells: Cells, pairs: Integers) -> tuple[Integers, Booleans, Array]:
         alone = pairs[:, 0] == pairs[:, 1]
         own, pairs = pairs[alone], pairs[~alone]
         own = own[cells.surfaces.plane[cells.sheet[own[:, 0]]] < 0]
@@ -278,9 +271,6 @@ class _Descent:
             if len(index):
                 part = type(where)(where.sides[index], where.corners[index])
                 done[index] = test(cells, pairs[index], part)
-        index = np.flatnonzero(~done)
-        if len(index) and not whole:
-            done[index] = parted_walls(cells, pairs[index], self.noise)
         depth = np.zeros(len(pairs))
         index = np.flatnonzero(~where.any & (~done | (self.doubt.near > 0)))
         if len(index):
@@ -288,6 +278,9 @@ class _Descent:
             done[index] |= parted
             if (done[index] & (depth[index] >= -self.doubt.near)).any():
                 self.doubt.raised()
+        index = np.flatnonzero(~done)
+        if len(index):
+            done[index] = parted_walls(cells, pairs[index], self.noise)
         left = ~done
         return (
             np.concatenate((own, pairs[left])),

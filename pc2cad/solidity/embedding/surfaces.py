@@ -176,7 +176,10 @@ def _on_one_grid(first: Patches, second: Patches) -> bool:
     ]
     if first.matrices is not None and second.matrices is not None:
         parts += zip(first.matrices, second.matrices, strict=True)
-    return all(a.shape == b.shape and bool(np.abs(a - b).max() <= SAME_WEIGHT) for a, b in parts)
+    return all(
+        a is b or (a.shape == b.shape and bool(np.abs(a - b).max() <= SAME_WEIGHT))
+        for a, b in parts
+    )
 
 
 def _is_same(first: SheetSide, second: SheetSide) -> bool:

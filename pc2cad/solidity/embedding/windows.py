@@ -39,12 +39,8 @@ class Cones:
     axes: Array
     radii: Array
 
-    def __getitem__(self, rows: Integers) -> Cones:
+    def __getitem__(self, rows: Integers | int | slice) -> Cones:
         return Cones(self.axes[rows], self.radii[rows])
-
-    def flat(self) -> Cones:
-        """Return the same in one row."""
-        return Cones(self.axes.reshape(-1, 3), self.radii.ravel())
 
     @property
     def slopes(self) -> tuple[Array, Array]:
@@ -78,16 +74,10 @@ def cones_of(vectors: Array, noise: float) -> Cones:
     return Cones(axes, np.where(there, lengths(ways - axes[:, None]), -np.inf).max(axis=1))
 
 
-def joint(parts: Sequence[Cones]) -> Cones:
-    """Return the cones that hold those of several arrays."""
-    total = parts[0].axes.copy()
-    for part in parts[1:]:
-        total += part.axes
-    axes = unit(total)
-    radii = np.full(axes.shape[:-1], -np.inf)
-    for part in parts:
-        np.maximum(radii, lengths(part.axes - axes) + part.radii, out=radii)
-    return Cones(axes, radii)
+def joint(parts: Cones) -> Cones:
+    """Return the cones that hold those (k, …) of one row each."""
+    axes = unit(parts.axes.sum(axis=0))
+    return Cones(axes, (lengths(parts.axes - axes) + parts.radii).max(axis=0))
 
 
 def is_alone(s: Cones, t: Cones) -> Booleans:
@@ -172,6 +162,6 @@ def _cones(
     result = []
     for axis in (1, 2):
         cones = cones_of(np.diff(points, axis=axis).reshape(len(points), -1, 3), noise)
-        result.append(joint([cones[net[k]] for k in corners for net in (one, other)]))
+        result.append(joint(cones[np.concatenate((one[corners], other[corners]))]))
     across = cones_of((points[other] - points[one]).reshape(len(one), -1, 3), noise)
-    return [*result, joint([across[k] for k in corners])]
+    return [*result, joint(across[corners])]
