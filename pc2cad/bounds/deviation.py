@@ -171,10 +171,15 @@ def _squares(vectors: Array, axis: int = -2) -> Array:
 
     A fourth coordinate divides the others.
     """
-    before: tuple[slice | int, ...] = (slice(None),) * (axis % vectors.ndim)
-    x, y, z, *weight = (np.asarray(vectors[(*before, k)]) for k in range(vectors.shape[axis]))
-    squares = x * x + y * y + z * z
-    return np.asarray(squares / weight[0] ** 2 if weight else squares)
+    axis %= vectors.ndim
+    before = (slice(None),) * axis
+    row = vectors[(*before, slice(3))]
+    axes = list(range(vectors.ndim))
+    # without arrays for each coordinate, which are many times the work where they are large
+    squares = np.einsum(row, axes, row, axes, [k for k in axes if k != axis])
+    if vectors.shape[axis] > 3:
+        squares = squares / vectors[(*before, 3)] ** 2
+    return np.asarray(squares)
 
 
 def _reach(direction: Direction, deviation: float, degree: int) -> float:

@@ -81,9 +81,9 @@ def rounding_along(knots: Array, degree: int, poles: Array) -> Array:
 
     Those of the parameter are included.
     """
-    sizes, steps = (np.sqrt((x * x).sum(axis=-1)) for x in (poles, np.diff(poles, axis=0)))
     gaps = knots[1 + degree : -1] - knots[1 : -1 - degree]
-    inside = gaps > 0
-    slopes = (steps[inside] / gaps[inside, None]).max(axis=0)
-    result = 8 * (degree + 2) * UNIT * sizes.max(axis=0) + 4 * UNIT * degree * slopes
+    # between knots that are one there is no step: the spline is not continuous there
+    slopes = (poles[1:] - poles[:-1]) / np.where(gaps > 0, gaps, np.inf)[:, None, None]
+    size, slope = (np.sqrt(np.einsum("nki,nki->nk", x, x).max(axis=0)) for x in (poles, slopes))
+    result = 8 * (degree + 2) * UNIT * size + 4 * UNIT * degree * slope
     return np.asarray(result * (1 + 1e-9))
