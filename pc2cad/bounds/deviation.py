@@ -172,13 +172,12 @@ def _squares(vectors: Array, axis: int = -2) -> Array:
     A fourth coordinate divides the others.
     """
     axis %= vectors.ndim
-    before = (slice(None),) * axis
-    row = vectors[(*before, slice(3))]
-    axes = list(range(vectors.ndim))
-    # without arrays for each coordinate, which are many times the work where they are large
-    squares = np.einsum(row, axes, row, axes, [k for k in axes if k != axis])
+    row = vectors[(*(slice(None),) * axis, slice(3))]
+    # without arrays for each coordinate: to make those takes longer than the work on them
+    axes = "abcde"[: vectors.ndim]
+    squares = np.einsum(f"{axes},{axes}->{axes.replace(axes[axis], '')}", row, row)
     if vectors.shape[axis] > 3:
-        squares = squares / vectors[(*before, 3)] ** 2
+        squares = squares / np.take(vectors, 3, axis) ** 2
     return np.asarray(squares)
 
 
