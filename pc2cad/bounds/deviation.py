@@ -221,8 +221,10 @@ class _Survey:
         self._sizes = np.zeros((self._s.count, self._t.count))
         self.sampled, self.samples = 0.0, 0
         self._at = 0.0, 0.0
-        #: of each side: coefficients (cells, nodes, 3) and differences (places, 3), in parts
-        self._sides: tuple[list[tuple[Array, Array]], ...] = ([], [], [], [])
+        #: of the sides along t, in parts: coefficients (cells, nodes, 3, two sides) and differences
+        #: (places, 3, two sides); and of each one along s: (cells, nodes, 3), (places, 3)
+        self._along_t: list[tuple[Array, Array]] = []
+        self._along_s: list[tuple[Array, Array]] = []
         #: cells with large coefficients, by number along s and t, and these: (cells, 3, i, j)
         self._blunt: list[tuple[Integers, Integers, Array]] = []
         along, across = self._s.nodes(0, self._s.count), self._t.nodes(0, self._t.count)
@@ -248,14 +250,13 @@ class _Survey:
         """Take the differences in some rows of cells, and their coefficients, into account."""
         self.samples += gap[:, 0].size
         if len(self._directions) == 2:
-            for side, end in ((0, 0), (1, -1)):
-                # copies: views would keep the coefficients of all cells
-                part = coefficients[..., end, end].copy(), gap[..., end].copy()
-                self._sides[side].append(part)
-            for side, end, is_there in ((2, 0, first == 0), (3, -1, last == self._t.count)):
+            # copies: views would keep the coefficients of all cells
+            ends = [0, -1]
+            self._along_t.append((coefficients[..., ends, ends], gap[..., ends]))
+            for end, is_there in ((0, first == 0), (-1, last == self._t.count)):
                 if is_there:
                     part = coefficients[end, end].transpose(1, 2, 0).copy(), gap[end].T.copy()
-                    self._sides[side].append(part)
+                    self._along_s.append(part)
         t, nodes_t, k, *flat = coefficients.shape
         squares = _squares(coefficients.reshape(t, nodes_t, k, -1)).max(axis=1)
         sizes = np.sqrt(squares.reshape(t, *flat).max(axis=2))
@@ -275,7 +276,7 @@ class _Survey:
         goal = max(self._goal, SHARP * self.sampled)
         blunt = self._sizes[i, j] > goal
         i, j = i[blunt], j[blunt]
-        self._sizes[i, j] = _sharpened(parts[blunt], goal)
+        self._sizes[i, j] = _sharpened(parts[blunt], np.full(len(i), goal))
 
     def bound(self) -> Bound:
         """Return the bound."""
@@ -283,7 +284,7 @@ class _Survey:
         bound = (self._sizes + self._loss + rest) * (1 + 1e-9)
         largest = float(bound.max())
         if np.isfinite(largest):
-            sides = tuple(self._side(k) for k in range(4)) if self._sides[0] else ()
+            sides = self._sides() if len(self._directions) == 2 else ()
             return Bound(
                 max(largest, self.sampled), self.sampled, self.samples, sides=sides,
                 place=self._place,
@@ -295,23 +296,31 @@ class _Survey:
     def _place(self) -> tuple[float, ...]:
         return self._at[: len(self._directions)]
 
-    def _side(self, side: int) -> Bound:
-        """Return the bound on a side, where nodes lie: interpolation across it is off by nothing.
+    def _sides(self) -> tuple[Bound, ...]:
+        """Return the bounds on the sides where s = 0, s = 1, t = 0, t = 1."""
+        forms, gaps = (np.concatenate(rows) for rows in zip(*self._along_t, strict=True))
+        along_t = self._pair(1, forms.transpose(3, 0, 2, 1), gaps.transpose(2, 0, 1))
+        forms, gaps = (np.stack(rows) for rows in zip(*self._along_s, strict=True))
+        return (*along_t, *self._pair(0, forms.transpose(0, 1, 3, 2), gaps))
 
-        There the first or last coefficients across are the side's own.
+    def _pair(self, axis: int, forms: Array, gaps: Array) -> list[Bound]:
+        """Return the bounds on two sides, where nodes lie: interpolation across is off by nothing.
+
+        There the first or last coefficients across, (2, cells, 3, nodes), are the side's own;
+        differences are (2, places, 3).
         """
-        axis, end = 1 - side // 2, -(side % 2)
         known = self._along[axis], self._data, self._by_values
-        along, data, by_values = (np.take(x, end, axis=1 - axis) for x in known)
-        parts = self._sides[side]
-        work = np.concatenate([part.transpose(0, 2, 1) for part, _ in parts])[..., None]
-        gaps = np.sqrt(_squares(np.concatenate([gap for _, gap in parts]), 1))
-        sampled = float(gaps.max())
-        goal = max(SHARP * sampled, float(data[np.isfinite(data)].max(initial=0.0)))
-        sizes = _sharpened(work, goal)
+        along, data, by_values = (np.moveaxis(x, axis, 1)[[0, -1]] for x in known)
+        sampled = np.sqrt(_squares(gaps, 2).max(axis=1))
+        goal = np.maximum(SHARP * sampled, np.where(np.isfinite(data), data, 0.0).max(axis=1))
+        work = forms.reshape(-1, *forms.shape[2:])[..., None]
+        sizes = _sharpened(work, np.repeat(goal, forms.shape[1])).reshape(2, -1)
         rest = np.minimum(along + data, by_values)
-        largest = float(((sizes + self._loss + rest) * (1 + 1e-9)).max())
-        return Bound(max(largest, sampled), sampled, gaps.size)
+        largest = ((sizes + self._loss + rest) * (1 + 1e-9)).max(axis=1)
+        return [
+            Bound(max(bound, seen), seen, gaps.shape[1])
+            for bound, seen in zip(largest.tolist(), sampled.tolist(), strict=True)
+        ]
 
     def _ranges(self, bad: Booleans) -> tuple[tuple[float, float], ...]:
         ranges = []
@@ -322,17 +331,17 @@ class _Survey:
         return tuple(ranges)
 
 
-def _sharpened(work: Array, goal: float) -> Array:
+def _sharpened(work: Array, goals: Array) -> Array:
     """Return the sizes of cells (n, 3, i, j) from the coefficients of their parts.
 
-    Parts above the goal are halved, along one axis after the other: the coefficients of the halves
-    are nearer to the values.
+    Parts above their goals (n) are halved, along one axis after the other: the coefficients of the
+    halves are nearer to the values.
     """
     cells = np.arange(len(work))
     result = np.zeros(len(work))
     for depth in range(2 * SHARPEST + 1):
         sizes = np.sqrt(_squares(work, 1).max(axis=(1, 2)))
-        keep = sizes > goal
+        keep = sizes > goals[cells]
         if depth == 2 * SHARPEST:
             keep[:] = False
         np.maximum.at(result, cells[~keep], sizes[~keep])
