@@ -253,15 +253,15 @@ def plane_moments(edges: Iterable[PlaneEdge], origin: Array, axes: Array) -> Arr
     """Return ∮ of 1, p, q, p², pq, q² as line integrals along curves: ∮ (∫ f dp) dq, (6,).
 
     p and q are coordinates along two axes (2, 3) from `origin`. Raises KernelError where the
-    integrals do not settle. Lines, and arcs, are taken together.
+    integrals do not settle. Arcs are taken together.
     """
-    lines: list[PlaneEdge] = []
     arcs: list[PlaneEdge] = []
+    corners: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
     total = np.zeros(6)
-    for edge in edges:
-        curve, first, last, sign = edge
+    for curve, first, last, sign in edges:
         if isinstance(curve, Geom_Line):
-            lines.append(edge)
+            ends = [curve.Value(t).Coord() for t in (first, last)]
+            corners.append((ends[0], ends[1]) if sign > 0 else (ends[1], ends[0]))
         elif isinstance(curve, Geom_Circle | Geom_Ellipse):
             pieces = max(1, int(np.ceil((last - first) / STEP)))
             arcs += [
@@ -269,25 +269,39 @@ def plane_moments(edges: Iterable[PlaneEdge], origin: Array, axes: Array) -> Arr
             ]
         else:
             total += sign * _along_curve(curve, first, last, origin, axes)
-    for several, count in ((lines, 2), (arcs, ENOUGH)):
-        if several:
-            total += _along_conics(several, count, origin, axes)
+    if corners:
+        total += _along_lines(((np.array(corners) - origin) @ axes.T).tolist())
+    if arcs:
+        total += _along_arcs(arcs, origin, axes)
     return total
 
 
-def _along_conics(edges: list[PlaneEdge], count: int, origin: Array, axes: Array) -> Array:
-    """Return the sums along lines alone, or along arcs alone, by rules of so many nodes."""
-    t, weights = _nodes(np.array([edge[1:3] for edge in edges]), count)
+def _along_lines(lines: Iterable[tuple[tuple[float, float], tuple[float, float]]]) -> Array:
+    """Return the sums along lines from one place to another: in closed form, few by few."""
+    total = [0.0] * 6
+    for (p, q), (x, y) in lines:
+        squares, both = p * p + p * x + x * x, 2 * p * x
+        parts = (
+            6 * (p + x), 2 * squares, 2 * (p * (2 * q + y) + x * (q + 2 * y)),
+            (p + x) * (p * p + x * x),
+            (q * (3 * p * p + both + x * x) + y * (p * p + both + 3 * x * x)) / 2,
+            p * (3 * q * q + 2 * q * y + y * y) + x * (q * q + 2 * q * y + 3 * y * y),
+        )  # fmt: skip
+        rise = (y - q) / 12
+        total = [known + rise * part for known, part in zip(total, parts, strict=True)]
+    return np.array(total)
+
+
+def _along_arcs(edges: list[PlaneEdge], origin: Array, axes: Array) -> Array:
+    """Return the sums along arcs of circles and ellipses."""
+    t, weights = _nodes(np.array([edge[1:3] for edge in edges]), ENOUGH)
     weights = weights * np.array([edge[3:] for edge in edges])
     terms = [conic_terms(curve, origin) for curve, *_ in edges]
     # one row per edge, and one vector in the plane for each function of t
     flat = np.array([(start, *along.values()) for start, along in terms]) @ axes.T
-    if "t" in terms[0][1]:
-        functions, slopes = [np.ones_like(t), t], [np.ones_like(t)]
-    else:
-        functions, slopes = [np.ones_like(t), np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]
-    p, q = np.einsum("fkn,kfc->ckn", np.array(functions), flat)
-    slope = np.einsum("fkn,kf->kn", np.array(slopes), flat[:, 1:, 1])
+    cos, sin = np.cos(t), np.sin(t)
+    p, q = np.einsum("fkn,kfc->ckn", np.array([np.ones_like(t), cos, sin]), flat)
+    slope = np.einsum("fkn,kf->kn", np.array([-sin, cos]), flat[:, 1:, 1])
     return np.asarray((_primitives(p, q) * (slope * weights)).sum(axis=(1, 2)))
 
 

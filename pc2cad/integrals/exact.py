@@ -27,9 +27,6 @@ from pc2cad.expression.polynomials import (
 from pc2cad.expression.tree import Expr, ops_of
 from pc2cad.topology.cells import Cell, directions_of, normal_direction
 
-#: the span of a parameter that runs through the box
-WHOLE = (Fraction(0), Fraction(1))
-
 
 @dataclass(frozen=True)
 class ExactIntegrals:
@@ -48,9 +45,8 @@ def exact_integrals(analysis: Analysis) -> ExactIntegrals | None:
     volume = _integral(found.determinant)
     if not volume:
         return None
-    first, second, third = (
-        _integral(product(f, found.determinant)) / volume / found.scale for f in found.map
-    )
+    below = volume * found.scale
+    first, second, third = (_integral(product(f, found.determinant)) / below for f in found.map)
     areas = [
         _plane_area(analysis, face.patch, found.tangents, found.scale)
         for face in analysis.boundary.faces
@@ -104,16 +100,18 @@ def exact_weighted(analysis: Analysis, trees: Sequence[Expr]) -> list[Fraction] 
 
 def _integral(f: Polynomial) -> Fraction:
     """Return the integral over the unit box."""
+    return Fraction(*_quotient(f))
+
+
+def _quotient(f: Polynomial) -> tuple[int, int]:
+    """Return the integral over the unit box as whole numbers: fractions are slow to add."""
     shares = [((a + 1) * (b + 1) * (c + 1), value) for (a, b, c), value in f.items()]
-    # whole numbers over one denominator: fractions are slow to add
-    common = lcm(*(share for share, _ in shares))
-    return Fraction(sum(value * (common // share) for share, value in shares), common)
+    common = lcm(*[share for share, _ in shares])
+    return sum([value * (common // share) for share, value in shares]), common
 
 
 def _integral_over(f: Polynomial, spans: Sequence[tuple[Fraction, Fraction]]) -> Fraction:
     """Return the integral over a box."""
-    if all(span == WHOLE for span in spans):
-        return _integral(f)
     total = Fraction(0)
     for powers, c in f.items():
         total += c * prod(
@@ -141,12 +139,16 @@ def _plane_area(
     for v, (i, j) in pairs_of(vectors, ((0, 1), (1, 2), (2, 0))):
         if v[i] * first[j] != v[j] * first[i]:
             return None
-    spans = [WHOLE] * 3
+    spans = [(0.0, 1.0)] * 3
     for axis in (s, t):
-        low, high = analysis.span(axis, patch[axis])
-        spans[axis] = Fraction(low), Fraction(high)
-    square = sum(_integral_over(f, spans) ** 2 for f in normal)
-    return sqrt(square / scale**4)
+        spans[axis] = analysis.span(axis, patch[axis])
+    if all(span == (0.0, 1.0) for span in spans):
+        parts = [_quotient(f) for f in normal]
+        common = lcm(*[below for _, below in parts])
+        square = sum([(above * (common // below)) ** 2 for above, below in parts])
+        return sqrt(square / (common * common * scale**4))
+    exact = [(Fraction(low), Fraction(high)) for low, high in spans]
+    return sqrt(sum(_integral_over(f, exact) ** 2 for f in normal) / scale**4)
 
 
 def _restricted(f: Polynomial, direction: int, limit: int) -> Polynomial:

@@ -19,6 +19,7 @@ from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.polynomials import polynomials
 from pc2cad.expression.tree import ops_of
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
@@ -77,10 +78,16 @@ class MassProperties:
 
 def integrate(analysis: Analysis) -> MassProperties:
     """Return the integrals; raise FoldedMapError where a quadrature node shows a fold."""
-    centre = _centre(analysis)
     watch = JacobianWatch(analysis.map)
+    exact, closed = _exact_rules(analysis), exact_integrals(analysis)
+    if exact is not None and closed is not None:
+        watch.see(*open_grid(*(panels.rule()[0] for panels in exact)))
+        watch.check()
+        densities = _Densities(analysis, np.zeros(3), watch)
+        areas, errors = _areas(analysis, densities, exact, exact, closed, {})
+        return _in_closed_form(closed, areas, _settled(errors))
+    centre = _centre(analysis)
     densities = _Densities(analysis, centre, watch)
-    exact = _exact_rules(analysis)
     layers: list[Array] = []
     known: dict[Cell, tuple[float, float]] = {}
     if exact is not None:
@@ -102,14 +109,8 @@ def integrate(analysis: Analysis) -> MassProperties:
             "the equation or a derivative has no finite value inside the box: look for a division "
             "by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
         )
-    closed = exact_integrals(analysis)
     areas, errors = _areas(analysis, densities, whole, exact, closed, known)
-    errors.insert(0, error)
-    if not max(errors) < UNSETTLED:
-        raise NotIntegrableError(
-            f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
-            "one rule to the next): look for a division by zero inside the box"
-        )
+    errors = _settled([error, *errors])
     outer = len(analysis.boundary.faces)
     volume, centroid = _mass(moments, centre)
     numeric = MassProperties(
@@ -117,7 +118,17 @@ def integrate(analysis: Analysis) -> MassProperties:
         tuple(_mass(part, centre) for part in layers) if analysis.equation.layers else (),
         tuple(areas[outer:]),
     )  # fmt: skip
-    return numeric if closed is None else _in_closed_form(closed, numeric, errors[1:])
+    return numeric if closed is None else _in_closed_form(closed, areas, errors[1:])
+
+
+def _settled(errors: list[float]) -> list[float]:
+    """Return relative errors; raise NotIntegrableError for large ones."""
+    if not max(errors) < UNSETTLED:
+        raise NotIntegrableError(
+            f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
+            "one rule to the next): look for a division by zero inside the box"
+        )
+    return errors
 
 
 def _areas(
@@ -154,13 +165,13 @@ def _mass(moments: Array, centre: Array) -> tuple[float, tuple[float, float, flo
 
 
 def _in_closed_form(
-    exact: ExactIntegrals, numeric: MassProperties, face_errors: list[float]
+    exact: ExactIntegrals, numeric: list[float], face_errors: list[float]
 ) -> MassProperties:
-    """Return the properties with all that is known exactly in place of what was integrated."""
+    """Return the properties with all that is known exactly in place of areas as integrated."""
     x, y, z = (float(c) for c in exact.centroid)
-    pairs = list(zip(exact.face_areas, numeric.face_areas, strict=True))
-    areas = tuple(a if a is not None else b for a, b in pairs)
-    curved = [e for (a, _), e in zip(pairs, face_errors, strict=True) if a is None]
+    triples = list(zip(exact.face_areas, numeric, face_errors, strict=False))
+    areas = tuple(a if a is not None else b for a, b, _ in triples)
+    curved = [error for area, _, error in triples if area is None]
     source = CLOSED_FORM if not curved else CLOSED_FORM_BUT_AREA
     return MassProperties(
         float(exact.volume), sum(areas), (x, y, z), areas, max(curved, default=0.0), source
@@ -173,9 +184,14 @@ def _exact_rules(analysis: Analysis) -> list[Panels] | None:
     Of degree n in a direction, M·det J is of degree 4n - 1 there: 2n nodes.
     """
     trees = analysis.map.coordinates
-    if "pieces" in ops_of(trees):
+    known = polynomials(trees)
+    if known is not None:
+        every = [powers for f in known.map for powers in f]
+        degrees: list[int | None] = [max(row, default=0) for row in zip(*every, strict=True)]
+    elif "pieces" in ops_of(trees):
         return None
-    degrees = [degree_in(trees, name) for name in PARAMETERS]
+    else:
+        degrees = [degree_in(trees, name) for name in PARAMETERS]
     if any(n is None or n > MOST_DEGREE for n in degrees):
         return None
     return [
