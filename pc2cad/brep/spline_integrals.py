@@ -228,12 +228,12 @@ class Patch:
             (sums,) = self._panel_sums(direction, panels, lines, (some,))
             if _gaps(sums, many, scale).max() <= CLOSE * self.accuracy:
                 return *gauss(panels, some), limits
-        return self._rule_of_halves(direction, lines, panels)
+        return self._rule_of_halves(direction, lines, panels, many)
 
     def _rule_of_halves(
-        self, direction: int, lines: Array, panels: Array
+        self, direction: int, lines: Array, panels: Array, few: Array
     ) -> tuple[Array, Array, Array]:
-        """Return what `_rule` does, where spans of one order do not do.
+        """Return what `_rule` does, where spans of one order do not do; `few` are their sums by it.
 
         Spans whose integrals change with the order of the rule are halved until they do not: a
         crease much sharper than its span is found, and only there is it resolved.
@@ -241,8 +241,10 @@ class Patch:
         last = panels[-1:, 1]
         done, starts = list[tuple[Array, Array]](), list[Array]()
         sizes = np.zeros((5, len(lines)))
-        for _ in range(DEEPEST):
-            few, many = self._panel_sums(direction, panels, lines, (_ORDERS[-1], _HIGHEST))
+        for depth in range(DEEPEST):
+            orders = (_HIGHEST, _ORDERS[-1])[: 1 if depth == 0 else 2]
+            many, *others = self._panel_sums(direction, panels, lines, orders)
+            (few,) = others or [few]
             sizes = np.maximum(sizes, np.abs(many).sum(axis=1))
             gaps = _gaps(few, many, self._scale(sizes))
             right = gaps <= self.accuracy

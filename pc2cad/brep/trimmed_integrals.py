@@ -6,7 +6,7 @@ seams included: the orientation of the wires, the pcurves and the surface are al
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -312,13 +312,19 @@ def _primitives(p: Array, q: Array) -> Array:
 
 def _along_curve(curve: Geom_Curve, first: float, last: float, origin: Array, axes: Array) -> Array:
     """Return the integrals of `plane_moments` along one curve, (6,)."""
-    if isinstance(curve, Geom_BSplineCurve) and not curve.IsRational():
+    breaks: Array | None
+    jet: Callable[[Array], tuple[Array, Array]]
+    if isinstance(curve, Geom_BSplineCurve):
         data = read_curve(curve, origin)
-        t, weights = gauss_on(cuts_between((first, last), data.knots), 2 * data.degree)
-        return product(_moments(*data.along(t), axes), weights)
-    basis = curve_function(curve, origin)
-    cuts = cuts_between((first, last), basis.breaks)
-    point, slope = basis.jet(np.linspace(cuts[:-1], cuts[1:], LOOKS, axis=1).ravel())
+        breaks, jet = data.knots, data.along
+        if not curve.IsRational():
+            t, weights = gauss_on(cuts_between((first, last), breaks), 2 * data.degree)
+            return product(_moments(*jet(t), axes), weights)
+    else:
+        basis = curve_function(curve, origin)
+        breaks, jet = basis.breaks, basis.jet
+    cuts = cuts_between((first, last), breaks)
+    point, slope = jet(np.linspace(cuts[:-1], cuts[1:], LOOKS, axis=1).ravel())
     reach, speed = (float(np.abs(x @ axes.T).max()) for x in (point, slope))
     cuts = _short_pieces(cuts, turns_of(slope.reshape(-1, LOOKS, 3)))
     cells = np.stack((cuts[:-1], cuts[1:]), axis=1)
@@ -328,7 +334,7 @@ def _along_curve(curve: Geom_Curve, first: float, last: float, origin: Array, ax
         x, weights = rules_together(orders)
         half = np.diff(cells) / 2
         t = cells.mean(axis=1, keepdims=True) + half * x
-        values = _moments(*basis.jet(t.ravel()), axes).reshape(6, *t.shape)
+        values = _moments(*jet(t.ravel()), axes).reshape(6, *t.shape)
         return [(product(values, row) * half[:, 0]).T for row in weights]
 
     # the higher two orders in one go, which is hardly dearer than one alone
