@@ -15,7 +15,7 @@ from pc2cad.solidity.embedding.cells import Cells, cells_of, joints
 from pc2cad.solidity.embedding.near_joints import NEAR, Joints, crosses
 from pc2cad.solidity.embedding.separation import Separation, boxes
 from pc2cad.solidity.embedding.surfaces import Surfaces
-from pc2cad.solidity.embedding.windows import parted_walls
+from pc2cad.solidity.embedding.windows import parted_beside
 
 #: parts smaller than this share of the size that nothing separates count as meeting
 TOUCHING = 1e-9
@@ -280,7 +280,7 @@ class _Descent:
                 self.doubt.raised()
         index = np.flatnonzero(~done)
         if len(index):
-            done[index] = parted_walls(cells, pairs[index], self.noise)
+            done[index] = parted_beside(cells, pairs[index], self.noise)
         left = ~done
         return (
             np.concatenate((own, pairs[left])),

@@ -108,22 +108,23 @@ def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
     return np.asarray(volume > corner + _UNIT)
 
 
-def parted_walls(cells: Cells, pairs: Integers, noise: float) -> Booleans:
-    """Say which pairs of cells, side by side on two sheets of one grid, a wall keeps apart.
+def parted_beside(cells: Cells, pairs: Integers, noise: float) -> Booleans:
+    """Say which pairs of different cells, side by side on one sheet or a wall, do not meet.
 
-    Their own rectangle of parameters is looked at, on both sheets.
+    Their own rectangle of parameters is looked at, on both sheets of a wall.
     """
     surfaces, result = cells.surfaces, np.zeros(len(pairs), dtype=bool)
     a, b = pairs[:, 0], pairs[:, 1]
     one, other = cells.sheet[a], cells.sheet[b]
-    near = one != other
     size = cells.high - cells.low
-    near &= (size[a] == size[b]).all(axis=1)
+    near = (size[a] == size[b]).all(axis=1)
     apart = cells.limits[0][b] - cells.limits[0][a]
     # cells may be halved until nothing is left of them
     step = np.divide(apart, size[a], out=np.full_like(apart, np.inf), where=size[a] > 0)
     near &= (np.abs(step) <= 1).all(axis=1)
-    near[near] = surfaces.walls(one[near], other[near])
+    near &= surfaces.separable[one] & (surfaces.plane[one] < 0)
+    two = near & (one != other)
+    near[two] = surfaces.walls(one[two], other[two])
     rows = np.flatnonzero(near)
     if len(rows) == 0:
         return result
@@ -136,7 +137,7 @@ def parted_walls(cells: Cells, pairs: Integers, noise: float) -> Booleans:
     ]
     windows = np.column_stack((low - place, np.tile(size[a], (4, 1))))
     s, t, w = _cones(surfaces, patches, windows, noise)
-    result[rows] = is_wall(s, t, w)
+    result[rows] = np.where(two[rows], is_wall(s, t, w), is_alone(s, t))
     return result
 
 
