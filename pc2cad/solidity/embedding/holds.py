@@ -10,7 +10,7 @@ patches that turn far are held in pieces, which have fewer corners than they hav
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from math import comb
 
 import numpy as np
@@ -41,6 +41,11 @@ class Hold:
     def _bow(self) -> Array:
         return np.asarray((self.bends[0] + self.bends[2]) / 8)
 
+    @cached_property
+    def _chords(self) -> tuple[Array, Array]:
+        g = self.corners
+        return g[1:] - g[:-1], g[:, 1:] - g[:, :-1]
+
     def limits(self) -> tuple[Array, Array]:
         """Return limits of the patches in thirteen directions, (…, n·m, 13) each."""
         low, high = boxes(self.corners[..., None, :])
@@ -50,7 +55,7 @@ class Hold:
 
     def tangents(self, axis: int, noise: float) -> Cones:
         """Return cones of the tangents along s or t, (…, n·m)."""
-        return self._around(np.diff(self.corners, axis=axis), self._reach(axis), noise)
+        return self._around(self._chords[axis], self._reach(axis), noise)
 
     def ways(self, noise: float) -> Cones:
         """Return cones of all values themselves, (…, n·m)."""
@@ -61,7 +66,7 @@ class Hold:
         """How far a patch's tangents turn on average, along both directions together, at most."""
         total = np.zeros(self._bow.shape[2:])
         for axis in (0, 1):
-            chords = lengths(np.diff(self.corners, axis=axis))
+            chords = lengths(self._chords[axis])
             mean = chords.sum(axis=(0, 1)) / (chords.shape[0] * chords.shape[1])
             bend = self._reach(axis).sum(axis=(0, 1)) / (self._bow.shape[0] * self._bow.shape[1])
             total += np.where(mean > 0, bend / np.where(mean > 0, mean, 1.0), 0.0)
@@ -96,17 +101,14 @@ def _in_row(values: Array, behind: int) -> Array:
 def hold(patches: Patches, poles: Array) -> Hold:
     """Return what holds patches of splines with these poles (N, M, …, 3) and the patches' knots."""
     assert patches.knots is not None
+    along, across = (_derived(poles, patches.knots[k], k, 1) for k in (0, 1))
     bends = []
-    for orders in ((2, 0), (1, 1), (0, 2)):
-        values = poles
-        for axis, order in enumerate(orders):
-            values = np.swapaxes(values, 0, axis)
-            values = np.swapaxes(_derived(values, patches.knots[axis], order), 0, axis)
-        largest = lengths(values)
-        for axis, order in enumerate(orders):
-            largest = np.swapaxes(largest, 0, axis)
-            largest = _largest(largest, patches.knots[axis], patches.index[axis], order)
-            largest = np.swapaxes(largest, 0, axis)
+    for first, axis, orders in ((along, 0, (2, 0)), (along, 1, (1, 1)), (across, 1, (0, 2))):
+        largest = lengths(_derived(first, patches.knots[axis], axis, orders[axis]))
+        for k, order in enumerate(orders):
+            largest = np.swapaxes(largest, 0, k)
+            largest = _largest(largest, patches.knots[k], patches.index[k], order)
+            largest = np.swapaxes(largest, 0, k)
         bends.append(largest)
     return Hold(_corners(patches, poles, 1), (bends[0], bends[1], bends[2]))
 
@@ -148,12 +150,15 @@ def _largest(values: Array, knots: Array, index: Integers, order: int) -> Array:
     return np.asarray(most * length.reshape(-1, *[1] * (most.ndim - 1)))
 
 
-def _derived(poles: Array, knots: Array, order: int) -> Array:
-    """Return the poles of a derivative; zero between knots that coincide, where no span is."""
-    degree = len(knots) - len(poles) - 1
-    for k in range(order):
-        p = degree - k
-        step = knots[1 + degree : len(poles) + degree] - knots[1 + k : len(poles) + k]
-        share = np.where(step > 0, p / np.where(step > 0, step, 1.0), 0.0)
-        poles = np.diff(poles, axis=0) * share.reshape(-1, *[1] * (poles.ndim - 1))
-    return poles
+def _derived(poles: Array, knots: Array, axis: int, order: int) -> Array:
+    """Return the poles of a derivative along an axis, from those of the order before.
+
+    Zero between knots that coincide, where no span is.
+    """
+    poles = np.swapaxes(poles, 0, axis)
+    count = len(poles)
+    degree = len(knots) - count - order
+    step = knots[1 + degree : count + degree] - knots[order : count + order - 1]
+    share = np.where(step > 0, (degree - order + 1) / np.where(step > 0, step, 1.0), 0.0)
+    steps = (poles[1:] - poles[:-1]) * share.reshape(-1, *[1] * (poles.ndim - 1))
+    return np.swapaxes(steps, 0, axis)
