@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -216,6 +216,7 @@ def _labels(equation: PointEquation, bounds: tuple[tuple[float, ...], ...]) -> L
     return tuple(labels)
 
 
+@lru_cache(maxsize=64)
 def _label(limit: Expr, value: float) -> str:
     text = repr(limit)
     return text if len(text) <= 8 else f"{value:.6g}"
@@ -224,7 +225,6 @@ def _label(limit: Expr, value: float) -> str:
 #: symmetric under reversal, with the ends, and at no simple fraction of the period of anything
 _NODES = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(11)[0] + 1) / 2, [1.0]))
 _NODES = (_NODES + 1 - _NODES[::-1]) / 2
-
 
 #: pieces of a direction whose samples are taken together
 _TOGETHER = 16

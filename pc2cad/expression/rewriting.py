@@ -15,7 +15,8 @@ def among(roots: tuple[Expr, ...], holds: Callable[[Expr], bool]) -> Iterator[Ex
 def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> tuple[Expr, ...]:
     """Return the trees with every node of one operation changed, operands first."""
     done: dict[Expr, Expr] = {}
-    for node in among(roots, lambda n: op in n.ops):
+    within = tuple([root for root in roots if op in root.ops])
+    for node in walk(within, lambda n: tuple([arg for arg in n.args if op in arg.ops])):
         args = tuple([done.get(arg, arg) for arg in node.args])
         moved = node if args == node.args else rebuild(node, args)
         done[node] = change(moved) if moved.op == op else moved
