@@ -354,11 +354,11 @@ class MapQuestions:
         image = symmetry.read(self._at(second))
         if not self._equal(self._at(first), image, "the sides {} and {}", first, second):
             return Verdict.REFUTED
-        s, t = symbol("s"), symbol("t")
-        here = (t, s) if symmetry.swap else (s, t)
-        flags = (symmetry.reverse_s, symmetry.reverse_t)
-        there = tuple(1 - x if r else x for x, r in zip(here, flags, strict=True))
-        return _prove(self._restrict(first, (s, t)), self._restrict(second, there))
+        # in the first one's own parameters, most of its trees are as they are
+        own = [symbol(PARAMETERS[d]) for d in directions_of(first)]
+        s, t = reversed(own) if symmetry.swap else own
+        there = 1 - s if symmetry.reverse_s else s, 1 - t if symmetry.reverse_t else t
+        return _prove(self._restrict(first), self._restrict(second, there))
 
     def is_point(self, edge: Cell) -> bool:
         """See Questions.is_point."""
