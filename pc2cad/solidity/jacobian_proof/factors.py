@@ -49,6 +49,8 @@ ANALYTIC = frozenset((
     "number", "constant", "symbol", "add", "neg", "mul", "div", "pow", "sin", "cos", "exp", "sinh",
     "cosh", "tanh",
 ))  # fmt: skip
+#: what is asked of the same few atoms again and again
+_remembered = lru_cache(maxsize=256)
 #: operations that are unbounded, or have derivatives that are, where this operand vanishes
 _ENDING = {"div": 1, "sqrt": 0, "log": 0}
 #: the box
@@ -175,6 +177,7 @@ def _is_root(atom: Expr) -> bool:
     return atom.op == "sqrt"
 
 
+@_remembered
 def _spreads(atom: Expr) -> bool:
     """Say whether an atom takes no value on more than a set without volume.
 
@@ -227,6 +230,7 @@ def _range(atom: Expr) -> Range | None:
     return limits
 
 
+@_remembered
 def _half_turns(atom: Expr) -> Range | None:
     """Return a and b where an atom is sin(πx) and x runs evenly from a to b, None elsewhere."""
     if atom.op not in ("sin", "cos"):
@@ -246,6 +250,7 @@ def _half_turns(atom: Expr) -> Range | None:
     return min(start, start + step), max(start, start + step)
 
 
+@_remembered
 def _enclosure(atom: Expr) -> Range | None:
     (found,) = IntervalProgram((atom,))(_WHOLE)
     low, high = float(found.lower.item()), float(found.upper.item())
