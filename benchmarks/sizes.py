@@ -29,7 +29,7 @@ SIZES = {
 #: splines of degree 2 are of no use but for this: they need many poles, as tolerance^(-2/3)
 OPTIONS = {"poles": lambda count: {"tolerance": 42 / count**1.5, "degree": 2}}
 #: modules that are hardly anything else than what they have the kernel do
-KERNEL = ("brep/inspect.py", "brep/booleans.py", "brep/build.py", "export/kernel.py")
+KERNEL = ("brep/checker.py", "brep/inspect.py", "brep/booleans.py", "brep/build.py")
 
 
 def faces(count: int):
