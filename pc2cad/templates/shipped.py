@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 
 from pc2cad.errors import InputError
@@ -23,12 +24,21 @@ def template_folder() -> Path:
 
 def template_paths() -> dict[str, Path]:
     """Return the shipped templates of one equation, name -> file, in the order of their names."""
-    return {path.stem: path for path in sorted(template_folder().glob("*.toml"))}
+    return _templates(template_folder())
 
 
 def bodies_paths() -> dict[str, Path]:
     """Return the shipped templates of several bodies, as `template_paths` does."""
-    return {path.stem: path for path in sorted(template_folder().glob("bodies/*.toml"))}
+    return _templates(template_folder() / "bodies")
+
+
+def _templates(folder: Path) -> dict[str, Path]:
+    return dict(_listed(folder, folder.stat().st_mtime_ns)) if folder.is_dir() else {}
+
+
+@lru_cache(maxsize=4)  # a folder's time is that of its last new or lost file
+def _listed(folder: Path, _: int) -> tuple[tuple[str, Path], ...]:
+    return tuple([(path.stem, path) for path in sorted(folder.glob("*.toml"))])
 
 
 def find_template(file_or_name: str) -> Path:
