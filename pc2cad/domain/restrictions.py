@@ -25,6 +25,7 @@ from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.plain_functions import of_powers_or_waves
+from pc2cad.expression.polynomials import Vectors, polynomials
 from pc2cad.expression.tree import Expr
 from pc2cad.geometry.splines.bernstein import chebyshev_nodes, degree_in, to_powers
 from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
@@ -32,6 +33,7 @@ from pc2cad.topology.cells import Cell, directions_of
 
 # who only asks for trees, as `verify` does, needs neither forms nor spaces
 if TYPE_CHECKING:
+    from pc2cad.geometry.carriers import Plane
     from pc2cad.geometry.recognition.separable_form import Separation
     from pc2cad.geometry.splines.adaptive_knots import DirectionRules
     from pc2cad.geometry.splines.arcs import Wave
@@ -129,16 +131,42 @@ class RestrictedMap:
         return self.analysis.map.pieces.restricted(spans, limits), names
 
     @cached_property
+    def polynomial(self) -> tuple[Vectors, int] | None:
+        """The coordinates times a whole number, and that number, where M is one polynomial."""
+        if any(len(row) > 2 for row in self.analysis.bounds):
+            return None
+        found = polynomials(self.analysis.map.coordinates)
+        return None if found is None else (found.on(self.cell), found.scale)
+
+    @cached_property
+    def exact_plane(self) -> Plane | None:
+        """The plane of a face of a polynomial map, None where it is not told by whole numbers."""
+        from pc2cad.geometry.recognition.from_polynomials import exact_plane
+
+        return None if self.polynomial is None else exact_plane(*self.polynomial)
+
+    @cached_property
+    def is_exactly_straight(self) -> bool:
+        """Whether the whole numbers of a polynomial map show that an edge is straight."""
+        from pc2cad.geometry.recognition.from_polynomials import is_exactly_straight
+
+        return self.polynomial is not None and is_exactly_straight(self.polynomial[0])
+
+    @cached_property
     def form(self) -> Separation | None:
         """The coordinates as sums of products of functions of one parameter each.
 
         It is exact algebra, and dear: ask `may_be_exact` or `may_be_swept` first.
         """
         from pc2cad.expression.magnitudes import spread
-        from pc2cad.geometry.recognition.separable_form import separate
+        from pc2cad.geometry.recognition.separable_form import of_polynomial, separate
 
         places = (SECTIONS[::2],) * len(self.pieces)
-        return separate(*self.trees, spread(self(*places).reshape(-1, 3)))
+        seen = spread(self(*places).reshape(-1, 3))
+        if self.polynomial is None:
+            return separate(*self.trees, seen)
+        names = [PARAMETERS[d] for d, _ in self.pieces]
+        return of_polynomial(*self.polynomial, names, seen)
 
     def may_be_exact(self, axis: int) -> bool:
         """Say whether powers or waves alone may hold an axis: no other operation meets it."""

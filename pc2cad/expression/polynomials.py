@@ -17,6 +17,8 @@ from pc2cad.expression.tree import Expr, ops_of
 
 #: powers of u, v and w to integer coefficients
 Polynomial = dict[tuple[int, int, int], int]
+#: vectors with integer components by powers of some parameters
+Vectors = dict[tuple[int, ...], tuple[int, int, int]]
 #: what a polynomial is made of; normal forms say whether it is one
 POLYNOMIAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
 #: products of coefficients beyond which it is quicker to do without them
@@ -31,6 +33,21 @@ class Polynomials:
     tangents: list[list[Polynomial]]
     determinant: Polynomial
     scale: int
+
+    def on(self, cell: tuple[int, int, int]) -> Vectors:
+        """Return the map on a cell of the box, by powers of the parameters that are free there.
+
+        `cell` has 0 or 2 for a parameter at its lower or upper limit, 1 for a free one.
+        """
+        free = [d for d in range(3) if cell[d] == 1]
+        low = [d for d in range(3) if cell[d] == 0]
+        rows: dict[tuple[int, ...], list[int]] = {}
+        for axis, f in enumerate(self.map):
+            for powers, c in f.items():
+                if not any([powers[d] for d in low]):
+                    key = tuple([powers[d] for d in free])
+                    rows.setdefault(key, [0, 0, 0])[axis] += c
+        return {key: (x, y, z) for key, (x, y, z) in rows.items() if x or y or z}
 
 
 @lru_cache(maxsize=8)

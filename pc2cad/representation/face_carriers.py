@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pc2cad.arrays import Array
 from pc2cad.domain.restrictions import RestrictedMap, look, look_across, look_along
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.centred import CentredProgram
@@ -18,6 +19,7 @@ from pc2cad.expression.intervals import Interval
 from pc2cad.expression.tree import number
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, Line, Plane, fit_plane
 from pc2cad.geometry.recognition.from_points import Fitted, fit, fit_curve, irrational
+from pc2cad.geometry.recognition.from_polynomials import normal_at
 from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, lay_turned, plane
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.recognition.placement import SurfacePlacement
@@ -33,8 +35,9 @@ _QUARTERS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
 
 def look_at(faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap]) -> None:
     """Evaluate faces and edges together where the questions below ask for them."""
-    look(faces, irrational(9), SECTIONS[::2])
-    look_along(edges, SECTIONS[::2], ENDS)
+    look([f for f in faces if f.exact_plane is None], irrational(9), SECTIONS[::2])
+    look_along([f for f in edges if not f.is_exactly_straight], SECTIONS[::2], ENDS)
+    look_along([f for f in edges if f.is_exactly_straight], ENDS)
 
 
 def planes_of(
@@ -45,18 +48,29 @@ def planes_of(
     Their normals are `signs` times M_s × M_t.
     """
     nodes = irrational(9)
-    seen = [fit_plane(f(nodes, nodes).reshape(-1, 3), slack) for f in functions]
-    look_across([f for f, p in zip(functions, seen, strict=True) if p is not None], MIDDLE, MIDDLE)
+    seen = [f.exact_plane or fit_plane(f(nodes, nodes).reshape(-1, 3), slack) for f in functions]
+    pairs = list(zip(functions, seen, strict=True))
+    look_across([f for f, p in pairs if p is not None and f.exact_plane is None], MIDDLE, MIDDLE)
     return [
         None if plane is None else _plane_of(function, plane, sign, slack)
-        for function, plane, sign in zip(functions, seen, signs, strict=True)
+        for (function, plane), sign in zip(pairs, signs, strict=True)
     ]
+
+
+def _turned(found: Plane, outward: Array) -> Plane:
+    """Return a plane with its normal on the side of a vector."""
+    normal = found.normal if found.normal @ outward > 0 else -found.normal
+    return Plane(found.origin, normal + 0.0)
 
 
 def _plane_of(
     function: RestrictedMap, seen: Plane, sign: int, slack: float
 ) -> tuple[Plane, Evidence] | None:
     """Return the plane of a face that has some of its points in one."""
+    if function.exact_plane is not None and function.polynomial is not None:
+        (middle,) = MIDDLE.tolist()
+        outward = sign * np.array(normal_at(function.polynomial[0], middle, middle))
+        return _turned(function.exact_plane, outward), "exact"
     found = None if function.form is None else plane(function.form)
     evidence: Evidence = "exact"
     if found is None:
@@ -71,9 +85,7 @@ def _plane_of(
                 if _leaves(function, found, slack):
                     return None
                 evidence = "sampled"
-    outward = sign * function.normals(MIDDLE, MIDDLE)[0, 0]
-    normal = found.normal if found.normal @ outward > 0 else -found.normal
-    return Plane(found.origin, normal + 0.0), evidence
+    return _turned(found, sign * function.normals(MIDDLE, MIDDLE)[0, 0]), evidence
 
 
 def placements_of(
@@ -117,6 +129,8 @@ def simple_curve(function: RestrictedMap, slack: float) -> CurveCarrier | None:
 
 def on_line(function: RestrictedMap) -> bool:
     """Say whether an edge is straight, from its trees."""
+    if function.is_exactly_straight:
+        return True
     if not function.may_be_swept or function.is_affine:
         return function.may_be_swept
     return function.form is not None and is_straight(function.form)

@@ -9,7 +9,7 @@ only the vectors are rounded.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod, sqrt
@@ -22,6 +22,7 @@ from pc2cad.expression.angle_multiples import common_unit, ratio
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.magnitudes import bound, extent, rounding
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.expression.polynomials import Vectors
 from pc2cad.expression.rewriting import among, rewrite
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power
@@ -135,11 +136,39 @@ def separate(
         for monomial, coefficient in form.items():
             for terms, value in _products(monomial, float(coefficient), axes, known):
                 vectors.setdefault(terms, np.zeros(len(forms)))[column] += value
+    return _separation(axes, vectors, lambda: extent(roots, names) if seen is None else seen)
+
+
+def of_polynomial(
+    vectors: Vectors, scale: int, names: Sequence[str], seen: float
+) -> Separation | None:
+    """Return what `separate` does of a polynomial map, whose vectors are given times `scale`."""
+    return _separation(
+        tuple([Axis(name, "power") for name in names]),
+        {
+            tuple([_power(n) for n in powers]): np.array([x / scale for x in vector])
+            for powers, vector in vectors.items()
+        },
+        lambda: seen,
+    )
+
+
+@lru_cache(maxsize=64)
+def _power(order: int) -> Term:
+    return Term("power", order)
+
+
+def _separation(
+    axes: tuple[Axis, ...], vectors: dict[tuple[Term, ...], Array], spread: Callable[[], float]
+) -> Separation | None:
+    """Return a point as a sum of vectors times terms without those of no size, None for no bound.
+
+    `spread` says how far apart points are that were seen.
+    """
     sizes = {key: sqrt(v.dot(v)) for key, v in vectors.items() if _moves(key)}
     if not np.isfinite(list(sizes.values())).all():
         return None  # of what has no bound nothing is rounding
-    seen = extent(roots, names) if seen is None else seen
-    slack = rounding(seen, max(sizes.values(), default=0.0))
+    slack = rounding(spread(), max(sizes.values(), default=0.0))
     left = 0.0
     for key, size in sorted(sizes.items(), key=lambda item: item[1]):
         left += size

@@ -1,0 +1,86 @@
+"""Faces and edges of polynomial maps in whole numbers, against what their trees tell."""
+
+import numpy as np
+import pytest
+
+import pc2cad as pc
+from pc2cad.domain.analysis import analyse
+from pc2cad.domain.restrictions import RestrictedMap
+from pc2cad.expression.polynomials import polynomials
+from pc2cad.geometry.recognition.from_polynomials import (
+    exact_plane,
+    is_exactly_straight,
+    normal_at,
+)
+from pc2cad.geometry.recognition.from_separable_form import is_straight, plane
+from pc2cad.geometry.recognition.separable_form import separate
+
+MAPS = ["pyramid_cut", "hexahedron", "bilinear_top", "triquadratic_cube", "hypar_slab"]
+
+
+def cells(name: str) -> tuple[list[RestrictedMap], list[RestrictedMap]]:
+    analysis = analyse(pc.read_template(name).bind())
+    boundary = analysis.complex
+    return (
+        [RestrictedMap(analysis, face.patch) for face in boundary.faces],
+        [RestrictedMap(analysis, edge.cell) for edge in boundary.edges],
+    )
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_planes_are_those_of_the_trees_to_the_last_bit(name: str) -> None:
+    for face in cells(name)[0]:
+        assert face.polynomial is not None
+        form = separate(*face.trees)
+        assert form is not None
+        found, told = face.exact_plane, plane(form)
+        assert (found is None) == (told is None)
+        if found is not None and told is not None:
+            assert found.origin.tolist() == told.origin.tolist()
+            assert found.normal.tolist() == told.normal.tolist()
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_forms_lines_and_normals_are_those_of_the_trees(name: str) -> None:
+    faces, edges = cells(name)
+    for cell in (*faces, *edges):
+        form = separate(*cell.trees)
+        assert form is not None
+        assert cell.form is not None
+        assert {key: v.tolist() for key, v in form.vectors.items()} == {
+            key: v.tolist() for key, v in cell.form.vectors.items()
+        }
+    for edge in edges:
+        form = separate(*edge.trees)
+        assert form is not None
+        assert edge.is_exactly_straight == is_straight(form)
+    for face in faces:
+        assert face.polynomial is not None
+        vectors, scale = face.polynomial
+        normal = np.array(normal_at(vectors, 0.3, 0.8)) / scale**2
+        seen = face.normals(np.array([0.3]), np.array([0.8]))[0, 0]
+        assert normal == pytest.approx(seen, rel=1e-12, abs=1e-12)
+
+
+def test_nothing_is_told_by_too_little() -> None:
+    line = {(0, 0): (1, 2, 3), (1, 0): (2, 0, 0), (0, 1): (4, 0, 0)}
+    assert exact_plane(line, 1) is None
+    # a normal that is rounding of the long steps
+    needle = {(1, 0): (10**20, 0, 0), (0, 1): (10**20, 1, 0)}
+    assert exact_plane(needle, 1) is None
+    bent = {(1, 0): (1, 0, 0), (0, 1): (0, 1, 0), (1, 1): (0, 0, 1)}
+    assert exact_plane(bent, 1) is None
+    # on one line though its parts run in powers, and off it by one part in 10^40
+    assert is_exactly_straight({(1,): (3, 6, 9), (2,): (-1, -2, -3)})
+    assert not is_exactly_straight({(1,): (10**40, 0, 0), (2,): (10**40, 1, 0)})
+    assert not is_exactly_straight({(0,): (1, 2, 3)})
+
+
+def test_a_map_on_a_cell_is_what_its_limits_leave() -> None:
+    u, v, w = pc.parameters()
+    found = polynomials((u * v + w / 2, v - 3 * u * w, u + v * v * w))
+    assert found is not None
+    assert found.scale == 2
+    assert found.on((1, 2, 0)) == {(1,): (2, 0, 2), (0,): (0, 2, 0)}
+    assert found.on((0, 0, 0)) == {}
+    assert found.on((1, 1, 2))[0, 0] == (1, 0, 0)
