@@ -236,7 +236,7 @@ def check_map(
     orientation = run("orient", lambda: find_orientation(sides.map))
     analysis = run("analyse", lambda: derive(sides))
     _tolerance(analysis.scale, options.tolerance)
-    mass = run("integrate", lambda: integrate(analysis))
+    mass = run("integrate", lambda: integrate(analysis, orientation.is_proved))
     if accept is not None:
         accept(mass)
     question = run("solidity", lambda: ask_solidity(analysis, orientation, faces))
@@ -261,13 +261,17 @@ def halved(checked: CheckedMap) -> CheckedMap:
     analysis = cut_in_halves(checked.analysis)
     if analysis is checked.analysis:
         return checked
-    return replace(checked, analysis=analysis, mass=integrate(analysis))
+    return replace(
+        checked, analysis=analysis, mass=integrate(analysis, checked.orientation.is_proved)
+    )
 
 
 def parted(checked: CheckedMap, direction: int) -> CheckedMap:
     """Return the same map with each piece of a direction cut in the middle, plane faces as well."""
     analysis = cut_apart(checked.analysis, direction)
-    return replace(checked, analysis=analysis, mass=integrate(analysis))
+    return replace(
+        checked, analysis=analysis, mass=integrate(analysis, checked.orientation.is_proved)
+    )
 
 
 def resolve_tolerance(checked: CheckedMap, options: CompileOptions = DEFAULTS) -> float:

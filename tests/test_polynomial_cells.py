@@ -1,12 +1,16 @@
 """Faces and edges of polynomial maps in whole numbers, against what their trees tell."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
 import pc2cad as pc
 from pc2cad.domain.analysis import analyse
+from pc2cad.domain.map import Mapping3
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.polynomials import polynomials
+from pc2cad.expression.tree import Number
 from pc2cad.geometry.recognition.from_polynomials import (
     exact_plane,
     is_exactly_straight,
@@ -14,6 +18,7 @@ from pc2cad.geometry.recognition.from_polynomials import (
 )
 from pc2cad.geometry.recognition.from_separable_form import is_straight, plane
 from pc2cad.geometry.recognition.separable_form import separate
+from pc2cad.solidity.orientation import _inner_zero, _is_clear
 
 MAPS = ["pyramid_cut", "hexahedron", "bilinear_top", "triquadratic_cube", "hypar_slab"]
 
@@ -84,3 +89,25 @@ def test_a_map_on_a_cell_is_what_its_limits_leave() -> None:
     assert found.on((1, 2, 0)) == {(1,): (2, 0, 2), (0,): (0, 2, 0)}
     assert found.on((0, 0, 0)) == {}
     assert found.on((1, 1, 2))[0, 0] == (1, 0, 0)
+
+
+@pytest.mark.parametrize("size", [1, 10**9, Fraction(1, 10**9)])
+def test_coefficients_clear_det_j_only_where_it_is_clear_of_zero(size: Number) -> None:
+    u, v, w = pc.parameters()
+    cube = polynomials((u * size, v * size, w * size))
+    cubic = polynomials(((u - Fraction(1, 2)) ** 3 * size, v * size, w * size))
+    assert cube is not None
+    assert cubic is not None
+    assert _is_clear(cube)
+    assert not _is_clear(cubic)
+    # what is near zero is left to a watch
+    mapping = Mapping3(((u - Fraction(1, 2)) ** 3 * size, v * size, w * size), (u, v, w))
+    assert "vanishes inside the box, near u = 0.5" in _inner_zero(mapping, 1)
+
+
+def test_det_j_beyond_all_doubles_is_cleared() -> None:
+    u, v, w = pc.parameters()
+    large = polynomials((u**2 * 10**58 + u / 10**58, v * 10**58, w * 10**58 + w / 10**58))
+    assert large is not None
+    assert max(large.determinant.values()) > 10**309
+    assert _is_clear(large)

@@ -17,6 +17,7 @@ from pc2cad.expression.breaks import SAME_POSITION, Break
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.polynomials import polynomials
 from pc2cad.expression.tree import ZERO
 
 #: values of the other two parameters: of the line that is searched, then of those that are asked
@@ -63,10 +64,7 @@ def with_cusps(
 
 
 def _along(mapping: Mapping3, direction: int, known: list[float]) -> tuple[float, ...]:
-    slopes = mapping.derivatives[direction]
-    if any(
-        tree.symbols.isdisjoint({PARAMETERS[direction]}) and tree is not ZERO for tree in slopes
-    ):
+    if _has_even_coordinate(mapping, direction):
         return ()
     found: list[float] = []
     for low, high in _vanishing(mapping, direction, known):
@@ -74,6 +72,15 @@ def _along(mapping: Mapping3, direction: int, known: list[float]) -> tuple[float
         if place is not None and all(abs(place - other) > SAME_POSITION for other in found):
             found.append(place)
     return tuple(sorted(found))
+
+
+def _has_even_coordinate(mapping: Mapping3, direction: int) -> bool:
+    """Say whether a coordinate moves evenly along a direction: its slope is not 0 between sides."""
+    found = polynomials(mapping.coordinates)
+    if found is not None:
+        return any(f and not any([p[direction] for p in f]) for f in found.tangents[direction])
+    slopes = mapping.derivatives[direction]
+    return any([PARAMETERS[direction] not in x.symbols and x is not ZERO for x in slopes])
 
 
 def _slow_parts(mapping: Mapping3, direction: int) -> Array:

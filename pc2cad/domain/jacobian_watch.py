@@ -20,7 +20,7 @@ from pc2cad.expression.parameters import PARAMETERS
 #: a quotient below this is rounding
 ROUNDING = 1e-11
 #: relative rounding of a derivative, in terms of the largest one
-_ERROR = 64 * float(np.finfo(float).eps)
+ERROR = 64 * float(np.finfo(float).eps)
 
 
 #: whether det J is proved to have a sign where one direction runs from one local place to another
@@ -44,7 +44,6 @@ class JacobianWatch:
         #: largest value of +sine and of -sine seen
         self.extremes = {1: 0.0, -1: 0.0}
         self._places: dict[int, Array] = {}
-        self._largest = mapping.speeds
 
     def see(self, u: Array, v: Array, w: Array) -> Array:
         """Look at broadcastable places; return the quotient there (nan where M has no tangent)."""
@@ -54,16 +53,16 @@ class JacobianWatch:
     def volume(self, u: Array, v: Array, w: Array) -> Array:
         """Look at broadcastable places; return det J there, in terms of the largest tangents."""
         tangents = self.mapping.tangents((0, 1, 2), u, v, w)
-        return self.note(tangents, (u, v, w))[0] / float(np.prod(self._largest))
+        return self.note(tangents, (u, v, w))[0] / float(np.prod(self.mapping.speeds))
 
     def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
-        x, y, z = self._largest
+        x, y, z = self.mapping.speeds
         with np.errstate(all="ignore"):
             determinant = _determinant(*tangents)
             a, b, c = (_lengths(m) for m in tangents)
             size = a * b * c
-            rounding = _ERROR * (x * b * c + a * y * c + a * b * z)
+            rounding = ERROR * (x * b * c + a * y * c + a * b * z)
             sine = np.where(size > 0, determinant / (size + rounding / ROUNDING), 0.0)
         seen = np.where(np.isfinite(sine), sine, 0.0)
         for sign in (1, -1):

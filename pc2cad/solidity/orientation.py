@@ -11,15 +11,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
+from math import hypot, prod
 
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.jacobian_watch import ROUNDING, JacobianWatch
+from pc2cad.domain.jacobian_watch import ERROR, ROUNDING, JacobianWatch
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.polynomials import Polynomials, polynomials
 from pc2cad.expression.tree import number, substitute, symbol
 from pc2cad.solidity.jacobian_proof import proved_sign, sign_by_algebra
 
@@ -29,6 +31,8 @@ SWEEP = 11
 STARTS, STEPS = 12, 30
 #: what is made small: a value at each of broadcastable places
 Measure = Callable[[Array, Array, Array], Array]
+#: inner places at which det J may be zero though it keeps its sign: u, v and w of a grid
+INNER = (0.21, 1 / 3, 0.5, 2 / 3, 0.83)
 #: a smallest value that hardly falls any more is clear of zero above this
 CLEAR = 0.02
 
@@ -45,6 +49,11 @@ class Orientation:
     warning: str = ""
 
     @property
+    def is_proved(self) -> bool:
+        """Whether the sign is proved for the whole box."""
+        return self.verdict is Verdict.PROVED
+
+    @property
     def axes(self) -> tuple[int, int, int]:
         """u, v and w in an order that is right-handed in the solid."""
         return (0, 1, 2) if self.sign > 0 else (1, 0, 2)
@@ -59,7 +68,7 @@ def find_orientation(mapping: Mapping3) -> Orientation:
     unproved: list[Array] = []
     proved = proved_sign(mapping, unproved)
     if proved:
-        return Orientation(proved, Verdict.PROVED, _inner_zero(JacobianWatch(mapping), proved))
+        return Orientation(proved, Verdict.PROVED, _inner_zero(mapping, proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
     watch = JacobianWatch(mapping, partial(_proved_within, mapping))
@@ -86,13 +95,42 @@ def _proved_within(mapping: Mapping3, direction: int, low: float, high: float, s
     return sign_by_algebra(replace(mapping, coordinates=(x, y, z), _programs={})) == sign
 
 
-def _inner_zero(watch: JacobianWatch, sign: int) -> str:
+def _inner_zero(mapping: Mapping3, sign: int) -> str:
     """Return a warning where one of a few inner places has det J = 0."""
-    axis = np.array([0.21, 1 / 3, 0.5, 2 / 3, 0.83])
-    grid = open_grid(axis, axis, axis)
-    sine = sign * watch.see(*grid)
+    axis = np.array(INNER)
+    known = polynomials(mapping.coordinates)
+    if known is not None and _is_clear(known):
+        return ""
+    watch = JacobianWatch(mapping)
+    sine = sign * watch.see(*open_grid(axis, axis, axis))
     index = np.unravel_index(np.argmin(sine), sine.shape)
     return _zero_near(watch, float(sine[index]), np.array([axis[i] for i in index]))
+
+
+def _is_clear(known: Polynomials) -> bool:
+    """Say whether coefficients show that the quotient which a watch sees inside is not nought.
+
+    Tangents and coordinates are no longer than the sums of their coefficients' sizes.
+    """
+    unit = max(sum(map(abs, f.values())) for f in known.map)  # no figure overflows in terms of it
+    determinant: Array = np.zeros(np.max([*known.determinant, (0, 0, 0)], axis=0) + 1)
+    for powers, c in known.determinant.items():
+        determinant[powers] = c / unit**3
+    for _ in range(3):  # each time along the first axis, which becomes the last
+        determinant = np.tensordot(determinant, _powers(len(determinant)), (0, 1))
+    lengths = [
+        hypot(*(sum(map(abs, f.values())) / unit for f in tangent)) for tangent in known.tangents
+    ]
+    divisor = prod(lengths)
+    for d, length in enumerate(lengths):
+        divisor += ERROR / ROUNDING * max(length, 1.0) * prod(lengths[:d] + lengths[d + 1 :])
+    return bool(np.abs(determinant).min() > 200 * ROUNDING * divisor)
+
+
+@lru_cache(maxsize=16)
+def _powers(count: int) -> Array:
+    """Return the first powers of the inner places, (places, count)."""
+    return np.array(INNER)[:, None] ** np.arange(count)
 
 
 def _zero_near(watch: JacobianWatch, sine: float, place: Array) -> str:

@@ -61,7 +61,7 @@ _PLACES = [interval(x, x) for x in scattered(8, 3).T]
 
 def sign_from_factors(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
-    if _has_many_nodes(sum(mapping.derivatives, ())):
+    if _is_large(mapping):
         return 0
     form = _form(mapping)
     if not form:
@@ -92,7 +92,7 @@ def has_known_ranges(mapping: Mapping3) -> bool:
 
     Where they are not, det J has seldom its sign from factors, and others are asked first.
     """
-    if _has_many_nodes(sum(mapping.derivatives, ())):
+    if polynomials(mapping.coordinates) is not None or _is_large(mapping):
         return True  # which is told at once
     nodes = [node for node in walk(mapping.coordinates) if node.symbols and node.op in _ENDING]
     ends = tuple({node.args[_ENDING[node.op]]: None for node in nodes})
@@ -112,6 +112,13 @@ def _form(mapping: Mapping3) -> NormalForm | None:
         if c
     }
     return form if len(form) <= MOST_TERMS else None
+
+
+def _is_large(mapping: Mapping3) -> bool:
+    """Say whether it would be long to multiply det J out, if it has not been done."""
+    if polynomials(mapping.coordinates) is not None:
+        return False
+    return _has_many_nodes(sum(mapping.derivatives, ()))
 
 
 @lru_cache(maxsize=4)
