@@ -1,6 +1,7 @@
 """Faces and edges of polynomial maps in whole numbers, against what their trees tell."""
 
 from fractions import Fraction
+from math import lcm
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import pc2cad as pc
 from pc2cad.domain.analysis import analyse
 from pc2cad.domain.map import Mapping3
 from pc2cad.domain.restrictions import RestrictedMap
-from pc2cad.expression.polynomials import polynomials
+from pc2cad.expression.normal_form import normal_form
+from pc2cad.expression.polynomials import polynomials, rational_polynomial
 from pc2cad.expression.tree import Number
 from pc2cad.geometry.recognition.from_polynomials import (
     exact_plane,
@@ -111,3 +113,26 @@ def test_det_j_beyond_all_doubles_is_cleared() -> None:
     assert large is not None
     assert max(large.determinant.values()) > 10**309
     assert _is_clear(large)
+
+
+def test_trees_are_multiplied_out_as_normal_forms_are() -> None:
+    u, v, w = pc.parameters()
+    third = Fraction(1, 3)
+    trees = [
+        (u * third + v * w / 7) ** 3 * (1 - u),
+        (u + v) * (u - v) + v**2 - u * u * 0.1,
+        3 * (u * (v - w) - (u * v - u * w)),
+        (u * 2 - third) ** 2 - (v / 6) ** 2 + w * 5 / 4,
+        u / (1 + v) * 2 - 2 * (u / (1 + v)) + w,
+    ]
+    for tree in trees:
+        found, form = rational_polynomial(tree), normal_form(tree)
+        assert found is not None
+        assert form is not None
+        terms, below = found
+        # the order of terms tells which of two equal steps is the first of a plane
+        assert [Fraction(c, below) for c in terms.values()] == list(form.values())
+        assert lcm(*(c.denominator for c in form.values())) == below
+    assert rational_polynomial(u / (1 + v)) is None
+    assert rational_polynomial(pc.sqrt(u)) is None
+    assert rational_polynomial((u + v + w + 1) ** 40) is None

@@ -7,20 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import lru_cache
-from math import lcm, prod
+from math import gcd, lcm, prod
+from typing import Final
 
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import Expr, ops_of
+from pc2cad.expression.recent import Recent
+from pc2cad.expression.tree import Expr, ops_of, walk
 
 #: powers of u, v and w to integer coefficients
 Polynomial = dict[tuple[int, int, int], int]
+#: a polynomial and a whole number that it is over
+Fractions = tuple[Polynomial, int]
 #: vectors with integer components by powers of some parameters
 Vectors = dict[tuple[int, ...], tuple[int, int, int]]
 #: what a polynomial is made of; normal forms say whether it is one
 POLYNOMIAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
+#: terms of a coordinate, and whole exponents, beyond which it is not multiplied out
+LARGEST, LARGEST_POWER = 400, 64
+#: terms of a part of one beyond which it is not remembered
+MOST_REMEMBERED = 32
 #: products of coefficients beyond which it is quicker to do without them
 MOST_PRODUCTS = 300_000
 
@@ -55,12 +62,12 @@ def polynomials(coordinates: tuple[Expr, ...]) -> Polynomials | None:
     """Return a map that is polynomial with rational coefficients as such, or None."""
     if not ops_of(coordinates) <= POLYNOMIAL:
         return None  # functions that would cancel are not worth a long expansion
-    tables = [rational_table(tree) for tree in coordinates]
+    tables = [rational_polynomial(tree) for tree in coordinates]
     known = [table for table in tables if table is not None]
-    if len(known) < 3 or prod(max(1, len(table)) for table in known) > MOST_PRODUCTS:
+    if len(known) < 3 or prod(max(1, len(f)) for f, _ in known) > MOST_PRODUCTS:
         return None
-    scale = lcm(*(c.denominator for table in known for c in table.values()))
-    scaled = tuple({p: int(c * scale) for p, c in table.items()} for table in known)
+    scale = lcm(*[below for _, below in known])
+    scaled = tuple([{p: c * (scale // below) for p, c in f.items()} for f, below in known])
     tangents = [[_derivative(f, d) for f in scaled] for d in range(3)]
     determinant = _sum(
         product(f, g) for f, g in zip(tangents[0], cross(*tangents[1:]), strict=True)
@@ -68,20 +75,127 @@ def polynomials(coordinates: tuple[Expr, ...]) -> Polynomials | None:
     return Polynomials(scaled, tangents, determinant, scale)
 
 
-def rational_table(tree: Expr) -> dict[tuple[int, int, int], Fraction] | None:
-    """Return a tree's coefficients by powers, or None where it is no rational polynomial."""
-    form = normal_form(tree, largest=400)
+def rational_polynomial(tree: Expr) -> Fractions | None:
+    """Return a tree as a polynomial over a whole number, in lowest terms.
+
+    None where it is no polynomial with rational coefficients, and where it has too many.
+    """
+    try:
+        whole: Fractions | None = _multiplied_out(tree)
+    except _NotPlainError:
+        whole = _from_normal_form(tree)
+    except _TooLargeError:
+        return None
+    if whole is None:
+        return None
+    terms, below = whole
+    common = gcd(below, *terms.values())
+    return {powers: c // common for powers, c in terms.items()}, below // common
+
+
+class _NotPlainError(Exception):
+    """A tree holds what is no polynomial by itself."""
+
+
+class _TooLargeError(Exception):
+    """A polynomial has too many terms."""
+
+
+#: what is remembered: variants of a template have most of their trees in common
+_known: Final[Recent[Fractions]] = Recent()
+
+
+def _multiplied_out(tree: Expr) -> Fractions:
+    """Return a tree as a polynomial; raise _NotPlainError or _TooLargeError."""
+    found: dict[Expr, Fractions] = {}
+
+    def unknown(node: Expr) -> tuple[Expr, ...]:
+        known = _known.get(node)
+        if known is None:
+            return node.args
+        found[node] = known
+        return ()
+
+    for node in walk((tree,), unknown):
+        if node not in found:
+            found[node] = _of_node(node, found)
+            if len(found[node][0]) <= MOST_REMEMBERED:
+                _known.keep(node, found[node])
+    return found[tree]
+
+
+def _of_node(node: Expr, known: dict[Expr, Fractions]) -> Fractions:
+    """Return a node as a polynomial over a whole number: one fraction for all terms is quicker."""
+    if node.op == "number":
+        value = node.payload
+        return ({(0, 0, 0): value.numerator} if value else {}), value.denominator
+    if node.op == "symbol":
+        u, v, w = (int(name == node.payload) for name in PARAMETERS)
+        return {(u, v, w): 1}, 1
+    first, below = known[node.args[0]]
+    if node.op == "neg":
+        return {powers: -c for powers, c in first.items()}, below
+    if node.op == "add":
+        second, other = known[node.args[1]]
+        common = lcm(below, other)
+        result = {powers: c * (common // below) for powers, c in first.items()}
+        for powers, c in second.items():
+            _put(result, powers, c * (common // other))
+        return _checked(result), common
+    if node.op == "mul":
+        second, other = known[node.args[1]]
+        return _times(first, second), below * other
+    if node.op != "pow" or node.args[1].op != "number":
+        raise _NotPlainError
+    exponent = node.args[1].payload
+    if not 0 < exponent <= LARGEST_POWER or exponent.denominator != 1:
+        raise _NotPlainError
+    result = first
+    for _ in range(int(exponent) - 1):
+        result = _times(result, first)
+    return result, below ** int(exponent)
+
+
+def _put(f: Polynomial, powers: tuple[int, int, int], c: int) -> None:
+    total = f.get(powers, 0) + c
+    if total:
+        f[powers] = total
+    else:
+        f.pop(powers, None)
+
+
+def _checked(f: Polynomial) -> Polynomial:
+    if len(f) > LARGEST:
+        raise _TooLargeError
+    return f
+
+
+def _times(f: Polynomial, g: Polynomial) -> Polynomial:
+    """Return f·g without terms that cancel; raise _TooLargeError."""
+    if len(f) * len(g) > 20 * LARGEST:
+        raise _TooLargeError
+    result: Polynomial = {}
+    for (a, b, c), p in f.items():
+        for (i, j, k), q in g.items():
+            _put(result, (a + i, b + j, c + k), p * q)
+    return _checked(result)
+
+
+def _from_normal_form(tree: Expr) -> Fractions | None:
+    """Return what a tree is if all that is no polynomial cancels."""
+    form = normal_form(tree, LARGEST)
     if form is None:
         return None
-    table = {}
+    below = lcm(*[c.denominator for c in form.values()])
+    terms: Polynomial = {}
     for monomial, coefficient in form.items():
         powers = [0, 0, 0]
         for atom, exponent in monomial:
             if atom.op != "symbol":
                 return None
             powers[PARAMETERS.index(atom.payload)] = exponent
-        table[(powers[0], powers[1], powers[2])] = coefficient
-    return table
+        terms[powers[0], powers[1], powers[2]] = int(coefficient * below)
+    return terms, below
 
 
 def _derivative(f: Polynomial, direction: int) -> Polynomial:

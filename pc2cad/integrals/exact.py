@@ -22,7 +22,7 @@ from pc2cad.expression.polynomials import (
     cross,
     polynomials,
     product,
-    rational_table,
+    rational_polynomial,
 )
 from pc2cad.expression.tree import Expr, ops_of
 from pc2cad.topology.cells import Cell, directions_of, normal_direction
@@ -88,13 +88,11 @@ def exact_weighted(analysis: Analysis, trees: Sequence[Expr]) -> list[Fraction] 
     sign = 1 if _integral(found.determinant) > 0 else -1
     result = []
     for tree in trees:
-        table = rational_table(tree)
-        if table is None or len(table) * len(found.determinant) > MOST_PRODUCTS:
+        table = rational_polynomial(tree)
+        if table is None or len(table[0]) * len(found.determinant) > MOST_PRODUCTS:
             return None
-        scale = lcm(*(c.denominator for c in table.values()))
-        whole = {powers: int(c * scale) for powers, c in table.items()}
-        total = _integral(product(whole, found.determinant))
-        result.append(sign * total / scale / found.scale**3)
+        total = _integral(product(table[0], found.determinant))
+        result.append(sign * total / table[1] / found.scale**3)
     return result
 
 
