@@ -8,6 +8,7 @@ import math
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,38 @@ def test_units_of_one_file_do_not_leak_into_the_next():
     first = step.encode(exportable("box"), FIXED)
     step.encode(metre, FIXED)
     assert step.encode(exportable("box"), FIXED) == first
+
+
+def test_a_file_is_the_same_after_any_others_and_after_errors():
+    plain = [exportable(shape) for shape in SHAPES]
+    red = tuple(dataclasses.replace(face, colour=(1.0, 0.0, 0.0)) for face in plain[0].faces)
+    changes = ({"faces": red}, {"faces": ()}, {"units": "in"}, {"name": "other"})
+    items = plain + [dataclasses.replace(plain[0], **change) for change in changes]
+    kinds = [dataclasses.replace(FIXED, step_schema=schema) for schema in ("AP242", "AP214")]
+    alone = {}
+    for i, item in enumerate(items):
+        for kind in kinds:
+            # a thread has sessions of its own
+            with ThreadPoolExecutor(1) as fresh:
+                alone[i, kind.step_schema] = fresh.submit(step.encode, item, kind).result()
+    for turn in range(3):
+        for i in np.random.default_rng(turn).permutation(len(items)):
+            for kind in kinds:
+                assert step.encode(items[i], kind) == alone[i, kind.step_schema]
+            strange = dataclasses.replace(items[i], faces=plain[(i + 1) % len(plain)].faces)
+            with pytest.raises(KernelError):
+                step.encode(strange, FIXED)
+
+
+def test_a_text_that_does_not_read_back_leaves_nothing_behind(monkeypatch):
+    item = exportable("box")
+    data = step.encode(item, FIXED)
+    for word, other in ((b"CLOSED_SHELL", b"CLOSED_SHALL"), (b"PLANE(", b"PLAIN(")):
+        with monkeypatch.context() as patch:
+            patch.setattr(part21, "finish", lambda *_: data.replace(word, other))  # noqa: B023
+            with pytest.raises(KernelError):
+                step.encode(item, FIXED)
+        assert step.encode(item, FIXED) == data
 
 
 @pytest.mark.parametrize(

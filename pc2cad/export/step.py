@@ -12,6 +12,7 @@ nothing leaves this module that does not read back as it was.
 from __future__ import annotations
 
 import io
+import threading
 
 from OCP.DE import DE_ShapeFixParameters
 from OCP.IFSelect import IFSelect_ReturnStatus
@@ -20,6 +21,7 @@ from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_Reader, STEPControl_StepModelType
 from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_AsciiString
+from OCP.XSControl import XSControl_WorkSession
 
 from pc2cad.brep.inside_out import inside_out
 from pc2cad.errors import KernelError
@@ -59,6 +61,39 @@ _PARAMETERS: dict[str, int | str] = {
 }
 
 
+class _Sessions:
+    """The kernel's sessions of a thread: they are emptied sooner than others are made.
+
+    Nothing of a file is left for the next one: both begin with a new model, and with new maps.
+    """
+
+    _kept = threading.local()
+
+    @classmethod
+    def mine(cls) -> _Sessions:
+        """Return those of this thread."""
+        if not hasattr(cls._kept, "sessions"):
+            cls._kept.sessions = cls()
+        found: _Sessions = cls._kept.sessions
+        return found
+
+    def __init__(self) -> None:
+        self.writing, self.reading = XSControl_WorkSession(), XSControl_WorkSession()
+        self._writer = STEPCAFControl_Writer(self.writing, True)
+
+    def writer(self, exportable: Exportable) -> STEPCAFControl_Writer:
+        """Return a writer without a model; what it knows of styles it would keep, so these not."""
+        if exportable.layers or any(face.colour is not None for face in exportable.faces):
+            return STEPCAFControl_Writer()
+        self._writer.Init(self.writing, True)
+        return self._writer
+
+    def empty(self) -> None:
+        """Let go of models and shapes."""
+        self.writing.ClearData(1)
+        self.reading.ClearData(1)
+
+
 def encode(exportable: Exportable, options: ExportOptions) -> bytes:
     """Return the STEP file of `exportable`.
 
@@ -91,6 +126,8 @@ def encode(exportable: Exportable, options: ExportOptions) -> bytes:
             _check_read_back(text, originals, UNITS_IN_MM[exportable.units])
     except Standard_Failure as failure:
         raise KernelError(f"the kernel could not translate the solid to STEP: {failure}") from None
+    finally:
+        _Sessions.mine().empty()
     return text
 
 
@@ -119,7 +156,7 @@ def _strings(exportable: Exportable) -> dict[str, str]:
 
 def _kernel_text(exportable: Exportable) -> bytes:
     """Return the file as the kernel writes it, with marks for names and 17-digit numbers."""
-    writer = STEPCAFControl_Writer()
+    writer = _Sessions.mine().writer(exportable)
     writer.SetNameMode(True)
     writer.SetColorMode(True)
     writer.SetPropsMode(True)
@@ -161,7 +198,7 @@ def _check_text(text: bytes, originals: list[Census]) -> None:
 
 def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) -> None:
     """Read the file as another program would and compare it with the solid."""
-    reader = STEPControl_Reader()
+    reader = STEPControl_Reader(_Sessions.mine().reading, True)
     # after a failed read, the transfer would end the process
     if reader.ReadStream("check", io.BytesIO(text)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise KernelError("the kernel cannot read the STEP text that it wrote")
