@@ -20,7 +20,7 @@ from pc2cad.solidity.embedding.above_planes import sides_of_planes
 from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.surfaces import Surfaces
-from pc2cad.solidity.embedding.windows import Cones, is_alone, is_wall
+from pc2cad.solidity.embedding.windows import Cones, is_ahead, is_alone, is_wall
 
 
 def cones(axes, degrees):
@@ -90,6 +90,51 @@ def test_no_vectors_of_three_cones_lie_in_a_plane_where_that_is_said():
             assert np.abs(np.sign(volume).sum()) < len(volume)
     assert said >= 30
     assert least < 0.1
+
+
+def test_cones_are_ahead_of_a_plane_up_to_half_of_space():
+    """Two cones at an angle have a plane before them where their half angles leave room for it."""
+    for between in (40, 90, 130):
+        angle = np.radians(between)
+        axes = [[[1, 0, 0]] * 2, [[np.cos(angle), np.sin(angle), 0]] * 2]
+        half = (180 - between) / 2
+        both = cones(axes, [[half - 1, half + 1]] * 2)
+        assert is_ahead(both, np.ones((2, 2), dtype=int)).tolist() == [True, False]
+        # the same cones turned round, and their signs with them
+        turned = Cones(both.axes * np.array([1, -1])[:, None, None], both.radii)
+        assert is_ahead(turned, np.array([[1, 1], [-1, -1]])).tolist() == [True, False]
+
+
+def test_vectors_of_cones_are_on_one_side_of_a_plane_where_that_is_said():
+    rng = np.random.default_rng(4)
+    said = 0
+    for _ in range(300):
+        count = int(rng.integers(2, 10))
+        signs = rng.choice([-1, 1], count)
+        axes = rng.normal(size=(count, 3)) + rng.normal(size=3) * 2
+        parts = cones(axes * signs[:, None], rng.uniform(0, 40, count))
+        if not is_ahead(Cones(parts.axes[:, None], parts.radii[:, None]), signs[:, None])[0]:
+            continue
+        said += 1
+        vectors = np.concatenate(
+            [
+                sign * rays(rng, Cones(parts.axes[[k]], parts.radii[[k]]), 100)
+                for k, sign in enumerate(signs.tolist())
+            ]
+        )
+        # the shortest mean of vectors has a length where a plane parts them from its origin
+        mean = vectors.mean(axis=0)
+        for step in range(2000):
+            worst = vectors[(vectors @ mean).argmin()]
+            mean += (worst - mean) * (2 / (step + 2 + 2))
+        assert (vectors @ mean).min() > 0
+    assert said >= 30
+
+
+def test_cones_of_nothing_or_of_half_of_space_are_never_ahead():
+    for radius in (-np.inf, 1.5, 2.0):
+        axes = np.array([[[1.0, 0, 0]], [[0.9, 0.1, 0]]])
+        assert not is_ahead(Cones(axes, np.array([[0.1], [radius]])), np.ones((2, 1), int)).any()
 
 
 # -- planes ----------------------------------------------------------------------------------------

@@ -13,14 +13,21 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.boxes import meeting
-from pc2cad.arrays.linear import lengths, unit
 from pc2cad.geometry.sheets import Patches, projected
 from pc2cad.solidity.embedding.above_planes import PlaneSides, sides_of_planes
+from pc2cad.solidity.embedding.hierarchy import Level
 from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
 from pc2cad.solidity.embedding.levels import is_graph
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
-from pc2cad.solidity.embedding.windows import Cones, cones_of, is_alone, is_wall, joint
+from pc2cad.solidity.embedding.windows import (
+    Cones,
+    cones_of,
+    is_ahead,
+    is_alone,
+    is_wall,
+    joint,
+)
 
 #: sheets of no more patches are held by the control points of each from the first
 FEW = 128
@@ -64,98 +71,6 @@ def _is_graph(patches: Patches, noise: float) -> bool:
     return is_graph(patches.poles[..., :3], patches.index, noise)
 
 
-@dataclass(frozen=True, eq=False)
-class _Level:
-    """Blocks of all sheets, and of all walls behind them, row by row.
-
-    A wall is two sheets on one grid, and its blocks are those of either.
-    """
-
-    #: limits of the sheets' blocks in thirteen directions (B, 13)
-    low: Array
-    high: Array
-    #: cones of the tangents along s (B), along t (B), and of the ways across the walls
-    cones: Cones
-    #: rows and columns of blocks of each sheet, and of each wall
-    shapes: Integers
-    #: smaller blocks by those that they are parts of, and the first of each one's
-    parts: tuple[Integers, Integers] | None = None
-
-    @cached_property
-    def start(self) -> Integers:
-        """First block of each sheet and wall."""
-        sizes = self.shapes.prod(axis=1)
-        return np.asarray(np.cumsum(sizes) - sizes)
-
-    @cached_property
-    def owner(self) -> Integers:
-        """The sheet or wall of each block."""
-        return np.repeat(np.arange(len(self.shapes)), self.shapes.prod(axis=1))
-
-    @property
-    def sheet(self) -> Integers:
-        """The sheet of each of the sheets' blocks."""
-        return self.owner[: len(self.low)]
-
-    @cached_property
-    def place(self) -> Integers:
-        """Row and column of each block in its sheet."""
-        index = np.arange(len(self.owner)) - self.start[self.owner]
-        return np.stack(np.divmod(index, self.shapes[self.owner, 1]), axis=1)
-
-    @cached_property
-    def narrow(self) -> Booleans:
-        """Of which blocks the tangents turn so little that rectangles of some may be parted.
-
-        Both half angles together are less than a right angle.
-        """
-        sines = self.cones[: 2 * len(self.low)].slopes[0]
-        return np.asarray((sines * sines).reshape(2, -1).sum(axis=0) < 1)
-
-    @cached_property
-    def children(self) -> Integers:
-        """The smaller blocks of each of the sheets' blocks, ascending, (B, 4); -1 for none."""
-        assert self.parts is not None
-        order, first = self.parts
-        counts = np.diff(first, append=len(order))
-        table = np.full((len(first), 4), -1)
-        rank = np.arange(len(order)) - np.repeat(first, counts)
-        table[np.repeat(np.arange(len(first)), counts), rank] = order
-        return table[: len(self.low)]
-
-    def tangents(self, corners: Integers) -> Cones:
-        """Return cones of the tangents along s and t in rectangles of corners (k, n), (2, n)."""
-        return joint(self.cones[np.stack((corners, len(self.low) + corners), axis=1)])
-
-    def coarser(self) -> _Level:
-        """Return blocks of two by two."""
-        shapes = (self.shapes + 1) // 2
-        sizes = shapes.prod(axis=1)
-        start, half = np.cumsum(sizes) - sizes, self.place // 2
-        parent = start[self.owner] + half[:, 0] * shapes[self.owner, 1] + half[:, 1]
-        order = np.argsort(parent, kind="stable")
-        first = np.searchsorted(parent[order], np.arange(sizes.sum()))
-        # sheets come before walls, with larger numbers
-        count, blocks = len(self.low), int(np.searchsorted(first, len(self.low)))
-        own, starts = order[:count], first[:blocks]
-        # cones along t, and across, stand by their blocks behind those along s
-        cones = _merged(
-            self.cones,
-            np.concatenate((own, count + order)),
-            np.concatenate((starts, count + first)),
-        )
-        low = np.minimum.reduceat(self.low[own], starts)
-        high = np.maximum.reduceat(self.high[own], starts)
-        return _Level(low, high, cones, shapes, (order, first))
-
-
-def _merged(cones: Cones, order: Integers, first: Integers) -> Cones:
-    axes, radii = cones.axes[order], cones.radii[order]
-    mean = unit(np.add.reduceat(axes, first))
-    own = np.repeat(mean, np.diff(first, append=len(order)), axis=0)
-    return Cones(mean, np.maximum.reduceat(lengths(axes - own) + radii, first))
-
-
 def _children(table: Integers, pairs: Integers) -> Integers:
     """Return all pairs of parts of paired blocks, each pair once."""
     first, second = (table[row].T for row in pairs.T)
@@ -182,11 +97,11 @@ class _Search:
     every: bool
 
     @cached_property
-    def levels(self) -> list[_Level]:
+    def levels(self) -> list[Level]:
         """Patches, and ever larger blocks of them, until they are few."""
         low, high, cones = self._held
         shapes = [*self.surfaces.shapes, *(self.surfaces.shapes[i] for i, _ in self._walls)]
-        found = [_Level(low, high, cones, np.array(shapes))]
+        found = [Level(low, high, cones, np.array(shapes))]
         while len(found[-1].low) > FEW_BLOCKS and found[-1].shapes.max() > 1:
             found.append(found[-1].coarser())
         return found
@@ -311,14 +226,18 @@ class _Search:
             found, rows = cones_of(steps, self.noise), axis * len(low) + patches[curved]
             cones.axes[rows], cones.radii[rows] = found.axes, found.radii
 
-    def left(self, level: _Level, pairs: Integers) -> Integers:
+    def left(self, level: Level, pairs: Integers) -> Integers:
         """Return the pairs of blocks that are not parted as rectangles."""
-        rows, first, second = self._rectangles(level, pairs)
+        rows, step, first, second = self._rectangles(level, pairs)
+        parted = self._parted(level, first, second)
+        across = np.flatnonzero(~parted & (step != 0).all(axis=1))
+        if len(across):
+            parted[across] = self._ahead(level, step[across], first[across], second[across])
         left = np.ones(len(pairs), dtype=bool)
-        left[rows[self._parted(level, first, second)]] = False
+        left[rows[parted]] = False
         return pairs[left]
 
-    def meet(self, level: _Level, pairs: Integers) -> Booleans:
+    def meet(self, level: Level, pairs: Integers) -> Booleans:
         """Say of which pairs the limits meet."""
         low, high = (np.ascontiguousarray(x.T) for x in (level.low, level.high + self.room))
         a, b = np.ascontiguousarray(pairs.T)
@@ -331,8 +250,10 @@ class _Search:
         meet[left] = True
         return meet
 
-    def _rectangles(self, level: _Level, pairs: Integers) -> tuple[Integers, Integers, Integers]:
-        """Return pairs of blocks side by side on one grid.
+    def _rectangles(
+        self, level: Level, pairs: Integers
+    ) -> tuple[Integers, Integers, Integers, Integers]:
+        """Return pairs of blocks side by side on one grid, and the steps between them (k, 2).
 
         With them come the corners of the rectangle round both (k, 4), on both sheets.
         """
@@ -347,9 +268,10 @@ class _Search:
         corner = (level.place[a[near]][:, None] + _SHIFTS * step[near][:, None]) % size
         index = corner[..., 0] * size[..., 1] + corner[..., 1]
         start = level.start
-        return rows[near], start[one[near], None] + index, start[other[near], None] + index
+        corners = (start[sheet[near], None] + index for sheet in (one, other))
+        return rows[near], step[near], *corners
 
-    def _parted(self, level: _Level, first: Integers, second: Integers) -> Booleans:
+    def _parted(self, level: Level, first: Integers, second: Integers) -> Booleans:
         """Say in which rectangles sheets do not meet themselves or one another."""
         sheet = level.sheet[first[:, 0]]
         wall = self._wall_of[sheet, level.sheet[second[:, 0]]]
@@ -363,6 +285,28 @@ class _Search:
             start = level.start[len(self.surfaces.sheets) + wall[walls]] - level.start[sheet[walls]]
             across = level.cones[len(level.low) + start + first[walls].T]
             result[walls] = is_wall(tangents[0], tangents[1], joint(across))
+        return result
+
+    def _ahead(self, level: Level, step: Integers, first: Integers, second: Integers) -> Booleans:
+        """Say which pairs of blocks do not meet as all ways from one to the other are ahead.
+
+        They have a step of one along both parameters. All tangents are asked, not a cone of them.
+        """
+        count, (a, b) = len(level.low), (level.sheet[corners[:, 0]] for corners in (first, second))
+        wall = self._wall_of[a, b]
+        result = np.zeros(len(step), dtype=bool)
+        for rows in (np.flatnonzero(wall < 0), np.flatnonzero(wall >= 0)):
+            if len(rows) == 0:
+                continue
+            one, other, (s, t) = first[rows].T, second[rows].T, step[rows].T
+            blocks, signs = [one, count + one], [s, t]
+            if wall[rows[0]] >= 0:
+                start = level.start[len(self.surfaces.sheets) + wall[rows]]
+                blocks += [other, count + other, count + start - level.start[a[rows]] + one]
+                # across walls ways lead to the sheet with the larger number
+                signs += [s, t, np.where(a[rows] < b[rows], 1, -1)]
+            cones = level.cones[np.concatenate(blocks)]
+            result[rows] = is_ahead(cones, np.repeat(np.stack(signs), 4, axis=0))
         return result
 
 

@@ -24,6 +24,8 @@ from pc2cad.solidity.embedding.surfaces import Surfaces
 _SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 #: the chord of a right angle
 _RIGHT = np.sqrt(2.0)
+#: steps of the search for a plane, and how far the cone that is farthest behind it pulls it
+_TURNS, _PULL = 8, 0.3
 #: rounding of the sums and products of unit vectors here
 _UNIT = 1e-14
 
@@ -106,6 +108,29 @@ def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
     for other in (p + q - r, p - q + r, q + r - p):
         np.maximum(corner, lengths(other), out=corner)
     return np.asarray(volume > corner + _UNIT)
+
+
+def is_ahead(cones: Cones, signs: Integers) -> Booleans:
+    """Say where a plane has all vectors of cones (k, n), with signs (k, n), on one side.
+
+    No sum of them with positive factors is zero then.
+    """
+    axes, sines = cones.axes * signs[..., None], cones.slopes[0]
+    normal = unit(axes.sum(axis=0))
+    left, result = np.arange(signs.shape[1]), np.zeros(signs.shape[1], dtype=bool)
+    for _ in range(_TURNS):
+        room = dots(axes, normal) - sines
+        worst = room.argmin(axis=0)
+        fine = room[worst, np.arange(len(left))] > _UNIT
+        result[left[fine]] = True
+        rest = np.flatnonzero(~fine)
+        if len(rest) == 0:
+            break
+        # the cone that is farthest behind pulls
+        pull = axes[worst[rest], rest]
+        left, axes, sines = left[rest], axes[:, rest], sines[:, rest]
+        normal = unit(normal[rest] + _PULL * pull)
+    return result
 
 
 def parted_beside(cells: Cells, pairs: Integers, noise: float) -> Booleans:
