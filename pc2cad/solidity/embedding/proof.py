@@ -131,7 +131,8 @@ class _Descent:
         stuck: Meeting | None = None
         stuck_depth = 0.0
         for level in range(DEEPEST):
-            pairs, joined, depth = self._undone(cells, pairs)
+            # limits of whole patches have parted what they can before
+            pairs, joined, depth = self._undone(cells, pairs, limits=level > 0)
             if len(pairs) == 0:
                 break
             dive = level % 3 == 1 and len(pairs) > FIRST
@@ -232,20 +233,26 @@ class _Descent:
         flat = between.points.reshape(-1, 3)
         return bool(np.ptp(flat, axis=0).max() <= 2 * self.touching)
 
-    def _undone(self, cells: Cells, pairs: Integers) -> tuple[Integers, Booleans, Array]:
-        """Return pairs that nothing separates, which of them are joined, how deep others are."""
+    def _undone(
+        self, cells: Cells, pairs: Integers, limits: bool = True
+    ) -> tuple[Integers, Booleans, Array]:
+        """Return pairs that nothing separates, which of them are joined, how deep others are.
+
+        Their limits are compared first, where those are to be.
+        """
         kept, joined, depth = [], [], []
         if len(pairs) == 0:
             return pairs, np.zeros(0, dtype=bool), np.zeros(0)
-        low, high = boxes(cells.points.reshape(len(cells), -1, 3))
+        low, high = boxes(cells.points.reshape(len(cells), -1, 3)) if limits else (None, None)
         for start in range(0, len(pairs), _SLAB):
             part = pairs[start : start + _SLAB]
-            a, b = part[:, 0], part[:, 1]
-            gap = np.maximum(low[a] - high[b], low[b] - high[a]).max(axis=1)
-            meet = gap <= 2 * self.noise
-            if (~meet & (gap <= self.doubt.near)).any():
-                self.doubt.raised()
-            part = part[meet]
+            if low is not None and high is not None:
+                a, b = part[:, 0], part[:, 1]
+                gap = np.maximum(low[a] - high[b], low[b] - high[a]).max(axis=1)
+                meet = gap <= 2 * self.noise
+                if (~meet & (gap <= self.doubt.near)).any():
+                    self.doubt.raised()
+                part = part[meet]
             self.work += len(part) * (self.surfaces.degree + 1) ** 2
             found = self._undone_slab(cells, part)
             kept.append(found[0])
