@@ -11,6 +11,7 @@ from pc2cad.geometry.carriers import Plane, SplineSurface
 from pc2cad.geometry.sheets import (
     Sheet,
     SheetSide,
+    elevated,
     patches_of,
     projected,
     surface_limits,
@@ -135,6 +136,18 @@ def test_cones_of_nothing_or_of_half_of_space_are_never_ahead():
     for radius in (-np.inf, 1.5, 2.0):
         axes = np.array([[[1.0, 0, 0]], [[0.9, 0.1, 0]]])
         assert not is_ahead(Cones(axes, np.array([[0.1], [radius]])), np.ones((2, 1), int)).any()
+
+
+def test_patches_are_raised_before_they_are_taken_as_after():
+    rng = np.random.default_rng(5)
+    knots = np.array([0.0, 0, 0, 0.4, 1, 1, 1])
+    surface = SplineSurface((2, 2), (knots, knots), rng.normal(size=(4, 4, 3)))
+    for patches in (surface_patches(surface), patches_of(rng.uniform(1, 2, (2, 3, 3, 2, 4)))):
+        n, m = patches.shape
+        i, j = np.divmod(rng.permutation(n * m)[:3], m)
+        found = patches.raised(4).take(i, j)
+        true = elevated(elevated(patches.nets[i, j], 4, 1), 4, 2)
+        assert found == pytest.approx(true, abs=1e-13)
 
 
 # -- planes ----------------------------------------------------------------------------------------

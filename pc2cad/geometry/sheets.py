@@ -66,12 +66,28 @@ class Patches:
 
     def take(self, i: Integers, j: Integers) -> Array:
         """Return those of some patches (k, p+1, q+1, 4)."""
-        rows, columns = self.index[0][i], self.index[1][j]
-        found = self.poles[rows[:, :, None], columns[:, None, :]]
+        rows, columns = self.index
         if self.matrices is None:
-            return found
-        flat = self.matrices[0][i] @ found.reshape(*found.shape[:2], -1)
-        return np.asarray(self.matrices[1][j][:, None] @ flat.reshape(found.shape))
+            return self.poles[rows[i][:, :, None], columns[j][:, None, :]]
+        # what the patches of one row have in common is made once
+        some, (along, across) = distinct(i), self.matrices
+        lines = along[some] @ self.poles[rows[some]].reshape(len(some), rows.shape[1], -1)
+        lines = lines.reshape(*lines.shape[:2], -1, 4).transpose(0, 2, 1, 3)
+        lines = lines.reshape(*lines.shape[:2], -1)
+        found = across[j] @ lines[np.searchsorted(some, i)[:, None], columns[j]]
+        return found.reshape(*found.shape[:2], -1, 4).transpose(0, 2, 1, 3)
+
+    def raised(self, degree: int) -> Patches:
+        """Return the same patches with this degree along both."""
+        matrices = []
+        for axis, index in enumerate(self.index):
+            known = None if self.matrices is None else self.matrices[axis]
+            if known is None or index.shape[1] <= degree:
+                matrix = elevation(index.shape[1] - 1, degree)
+                shape = (len(index), *matrix.shape)
+                known = np.broadcast_to(matrix, shape) if known is None else matrix @ known
+            matrices.append(known)
+        return Patches(self.poles, self.index, (matrices[0], matrices[1]), self.knots)
 
 
 def patches_of(nets: Array) -> Patches:
@@ -140,12 +156,14 @@ def projected(nets: Array) -> Array:
     return np.asarray(nets[..., :3] / nets[..., 3:])
 
 
+@lru_cache(maxsize=64)
 def elevation(low: int, high: int) -> Array:
     """Return the matrix (high+1, low+1) from Bernstein coefficients of a degree to a higher one."""
     result = np.zeros((high + 1, low + 1))
     for i in range(high + 1):
         for j in range(max(0, i - high + low), min(low, i) + 1):
             result[i, j] = comb(low, j) * comb(high - low, i - j) / comb(high, i)
+    result.flags.writeable = False
     return result
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct
-from pc2cad.geometry.sheets import Patches, Sheet, SheetSide, elevated
+from pc2cad.geometry.sheets import Patches, Sheet, SheetSide
 
 #: coordinates of a sheet or along an edge that differ by less are one
 SAME = 1e-11
@@ -40,19 +40,22 @@ class Surfaces:
         """Where the net of each patch is among those that were asked for, -1: it was not."""
         return np.full(len(self.sheet_of), -1)
 
+    @cached_property
+    def _raised(self) -> list[Patches]:
+        return [sheet.patches.raised(self.degree) for sheet in self.sheets]
+
     def nets(self, patches: Integers) -> Array:
         """Return nets of patches (k, d+1, d+1, 4), raised to one degree.
 
         They are made when they are first asked for: most are never.
         """
         new = distinct(patches[self._slot[patches] < 0])
-        sheets, d = self.sheet_of[new], self.degree
+        sheets = self.sheet_of[new]
         known = sum(map(len, self._nets))
         self._slot[new] = known + np.arange(len(new))
         for index in distinct(sheets):
             part = self.place[new[sheets == index]]
-            found = self.sheets[index].patches.take(part[:, 0], part[:, 1])
-            self._nets.append(elevated(elevated(found, d, 1), d, 2))
+            self._nets.append(self._raised[index].take(part[:, 0], part[:, 1]))
         if len(self._nets) > 1:
             self._nets[:] = [np.concatenate(self._nets)]
         return np.asarray(self._nets[0][self._slot[patches]])
