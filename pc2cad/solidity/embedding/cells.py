@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct, distinct_rows
-from pc2cad.arrays.linear import cross, unit
+from pc2cad.arrays.linear import cross, product, unit
 from pc2cad.geometry.sheets import projected, restriction
 from pc2cad.solidity.embedding.surfaces import POINT, SAME, Surfaces
 
@@ -80,10 +80,10 @@ class Cells:
     @cached_property
     def frames(self) -> tuple[Array, Array, Array, Array]:
         """Mean directions along s and t, across both, and mean points, (N, 3) each."""
-        p = self.points
-        s = p[:, -1].mean(axis=1) - p[:, 0].mean(axis=1)
-        t = p[:, :, -1].mean(axis=1) - p[:, :, 0].mean(axis=1)
-        return unit(s), unit(t), unit(cross(s, t)), p.mean(axis=(1, 2))
+        flat = self.points.reshape(len(self), -1)
+        found = product(flat, _means(self.surfaces.degree)).reshape(-1, 3, 3)
+        s, t, centre = found.transpose(1, 0, 2)
+        return unit(s), unit(t), unit(cross(s, t)), centre
 
     @cached_property
     def limits(self) -> tuple[Array, Array]:
@@ -186,6 +186,16 @@ class Cells:
             where[both, c, 0] = surfaces.vertices[sheet[both], along_s, int(upper[0])]
             where[both, c, 1] = 0.0
         return name, where
+
+
+@lru_cache(maxsize=16)
+def _means(degree: int) -> Array:
+    """Return what takes control points (d+1)²·3 to ways along s and t, and their mean, 3 each."""
+    n = degree + 1
+    weights = np.zeros((3, n, n))
+    weights[0, (0, -1)] = weights[1, :, (0, -1)] = np.array([[-1.0], [1.0]]) / n
+    weights[2] = 1 / (n * n)
+    return np.asarray(np.kron(weights.reshape(3, -1).T, np.eye(3)))
 
 
 def cells_of(surfaces: Surfaces, patch: Integers, low: Array, high: Array) -> Cells:

@@ -16,10 +16,10 @@ from math import comb
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.arrays.linear import lengths
+from pc2cad.arrays.linear import lengths, unit
 from pc2cad.geometry.sheets import Patches
-from pc2cad.solidity.embedding.separation import boxes
-from pc2cad.solidity.embedding.windows import Cones, around, joint
+from pc2cad.solidity.embedding.separation import in_directions
+from pc2cad.solidity.embedding.windows import Cones, joint, radii_round
 
 #: most pieces along each parameter, and how far the tangents of one may turn (radians, about)
 MOST_PIECES, TURN = 3, 0.33
@@ -48,10 +48,9 @@ class Hold:
 
     def limits(self) -> tuple[Array, Array]:
         """Return limits of the patches in thirteen directions, (…, n·m, 13) each."""
-        low, high = boxes(self.corners[..., None, :])
-        bow = self._bow[..., None]
-        return (_in_row(self._within(low).min(axis=0) - bow, 1),
-                _in_row(self._within(high).max(axis=0) + bow, 1))  # fmt: skip
+        values, bow = in_directions(self.corners), self._bow[..., None]
+        return (_in_row(self._extreme(np.minimum, values) - bow, 1),
+                _in_row(self._extreme(np.maximum, values) + bow, 1))  # fmt: skip
 
     def tangents(self, axis: int, noise: float) -> Cones:
         """Return cones of the tangents along s or t, (…, n·m)."""
@@ -77,8 +76,20 @@ class Hold:
 
     def _around(self, vectors: Array, reach: Array, noise: float) -> Cones:
         """Return the cones of all that is nearer than a reach to a patch's vectors."""
-        found = joint(around(self._within(vectors), reach, noise))
+        size = lengths(vectors)
+        ways = unit(np.where((size > noise)[..., None], vectors, 0.0))
+        radii = radii_round(self._within(size), reach, noise)
+        found = joint(Cones(self._within(ways), radii))
         return Cones(_in_row(found.axes, 1), _in_row(found.radii, 0))
+
+    def _extreme(self, of: np.ufunc, values: Array) -> Array:
+        """Return the least or the largest of the values (kn+1, km+1, …) at the patches' corners."""
+        for axis, count in enumerate(self.bends[0].shape[:2]):
+            rows = np.swapaxes(values, 0, axis)
+            k, last = (len(rows) - 1) // count, len(rows) - 1
+            parts = [rows[a : a + last - k + 1 : k] for a in range(k + 1)]
+            values = np.swapaxes(reduce(of, parts), 0, axis)
+        return values
 
     def _within(self, values: Array) -> Array:
         """Return the values (kn.., km.., …) that belong to the patches, one of each at a time."""

@@ -45,8 +45,13 @@ def boxes(points: Array) -> tuple[Array, Array]:
     """Return limits (…, 13) of control points (…, k, 3) in thirteen directions."""
     # control points first: limits of many parts are found side by side
     first = np.moveaxis(points, -2, 0)
-    values = product(first.reshape(-1, 3), _DIRECTIONS.T).reshape(*first.shape[:-1], -1)
+    values = in_directions(first)
     return values.min(axis=0), values.max(axis=0)
+
+
+def in_directions(points: Array) -> Array:
+    """Return how far points (…, 3) lie along thirteen directions, (…, 13)."""
+    return product(points.reshape(-1, 3), _DIRECTIONS.T).reshape(*points.shape[:-1], -1)
 
 
 def side_nets(cells: Cells, rows: Integers, sides: Integers) -> Array:

@@ -56,15 +56,13 @@ class Cones:
         return chord * np.sqrt(1 - square / 4), 1 - square / 2
 
 
-def around(vectors: Array, reach: Array | float, noise: float) -> Cones:
-    """Return the cones of all that is nearer than a reach (…) to vectors (…, 3)."""
-    size = lengths(vectors)
+def radii_round(size: Array, reach: Array, noise: float) -> Array:
+    """Return the radii of cones of all that is nearer than a reach to vectors of some size."""
     there = size > noise
     share = (reach + noise) / np.where(there, size, 1.0)
     # a chord of the angle whose sine is the share
     chord = np.sqrt(2 - 2 * np.sqrt(np.maximum(1 - share * share, 0.0)))
-    radii = np.where(there, np.where(share < 1, chord, 2.0), np.where(reach <= noise, -np.inf, 2.0))
-    return Cones(unit(np.where(there[..., None], vectors, 0.0)), radii)
+    return np.where(there, np.where(share < 1, chord, 2.0), np.where(reach <= noise, -np.inf, 2.0))
 
 
 def cones_of(vectors: Array, noise: float) -> Cones:
