@@ -7,7 +7,7 @@ one parameter each.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Final
 
@@ -89,7 +89,16 @@ def without_number(root: Expr) -> tuple[Fraction, Expr]:
     It is that of the first product; sums within products are left alone.
     """
     first, total = Fraction(0), ZERO
-    stack = [(root, Fraction(1))]
+    for sign, node in signed_terms(root):
+        factor, rest = _number_and_rest(node)
+        first = first or sign * factor
+        total = total + (number(sign * factor / first) * rest if first else ZERO)
+    return (first, total) if first else (Fraction(1), ZERO)
+
+
+def signed_terms(root: Expr) -> Iterator[tuple[int, Expr]]:
+    """Yield the terms of a sum of sums as they are written, each with its sign, 1 or -1."""
+    stack = [(root, 1)]
     while stack:
         node, sign = stack.pop()
         if node.op == "neg":
@@ -97,10 +106,7 @@ def without_number(root: Expr) -> tuple[Fraction, Expr]:
         elif node.op == "add":
             stack += [(arg, sign) for arg in reversed(node.args)]
         else:
-            factor, rest = _number_and_rest(node)
-            first = first or sign * factor
-            total = total + (number(sign * factor / first) * rest if first else ZERO)
-    return (first, total) if first else (Fraction(1), ZERO)
+            yield sign, node
 
 
 def _number_and_rest(product: Expr) -> tuple[Fraction, Expr]:

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.normal_form import normal_form, tree_of
+from pc2cad.expression.separable_sums import signed_terms
 from pc2cad.expression.tree import ONE, ZERO, Expr, div, number, walk
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 
@@ -89,16 +90,10 @@ def _parted(tree: Expr) -> tuple[Expr, Expr]:
     if len(sums) != 1:
         return tree, ONE
     atoms.remove(sums[0])
-    terms, stack = list[tuple[Fraction, Counter[Expr]]](), [(sums[0], 1)]
-    while stack:
-        node, sign = stack.pop()
-        if node.op == "neg":
-            stack.append((node.args[0], -sign))
-        elif node.op == "add":
-            stack += [(arg, sign) for arg in reversed(node.args)]
-        else:
-            multiple, own = _factors(node)
-            terms.append((sign * multiple, Counter(own)))
+    terms = list[tuple[Fraction, Counter[Expr]]]()
+    for sign, node in signed_terms(sums[0]):
+        multiple, own = _factors(node)
+        terms.append((sign * multiple, Counter(own)))
     first, common = terms[0][0], reduce(and_, (own for _, own in terms))
     rest = [_product(multiple / first, (own - common).elements()) for multiple, own in terms]
     return _product(outer * first, [*atoms, *common.elements()]), reduce(add, rest)
