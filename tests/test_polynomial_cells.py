@@ -11,7 +11,7 @@ from pc2cad.domain.analysis import analyse
 from pc2cad.domain.map import Mapping3
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.normal_form import normal_form
-from pc2cad.expression.polynomials import polynomials, rational_polynomial
+from pc2cad.expression.polynomials import constant_sums, polynomials, rational_polynomial
 from pc2cad.expression.tree import Number
 from pc2cad.geometry.recognition.from_polynomials import (
     exact_plane,
@@ -136,3 +136,16 @@ def test_trees_are_multiplied_out_as_normal_forms_are() -> None:
     assert rational_polynomial(u / (1 + v)) is None
     assert rational_polynomial(pc.sqrt(u)) is None
     assert rational_polynomial((u + v + w + 1) ** 40) is None
+
+
+def test_constant_sums_are_told_by_algebra() -> None:
+    u, v, w = pc.parameters()
+    half = (u + v) * (u - v) - u * u + v * v + Fraction(1, 2)
+    near = (u * Fraction(1, 10**15) + 1) - 1
+    steady = constant_sums((half * w, near + v))
+    assert steady is not None
+    assert half in steady
+    assert not any(node.op != "add" for node in steady)
+    assert near not in steady
+    assert constant_sums((pc.sin(u),)) is None
+    assert constant_sums((1 / (1 + u),)) is None

@@ -26,6 +26,7 @@ from pc2cad.expression.tree import (
     Expr,
     ValueDomainError,
     number,
+    ops_of,
     substitute,
     symbol,
     walk,
@@ -35,6 +36,8 @@ from pc2cad.expression.tree import (
 _LIMITS, _BETWEEN = (ZERO, ONE), (number(Fraction(371, 1000)), number(Fraction(613, 1000)))
 #: largest denominator of the places at which double zeros are known, and how near they are found
 _LARGEST, _FOUND = 1000, 1e-10
+#: operations that may be roots
+_ROOTS = frozenset(("asin", "acos", "sqrt", "pow"))
 #: a step beside a kink, and what is left of the values there at a zero
 _BESIDE, _LESS = Fraction(1, 2**16), 2.0**-12
 
@@ -46,6 +49,8 @@ def inner_roots(trees: tuple[Expr, ...]) -> tuple[tuple[Fraction, ...], ...]:
     (see `sign_changes`), and so are double zeros at fractions.
     """
     found: tuple[list[Fraction], ...] = ([], [], [])
+    if _ROOTS.isdisjoint(ops_of(trees)):
+        return (), (), ()
     for below in {base for node in walk(trees) if (base := _below(node)) is not None}:
         for name in below.symbols:
             found[PARAMETERS.index(name)].extend(_lines(below, name))

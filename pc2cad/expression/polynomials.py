@@ -6,7 +6,7 @@ det J of such a map is a polynomial as well. All are tables of coefficients by p
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from math import gcd, lcm, prod
 from typing import Final
@@ -41,20 +41,41 @@ class Polynomials:
     determinant: Polynomial
     scale: int
 
-    def on(self, cell: tuple[int, int, int]) -> Vectors:
+    #: what it is on cells of the box that were asked for
+    _cells: dict[tuple[int, ...], Vectors] = field(default_factory=dict, repr=False)
+
+    def on(self, cell: tuple[int, ...]) -> Vectors:
         """Return the map on a cell of the box, by powers of the parameters that are free there.
 
         `cell` has 0 or 2 for a parameter at its lower or upper limit, 1 for a free one.
         """
-        free = [d for d in range(3) if cell[d] == 1]
-        low = [d for d in range(3) if cell[d] == 0]
-        rows: dict[tuple[int, ...], list[int]] = {}
-        for axis, f in enumerate(self.map):
-            for powers, c in f.items():
-                if not any([powers[d] for d in low]):
-                    key = tuple([powers[d] for d in free])
-                    rows.setdefault(key, [0, 0, 0])[axis] += c
-        return {key: (x, y, z) for key, (x, y, z) in rows.items() if x or y or z}
+        if cell not in self._cells:
+            fixed = next((d for d in range(3) if cell[d] != 1), None)
+            if fixed is None:
+                found = self._vectors()
+            else:
+                wider = self.on((*cell[:fixed], 1, *cell[fixed + 1 :]))
+                # before that one all parameters are free
+                found = _at_limit(wider, fixed, cell[fixed] == 2)
+            self._cells[cell] = found
+        return self._cells[cell]
+
+    def _vectors(self) -> Vectors:
+        x, y, z = self.map
+        return {key: (x.get(key, 0), y.get(key, 0), z.get(key, 0)) for key in (x | y | z)}
+
+
+def _at_limit(vectors: Vectors, axis: int, upper: bool) -> Vectors:
+    """Return vectors by powers of the other parameters where one of them is 0 or 1."""
+    found: Vectors = {}
+    for powers, vector in vectors.items():
+        if upper or not powers[axis]:
+            key = powers[:axis] + powers[axis + 1 :]
+            if key in found:
+                (a, b, c), (i, j, k) = found[key], vector
+                vector = a + i, b + j, c + k
+            found[key] = vector
+    return {key: vector for key, vector in found.items() if any(vector)}
 
 
 @lru_cache(maxsize=8)
@@ -93,6 +114,20 @@ def rational_polynomial(tree: Expr) -> Fractions | None:
     return {powers: c // common for powers, c in terms.items()}, below // common
 
 
+def constant_sums(roots: tuple[Expr, ...]) -> set[Expr] | None:
+    """Return the sums of parameters that are constants; None of trees that are no polynomials."""
+    if not ops_of(roots) <= POLYNOMIAL:
+        return None
+    parts: dict[Expr, Fractions] = {}
+    try:
+        for node in walk(roots):
+            parts[node] = _part(node, parts)
+    except (_NotPlainError, _TooLargeError):
+        return None
+    sums = [node for node in parts if node.op == "add" and node.symbols]
+    return {node for node in sums if not any(map(any, parts[node][0]))}
+
+
 class _NotPlainError(Exception):
     """A tree holds what is no polynomial by itself."""
 
@@ -118,10 +153,18 @@ def _multiplied_out(tree: Expr) -> Fractions:
 
     for node in walk((tree,), unknown):
         if node not in found:
-            found[node] = _of_node(node, found)
-            if len(found[node][0]) <= MOST_REMEMBERED:
-                _known.keep(node, found[node])
+            found[node] = _part(node, found)
     return found[tree]
+
+
+def _part(node: Expr, parts: dict[Expr, Fractions]) -> Fractions:
+    """Return a node as a polynomial, given its operands; raise _NotPlainError, _TooLargeError."""
+    known = _known.get(node)
+    if known is None:
+        known = _of_node(node, parts)
+        if len(known[0]) <= MOST_REMEMBERED:
+            _known.keep(node, known)
+    return known
 
 
 def _of_node(node: Expr, known: dict[Expr, Fractions]) -> Fractions:
@@ -129,9 +172,11 @@ def _of_node(node: Expr, known: dict[Expr, Fractions]) -> Fractions:
     if node.op == "number":
         value = node.payload
         return ({(0, 0, 0): value.numerator} if value else {}), value.denominator
-    if node.op == "symbol":
+    if node.op == "symbol" and node.payload in PARAMETERS:
         u, v, w = (int(name == node.payload) for name in PARAMETERS)
         return {(u, v, w): 1}, 1
+    if node.op not in ("neg", "add", "mul", "pow"):
+        raise _NotPlainError
     first, below = known[node.args[0]]
     if node.op == "neg":
         return {powers: -c for powers, c in first.items()}, below
@@ -145,7 +190,7 @@ def _of_node(node: Expr, known: dict[Expr, Fractions]) -> Fractions:
     if node.op == "mul":
         second, other = known[node.args[1]]
         return _times(first, second), below * other
-    if node.op != "pow" or node.args[1].op != "number":
+    if node.args[1].op != "number":
         raise _NotPlainError
     exponent = node.args[1].payload
     if not 0 < exponent <= LARGEST_POWER or exponent.denominator != 1:
@@ -191,7 +236,7 @@ def _from_normal_form(tree: Expr) -> Fractions | None:
     for monomial, coefficient in form.items():
         powers = [0, 0, 0]
         for atom, exponent in monomial:
-            if atom.op != "symbol":
+            if atom.op != "symbol" or atom.payload not in PARAMETERS:
                 return None
             powers[PARAMETERS.index(atom.payload)] = exponent
         terms[powers[0], powers[1], powers[2]] = int(coefficient * below)

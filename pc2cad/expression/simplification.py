@@ -18,6 +18,7 @@ from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
+from pc2cad.expression.polynomials import constant_sums
 from pc2cad.expression.residues import may_be_square
 from pc2cad.expression.rewriting import among, rewrite
 from pc2cad.expression.scalar import evaluate, values_of
@@ -69,14 +70,18 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 
     N'·N' of a helix is one, and so is N''·N', which is 0.
     """
-    names = sorted(frozenset().union(*(root.symbols for root in roots)))
-    places = ({n: x + 0.11 * i for i, n in enumerate(names)} for x in (0.13, 0.37, 0.58))
-    nodes = list(walk(roots))
-    tables = [values_of(nodes, place) for place in places]
-    sums = [node for node in nodes if node.op == "add" and node.symbols]
-    steady = {node for node in sums if _is_steady(node, tables)}
-    if not steady:
+    steady = constant_sums(roots)
+    if steady is not None and not steady:
         return roots
+    nodes = list(walk(roots))
+    if steady is None:
+        names = sorted(frozenset().union(*(root.symbols for root in roots)))
+        places = ({n: x + 0.11 * i for i, n in enumerate(names)} for x in (0.13, 0.37, 0.58))
+        tables = [values_of(nodes, place) for place in places]
+        sums = [node for node in nodes if node.op == "add" and node.symbols]
+        steady = {node for node in sums if _is_steady(node, tables)}
+        if not steady:
+            return roots
     done: dict[Expr, Expr] = {}
     for node in nodes:
         args = tuple([done[arg] for arg in node.args])

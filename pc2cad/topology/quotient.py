@@ -56,7 +56,8 @@ def derive_boundary(questions: Questions, labels: Labels) -> BoundaryComplex:
     """
     pieces = tuple(len(names) - 1 for names in labels)
     patches = boundary_patches((pieces[0], pieces[1], pieces[2]))
-    sides = _fates(patches, questions, labels)
+    vertices = _Vertices(questions)
+    sides = _fates(patches, questions, labels, vertices)
     kept = [side.patch for side in sides if side.fate == "face"]
     if not kept:
         raise NoBoundaryFaceError(
@@ -64,7 +65,7 @@ def derive_boundary(questions: Questions, labels: Labels) -> BoundaryComplex:
             "nothing bounds a solid; check that u, v and w all move the point (in a truncated "
             "body: that something is left between its ends)"
         )
-    complex_ = _complex(kept, sides, questions, labels)
+    complex_ = _complex(kept, sides, questions, labels, vertices)
     _check_manifold(complex_)
     return replace(complex_, shells=_shells(complex_, range(len(kept))))
 
@@ -74,7 +75,7 @@ def derive_layers(outer: BoundaryComplex, questions: Questions) -> BoundaryCompl
     pieces = tuple(len(names) - 1 for names in outer.labels)
     inner = inner_patches((pieces[0], pieces[1], pieces[2]))
     patches = [*(face.patch for face in outer.faces), *inner]
-    complex_ = _complex(patches, outer.sides, questions, outer.labels)
+    complex_ = _complex(patches, outer.sides, questions, outer.labels, _Vertices(questions))
     layers = tuple(
         _shells(complex_, [i for i, p in enumerate(patches) if abs(p[2] - (2 * k + 1)) <= 1])
         for k in range(pieces[2])
@@ -84,25 +85,31 @@ def derive_layers(outer: BoundaryComplex, questions: Questions) -> BoundaryCompl
 
 
 def _complex(
-    patches: list[Cell], sides: tuple[SideFate, ...], questions: Questions, labels: Labels
+    patches: list[Cell],
+    sides: tuple[SideFate, ...],
+    questions: Questions,
+    labels: Labels,
+    known: _Vertices,
 ) -> BoundaryComplex:
     """Return faces, edges and vertices of the patches, without shells."""
     edge_cells = sorted({edge.cell for patch in patches for edge in patch_edges(patch)})
     corners = sorted({corner for edge in edge_cells for corner in edge_ends(edge)})
-    vertices, vertex_of = _vertices(corners, questions)
+    vertices, vertex_of = known.of(corners)
     edges, edge_of = _edges(edge_cells, vertex_of, questions)
     faces = tuple(FaceCell(patch, _uses(patch, edge_of, vertex_of)) for patch in patches)
     return BoundaryComplex(labels, sides, vertices, edges, faces, ())
 
 
-def _fates(patches: tuple[Cell, ...], questions: Questions, labels: Labels) -> tuple[SideFate, ...]:
+def _fates(
+    patches: tuple[Cell, ...], questions: Questions, labels: Labels, known: _Vertices
+) -> tuple[SideFate, ...]:
     fates = {patch: _collapse(patch, questions) for patch in patches}
     candidates = [patch for patch, fate in fates.items() if fate is None]
     for patch in candidates:
         folded = _partner(patch, patch, questions, labels)
         if folded:
             fates[patch] = folded
-    places = _corner_classes(candidates, questions)
+    places = _corner_classes(candidates, known)
     for first, second in _with_equal(candidates, places):
         glued = _partner(first, second, questions, labels)
         if glued is None:
@@ -132,14 +139,14 @@ def _with_equal(
         yield from ((patch, other) for other in row[row.index(patch) + 1 :])
 
 
-def _corner_classes(patches: list[Cell], questions: Questions) -> dict[Cell, tuple[int, ...]]:
+def _corner_classes(patches: list[Cell], known: _Vertices) -> dict[Cell, tuple[int, ...]]:
     """Return, for each patch, the ascending numbers of the places where its corners lie."""
     # the two edges along s end in all four corners
     corners = {
         patch: [corner for edge in patch_edges(patch)[::2] for corner in edge_ends(edge.cell)]
         for patch in patches
     }
-    _, place_of = _vertices(sorted({c for row in corners.values() for c in row}), questions)
+    _, place_of = known.of(sorted({c for row in corners.values() for c in row}))
     return {patch: tuple(sorted(place_of[c] for c in row)) for patch, row in corners.items()}
 
 
@@ -173,12 +180,21 @@ def _partner(first: Cell, second: Cell, questions: Questions, labels: Labels) ->
     return None
 
 
-def _vertices(
-    corners: list[Cell], questions: Questions
-) -> tuple[tuple[VertexClass, ...], dict[Cell, int]]:
-    groups = questions.places(corners)
-    vertex_of = {corner: i for i, group in enumerate(groups) for corner in group}
-    return tuple(VertexClass(tuple(group)) for group in groups), vertex_of
+class _Vertices:
+    """The vertices at corners; where no side goes, the same corners are asked for twice."""
+
+    def __init__(self, questions: Questions) -> None:
+        self._questions = questions
+        self._found: dict[tuple[Cell, ...], tuple[tuple[VertexClass, ...], dict[Cell, int]]] = {}
+
+    def of(self, corners: list[Cell]) -> tuple[tuple[VertexClass, ...], dict[Cell, int]]:
+        """Return the vertices, and which of them each corner is."""
+        key = tuple(corners)
+        if key not in self._found:
+            groups = self._questions.places(corners)
+            vertex_of = {corner: i for i, group in enumerate(groups) for corner in group}
+            self._found[key] = tuple([VertexClass(tuple(group)) for group in groups]), vertex_of
+        return self._found[key]
 
 
 def _edges(
