@@ -11,8 +11,13 @@ from pc2cad.domain.analysis import analyse
 from pc2cad.domain.map import Mapping3
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.normal_form import normal_form
-from pc2cad.expression.polynomials import constant_sums, polynomials, rational_polynomial
-from pc2cad.expression.tree import Number
+from pc2cad.expression.polynomials import (
+    constant_of,
+    constant_sums,
+    polynomials,
+    rational_polynomial,
+)
+from pc2cad.expression.tree import Number, symbol
 from pc2cad.geometry.recognition.from_polynomials import (
     exact_plane,
     is_exactly_straight,
@@ -149,3 +154,14 @@ def test_constant_sums_are_told_by_algebra() -> None:
     assert near not in steady
     assert constant_sums((pc.sin(u),)) is None
     assert constant_sums((1 / (1 + u),)) is None
+
+
+def test_short_polynomials_that_are_numbers_are_told_by_algebra() -> None:
+    u, v, p = (*pc.parameters()[:2], symbol("p"))
+    assert constant_of((1 - u) * (1 - v) + u * (1 - v) + v) == 1
+    assert constant_of((u + v) ** 2 - u * u - 2 * u * v - v * v) == 0
+    assert constant_of(u - v) is None
+    assert constant_of(u * Fraction(1, 10**30)) is None
+    assert constant_of(p - p * 1 + 3 * u) is None
+    assert constant_of(pc.sin(u)) is None
+    assert constant_of((u + 1) ** 9 - (u + 1) ** 9 + 1) in (None, 1)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import lru_cache
 from math import gcd, lcm, prod
 from typing import Final
@@ -26,7 +27,7 @@ Vectors = dict[tuple[int, ...], tuple[int, int, int]]
 POLYNOMIAL = {"number", "symbol", "add", "neg", "mul", "div", "pow"}
 #: terms of a coordinate, and whole exponents, beyond which it is not multiplied out
 LARGEST, LARGEST_POWER = 400, 64
-#: terms of a part of one beyond which it is not remembered
+#: terms of a part of one beyond which it is not remembered, and parts of a short one
 MOST_REMEMBERED = 32
 #: products of coefficients beyond which it is quicker to do without them
 MOST_PRODUCTS = 300_000
@@ -126,6 +127,28 @@ def constant_sums(roots: tuple[Expr, ...]) -> set[Expr] | None:
         return None
     sums = [node for node in parts if node.op == "add" and node.symbols]
     return {node for node in sums if not any(map(any, parts[node][0]))}
+
+
+def constant_of(tree: Expr) -> Fraction | None:
+    """Return the number that a tree is by algebra; None where it is none, or no short polynomial.
+
+    What is longer is quicker refuted by samples.
+    """
+    if not tree.ops <= POLYNOMIAL:
+        return None
+    parts: dict[Expr, Fractions] = {}
+    for node in walk((tree,)):
+        high = node.op == "pow" and not (node.args[1].op == "number" and node.args[1].payload <= 3)
+        if high or len(parts) >= MOST_REMEMBERED:
+            return None
+        try:
+            parts[node] = _part(node, parts)
+        except (_NotPlainError, _TooLargeError):
+            return None
+        if len(parts[node][0]) > MOST_REMEMBERED:
+            return None
+    terms, below = parts[tree]
+    return None if any(map(any, terms)) else Fraction(terms.get((0, 0, 0), 0), below)
 
 
 class _NotPlainError(Exception):
