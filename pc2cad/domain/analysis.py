@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -31,6 +31,7 @@ from pc2cad.expression.breaks import SAME_POSITION, Break, find_breaks
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.normal_form import is_identically_zero, with_plain_constants
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.polynomials import polynomials
 from pc2cad.expression.tree import Expr, number, substitute, symbol
 from pc2cad.geometry.scale import Scale
 from pc2cad.topology.cells import (
@@ -240,12 +241,11 @@ class MapQuestions:
         self._map = mapping
         self._bounds = bounds
         self._samples: dict[Cell, Array] = {}
-        sides = self._side_samples
+        sides = self._side_samples()
         extent = sides.max(axis=0) - sides.min(axis=0)
         self.scale = Scale(float(np.linalg.norm(extent)), float(np.abs(sides).max()))
         self._one = self.scale.same_point
 
-    @cached_property
     def _side_samples(self) -> Array:
         """Samples of all six sides, (n, 3), after a check that every one is finite."""
         rows = []
@@ -308,10 +308,9 @@ class MapQuestions:
         bad = np.argwhere(~np.isfinite(points).all(axis=-1))
         if len(bad) == 0:
             return
-        where = {}
-        for d, index in zip(directions_of(cell), bad[0], strict=True):
-            where[PARAMETERS[d]] = float(self._positions(d, cell[d])[index])
-        shown = ", ".join(f"{name} = {value:.3g}" for name, value in where.items())
+        places = zip(directions_of(cell), bad[0], strict=True)
+        where = [(PARAMETERS[d], float(self._positions(d, cell[d])[k])) for d, k in places]
+        shown = ", ".join(f"{name} = {value:.3g}" for name, value in where)
         raise MapNotFiniteError(
             f"M has no finite value on the side {cell_name(cell, self.labels)}, first at local "
             f"{shown}: a division by zero, a root or logarithm of a negative number, or a normal "
@@ -342,12 +341,13 @@ class MapQuestions:
         what = f"the two ends of {PARAMETERS[direction]} on {{}}"
         if not self._equal(points, np.take(points, [0], axis=axis), what, patch):
             return Verdict.REFUTED
-        name = PARAMETERS[direction]
+        name, known = PARAMETERS[direction], polynomials(self._map.coordinates)
+        if known is not None and all(len(row) == 2 for row in self._bounds):
+            return Verdict.UNDECIDED if any(p[axis] for p in known.on(patch)) else Verdict.PROVED
         trees = self._restrict(patch)
         if all(name not in tree.symbols for tree in trees):
             return Verdict.PROVED
-        start = substitute(trees, {name: number(0)})
-        return _prove(trees, start)
+        return _prove(trees, substitute(trees, {name: number(0)}))
 
     def coincide(self, first: Cell, second: Cell, symmetry: Symmetry) -> Verdict:
         """See Questions.coincide."""
