@@ -247,7 +247,7 @@ class MapQuestions:
         self._one = self.scale.same_point
 
     def _side_samples(self) -> Array:
-        """Samples of all six sides, (n, 3), after a check that every one is finite."""
+        """Return samples of all six sides, (n, 3), after a check that every one is finite."""
         rows = []
         for d in range(3):
             ranges: list[Sequence[int]] = [range(1, 2 * len(b) - 1, 2) for b in self._bounds]
