@@ -10,16 +10,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations_with_replacement
-from itertools import product as pairs_of
-from math import lcm, prod, sqrt
+from itertools import combinations, combinations_with_replacement
+from math import lcm, sqrt
 
 from pc2cad.domain.analysis import Analysis
 from pc2cad.expression.polynomials import (
     MOST_PRODUCTS,
     POLYNOMIAL,
     Polynomial,
-    cross,
+    Polynomials,
     polynomials,
     product,
     rational_polynomial,
@@ -47,10 +46,7 @@ def exact_integrals(analysis: Analysis) -> ExactIntegrals | None:
         return None
     below = volume * found.scale
     first, second, third = (_integral(product(f, found.determinant)) / below for f in found.map)
-    areas = [
-        _plane_area(analysis, face.patch, found.tangents, found.scale)
-        for face in analysis.boundary.faces
-    ]
+    areas = [_plane_area(analysis, face.patch, found) for face in analysis.boundary.faces]
     return ExactIntegrals(abs(volume) / found.scale**3, (first, second, third), tuple(areas))
 
 
@@ -108,54 +104,44 @@ def _quotient(f: Polynomial) -> tuple[int, int]:
     return sum([value * (common // share) for share, value in shares]), common
 
 
-def _integral_over(f: Polynomial, spans: Sequence[tuple[Fraction, Fraction]]) -> Fraction:
-    """Return the integral over a box."""
-    total = Fraction(0)
-    for powers, c in f.items():
-        total += c * prod(
-            (high ** (n + 1) - low ** (n + 1)) / (n + 1)
-            for n, (low, high) in zip(powers, spans, strict=True)
-        )
-    return total
+def _plane_area(analysis: Analysis, patch: Cell, found: Polynomials) -> float | None:
+    """Return the area of a plane face, or None where M_s × M_t turns.
 
-
-def _plane_area(
-    analysis: Analysis, patch: Cell, tangents: list[list[Polynomial]], scale: int
-) -> float | None:
-    """Return the area of a plane face, or None where M_s × M_t turns."""
+    M is a sum of vectors times powers of s and t. M_s × M_t is a sum over pairs of these, and does
+    not turn where the products of all pairs that count are parallel.
+    """
     d = normal_direction(patch)
-    limit = patch[d] // 2
     if len(analysis.bounds[d]) != 2:
         return None
-    s, t = directions_of(patch)
-    along = [[_restricted(f, d, limit) for f in tangents[axis]] for axis in (s, t)]
-    normal = cross(*along)
-    vectors = [[f.get(powers, 0) for f in normal] for powers in set().union(*normal)]
-    first = next((v for v in vectors if any(v)), None)
-    if first is None:
-        return None
-    for v, (i, j) in pairs_of(vectors, ((0, 1), (1, 2), (2, 0))):
-        if v[i] * first[j] != v[j] * first[i]:
+    cell = tuple([patch[d] if axis == d else 1 for axis in range(3)])
+    along_s, along_t = (analysis.span(axis, patch[axis]) for axis in directions_of(patch))
+    first: tuple[int, int, int] | None = None
+    shares: list[tuple[tuple[int, int, int], int, int]] = []
+    for ((i, j), a), ((k, m), b) in combinations(found.on(cell).items(), 2):
+        if not (turn := i * m - k * j):
+            continue
+        x, y, z = normal = (
+            a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        )  # fmt: skip
+        if not any(normal):
+            continue
+        first = first or normal
+        if x * first[1] != y * first[0] or y * first[2] != z * first[1] or (
+            z * first[0] != x * first[2]
+        ):  # fmt: skip
             return None
-    spans = [(0.0, 1.0)] * 3
-    for axis in (s, t):
-        spans[axis] = analysis.span(axis, patch[axis])
-    if all(span == (0.0, 1.0) for span in spans):
-        parts = [_quotient(f) for f in normal]
-        common = lcm(*[below for _, below in parts])
-        square = sum([(above * (common // below)) ** 2 for above, below in parts])
-        return sqrt(square / (common * common * scale**4))
-    exact = [(Fraction(low), Fraction(high)) for low, high in spans]
-    return sqrt(sum(_integral_over(f, exact) ** 2 for f in normal) / scale**4)
+        above, below = _of_powers(along_s, i + k)
+        more, under = _of_powers(along_t, j + m)
+        shares.append((normal, turn * above * more, below * under))
+    common = lcm(*[below for _, _, below in shares])
+    total = [sum([n[axis] * c * (common // b) for n, c, b in shares]) for axis in range(3)]
+    square = sum([x * x for x in total])
+    return sqrt(square / (common * common * found.scale**4)) if square else None
 
 
-def _restricted(f: Polynomial, direction: int, limit: int) -> Polynomial:
-    """Return the polynomial at 0 or 1 of one direction."""
-    result: Polynomial = {}
-    for powers, c in f.items():
-        if limit or not powers[direction]:
-            rest = list(powers)
-            rest[direction] = 0
-            key = (rest[0], rest[1], rest[2])
-            result[key] = result.get(key, 0) + c
-    return result
+def _of_powers(span: tuple[float, float], n: int) -> tuple[int, int]:
+    """Return the integral of x^(n-1) over a span as a quotient of whole numbers."""
+    if span == (0.0, 1.0):
+        return 1, n
+    low, high = map(Fraction, span)
+    return ((high**n - low**n) / n).as_integer_ratio()
