@@ -19,10 +19,11 @@ from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import cross, symmetric
 from pc2cad.brep.forms import FLUX, PAIRS, SECOND, Form
 from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex, as_wire
+from pc2cad.brep.plane_solids import PlaneSolid, plane_solid
 from pc2cad.brep.spline_integrals import spline_flux
 from pc2cad.brep.trimmed_integrals import PlaneEdge, is_whole, plane_moments, trimmed_flux
 
@@ -65,21 +66,52 @@ def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> Sol
 
     Faces that are `known` from other solids of the part are not integrated again.
     """
-    faces = list(faces_of(solid))
-    if not faces:
-        return SolidIntegrals(0.0, 0.0, (0.0, 0.0, 0.0), ())
     known = known or KnownFaces()
-    if known.origin is None:
-        known.origin = _reference(faces)
-    origin = known.origin
-    rows = [known.row(face, origin) for face in faces]
+    rows = _rows(solid, known)
+    if known.origin is None or not len(rows):
+        return SolidIntegrals(0.0, 0.0, (0.0, 0.0, 0.0), ())
     total = np.sum(rows, axis=0)
     volume, area = total[0] / 3, total[1]
-    centre = total[2:] / (2 * volume) + origin if volume else origin
+    centre = total[2:] / (2 * volume) + known.origin if volume else known.origin
     return SolidIntegrals(
         float(volume), float(area), (float(centre[0]), float(centre[1]), float(centre[2])),
-        tuple(float(row[1]) for row in rows),
+        tuple(rows[:, 1].tolist()),
     )  # fmt: skip
+
+
+def _rows(solid: TopoDS_Shape, known: KnownFaces) -> Array:
+    """Return flux, area and moments of all faces."""
+    straight = plane_solid(solid) if known.origin is None else None
+    walks = None if straight is None else straight.walks()
+    if straight is not None and walks is not None:
+        known.origin = np.asarray(straight.points.mean(axis=0))
+        return _polygons(straight, walks, known.origin)
+    faces = faces_of(solid)
+    if not faces:
+        return np.empty((0, 5))
+    origin = known.origin = _reference(faces) if known.origin is None else known.origin
+    return np.array([known.row(face, origin) for face in faces])
+
+
+def _polygons(solid: PlaneSolid, walks: tuple[Integers, Integers, Array], origin: Array) -> Array:
+    """Return flux, area and moments of all faces of a solid, each a sum of triangles.
+
+    Those of an edge with a point of the plane, in the sense in which the edge is walked: the face
+    is what they cover once more one way than the other.
+    """
+    edge, face, turn = walks
+    place, direction = solid.lines[edge, None, :3], solid.lines[edge, None, 3:]
+    ends = place - origin + solid.ranges[edge, :, None] * direction
+    bases = solid.planes[:, :3] - origin
+    normals = cross(solid.planes[:, 6:9], solid.planes[:, 9:])
+    corners = np.concatenate((bases[face, None], ends), axis=1)
+    spans = ends - bases[face, None]
+    area = turn / 2 * (cross(spans[:, 0], spans[:, 1]) * normals[face]).sum(axis=1)
+    squares = (corners * corners).sum(axis=1) + corners.sum(axis=1) ** 2
+    sums = np.zeros((len(bases), 4))
+    np.add.at(sums, face, np.column_stack((area, squares * (area / 12)[:, None])))
+    flux = sums[:, 0] * (bases * normals).sum(axis=1)
+    return np.column_stack((flux, np.abs(sums[:, 0]), sums[:, 1:] * normals))
 
 
 def second_moments(solid: TopoDS_Shape, about: Array) -> Array:

@@ -33,6 +33,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from pc2cad.arrays import Array
 from pc2cad.brep.from_kernel import conic_terms, vector
 from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_face, as_vertex
+from pc2cad.brep.plane_solids import PlaneSolid, plane_solid
 from pc2cad.brep.spline_integrals import read_curve, read_patch
 from pc2cad.errors import KernelError
 
@@ -55,6 +56,9 @@ def same_numbers(one: TopoDS_Shape, other: TopoDS_Shape) -> bool:
     Curves in the parameter planes of faces are not compared. False also where a curve or a surface
     is of a kind whose numbers are not known here.
     """
+    both = plane_solid(one), plane_solid(other)
+    if both[0] and both[1] and both[0].topology == both[1].topology:
+        return _agree_in_rows(both[0], both[1])
     try:
         pairs = zip(_numbers(one), _numbers(other), strict=True)
         return all(_agree(*pair) for pair in pairs)
@@ -77,6 +81,15 @@ def _agree(one: Numbers, other: Numbers) -> bool:
     size = np.abs(numbers).max(initial=0.0)
     allowed = LAST_PLACES * sys.float_info.epsilon * size
     return bool(np.all(np.abs(numbers - found) <= allowed))
+
+
+def _agree_in_rows(one: PlaneSolid, other: PlaneSolid) -> bool:
+    """Return whether all numbers of solids of one topology agree, each row by its own size."""
+    for few, there in zip(one.rows, other.rows, strict=True):
+        allowed = LAST_PLACES * sys.float_info.epsilon * np.abs(few).max(axis=1, initial=0.0)
+        if not (np.abs(few - there) <= allowed[:, None]).all():
+            return False
+    return True
 
 
 def _numbers(shape: TopoDS_Shape) -> Iterator[Numbers]:

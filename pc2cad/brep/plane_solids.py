@@ -1,0 +1,153 @@
+"""All numbers of a solid of plane faces and straight edges at once.
+
+One by one they take five times longer. The kernel writes the shape into memory as its binary files
+have it (``BinTools_ShapeSet``, OCCT 7.9 and 8.0), and it is read from there where it is in every
+byte of the form that is known here.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.BinTools import BinTools
+from OCP.BRep import BRep_Tool
+from OCP.Geom import Geom_Plane
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS_Shape
+
+from pc2cad.arrays import Array, Integers
+from pc2cad.brep.kernel import as_face
+
+#: what comes before curves, surfaces and shapes: neither locations nor curves in planes
+_CURVES = re.compile(rb"\s*Open CASCADE Topology V4[^\n]*\nLocations 0\nCurve2ds 0\nCurves (\d+)\n")
+_SURFACES = re.compile(rb"Polygon3D 0\nPolygonOnTriangulations 0\nSurfaces (\d+)\n")
+_SHAPES = re.compile(rb"Triangulations 0\n\s*TShapes (\d+)\n")
+_LINE, _PLANE = (np.dtype([("kind", "u1"), ("numbers", "<f8", count)]) for count in (6, 12))
+#: orientation, number and location of what a shape is made of
+_PARTS = rb"((?:[\x00-\x03].{4}\x00{4})*)\*"
+#: vertex, edge that is not degenerated (and between which faces it is smooth), face, all others;
+#: tolerances, numbers of curve and surface, and parts; flags are passed over
+_SHAPE = re.compile(
+    rb"(\x07(.{8})(.{24})\x00.{7}\*"
+    rb"|\x06(.{8})..\x00\x01(.{4})\x00{4}(.{16})(?:\x04.{17})*\x00.{7}" + _PARTS +
+    rb"|\x04.(.{8})(.{4})\x00{4}\x01.{7}" + _PARTS +
+    rb"|([\x01-\x03\x05]).{7}" + _PARTS + rb")",
+    re.DOTALL,
+)  # fmt: skip
+_USE = np.dtype([("turn", "u1"), ("part", "<i4"), ("place", "<i4")])
+_SOLID, _SHELL, _WIRE = (bytes([kind]) for kind in (2, 3, 5))
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneSolid:
+    """A solid of plane faces and straight edges, in the kernel's order of its parts."""
+
+    #: which parts each part is made of, and how turned: of edges, faces and others, whose kinds are
+    #: the third; the last is the shape itself
+    topology: tuple[
+        tuple[bytes, ...], tuple[bytes, ...], tuple[bytes, ...], tuple[bytes, ...], bytes
+    ]
+    #: of the vertices (n, 3)
+    points: Array
+    #: parameters of the ends of the edges (m, 2)
+    ranges: Array
+    #: of the edges' lines a point and the direction (m, 6)
+    lines: Array
+    #: of the faces' planes a point, the normal and two directions (k, 12)
+    planes: Array
+
+    @property
+    def rows(self) -> tuple[Array, ...]:
+        """All numbers; those of one row are of one size."""
+        return self.points, self.ranges, self.lines, self.planes[:, :3], self.planes[:, 3:]
+
+    def walks(self) -> tuple[Integers, Integers, Array] | None:
+        """Return the edges along which faces are bounded, whose, and 1 or -1: how they are walked.
+
+        Faces in the order that they have in their shell; edges in that of `lines`. None of shapes
+        that are no solids of one shell.
+        """
+        ends, wires, kinds, parts, whole = self.topology
+        count = len(kinds)
+        if kinds[-2:] != (_SHELL, _SOLID) or kinds.count(_SHELL) != 1 or whole[0] > 1:
+            return None
+        lists = [
+            one or other or third for one, other, third in zip(ends, wires, parts, strict=True)
+        ]
+        table = np.frombuffer(b"".join(lists), _USE)
+        owner = np.repeat(np.arange(count), [len(each) // _USE.itemsize for each in lists])
+        # the kernel counts from the last
+        child, turn = count - table["part"], table["turn"].astype(np.int64)
+        turned, above = np.zeros((2, count), np.int64)
+        turned[-1] = whole[0]
+        is_face, is_edge = (np.array([bool(each) for each in of]) for of in (wires, ends))
+        is_wire = np.array([kind == _WIRE for kind in kinds])
+        for one in (owner == count - 1, owner == count - 2, is_face[owner]):
+            turned[child[one]] = turned[owner[one]] ^ turn[one]
+            above[child[one]] = owner[one]
+        faces, wired = child[owner == count - 2], child[is_face[owner]]
+        if (
+            (turn > 1).any()
+            # each face once and in the order of the planes, each wire in one face
+            or len(faces) != is_face.sum()
+            or (np.diff(faces) <= 0).any()
+            or not np.array_equal(np.sort(wired), np.flatnonzero(is_wire))
+        ):
+            return None
+        uses = np.flatnonzero(is_wire[owner])
+        edge, face = (np.cumsum(of) - 1 for of in (is_edge, is_face))
+        signs = 1.0 - 2.0 * (turned[owner[uses]] ^ turn[uses])
+        return edge[child[uses]], face[above[owner[uses]]], np.asarray(signs, float)
+
+
+def plane_solid(shape: TopoDS_Shape) -> PlaneSolid | None:
+    """Return the numbers of a shape, None where it has others than those of planes and lines."""
+    faces = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_FACE)
+    while faces.More():
+        if not isinstance(BRep_Tool.Surface_s(as_face(faces.Current())), Geom_Plane):
+            return None
+        faces.Next()
+    stream = io.BytesIO()
+    BinTools.Write_s(shape, stream)
+    data = stream.getvalue()
+    lines, end = _table(data, _CURVES, 0, _LINE)
+    planes, end = _table(data, _SURFACES, end, _PLANE)
+    head = _SHAPES.match(data, end)
+    if lines is None or planes is None or head is None:
+        return None
+    rows = _SHAPE.findall(data, head.end(), len(data) - 9)
+    # a shape that is of another form is passed over
+    if len(rows) != int(head[1]) or sum(len(row[0]) for row in rows) != len(data) - 9 - head.end():
+        return None
+    _, _, points, _, curve, spans, ends, _, surface, wires, kinds, parts = zip(*rows, strict=True)
+    return PlaneSolid(
+        (ends, wires, kinds, parts, data[-9:]), _doubles(points, 3), _doubles(spans, 2),
+        lines[_places(curve)], planes[_places(surface)],
+    )  # fmt: skip
+
+
+def _table(
+    data: bytes, title: re.Pattern[bytes], start: int, kind: np.dtype[np.void]
+) -> tuple[Array | None, int]:
+    """Return the numbers of curves or surfaces, all of one kind, and where they end."""
+    head = title.match(data, start)
+    if head is None:
+        return None, start
+    count = int(head[1])
+    end = head.end() + count * kind.itemsize
+    if end > len(data):
+        return None, start
+    table = np.frombuffer(data, kind, count, head.end())
+    return (table["numbers"] if (table["kind"] == 1).all() else None), end
+
+
+def _places(texts: tuple[bytes, ...]) -> Integers:
+    return np.frombuffer(b"".join(texts), "<i4") - 1
+
+
+def _doubles(texts: tuple[bytes, ...], width: int) -> Array:
+    return np.frombuffer(b"".join(texts), "<f8").reshape(-1, width)

@@ -1,0 +1,100 @@
+"""Numbers of plane solids, read at once: what the kernel says of each one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeWedge
+from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+
+from pc2cad import compile_equation, read_template
+from pc2cad.brep.integrals import KnownFaces, faces_of, solid_integrals
+from pc2cad.brep.kernel import as_solid
+from pc2cad.brep.plane_solids import plane_solid
+from pc2cad.brep.same_numbers import same_numbers
+
+
+def placed(shape):
+    turn, step = gp_Trsf(), gp_Trsf()
+    turn.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(3, -1, 2)), 0.7)
+    step.SetTranslation(gp_Vec(11.0, -7.0, 5.0))
+    return as_solid(BRepBuilderAPI_Transform(shape, step.Multiplied(turn), True).Shape())
+
+
+def frame():
+    """A block with a square hole through it: faces with two wires."""
+    block = BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), 4.0, 4.0, 1.0).Solid()
+    hole = BRepPrimAPI_MakeBox(gp_Pnt(1, 1, -1), 2.0, 2.0, 3.0).Solid()
+    return cut(block, hole)
+
+
+def bracket():
+    """A block without a corner: faces that are not convex."""
+    block = BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), 4.0, 4.0, 1.0).Solid()
+    return cut(block, BRepPrimAPI_MakeBox(gp_Pnt(1, 1, -1), 5.0, 5.0, 3.0).Solid())
+
+
+def cut(block, hole):
+    walk = TopExp_Explorer(BRepAlgoAPI_Cut(block, hole).Shape(), TopAbs_ShapeEnum.TopAbs_SOLID)
+    return as_solid(walk.Current())
+
+
+SOLIDS = {
+    "box": (lambda: BRepPrimAPI_MakeBox(2.0, 3.0, 4.0).Solid(), 24.0),
+    "wedge": (lambda: as_solid(BRepPrimAPI_MakeWedge(2.0, 3.0, 4.0, 1.0).Shape()), 18.0),
+    "frame": (frame, 12.0),
+    "bracket": (bracket, 7.0),
+}
+
+
+def one_by_one(solid):
+    known = KnownFaces()
+    known.origin = np.array([2.0, 1.0, 3.0])
+    return solid_integrals(solid, known)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_integrals_are_those_of_the_faces_one_by_one(name, turned):
+    build, volume = SOLIDS[name]
+    solid = placed(build())
+    if turned:
+        solid = as_solid(solid.Reversed())
+    known = plane_solid(solid)
+    assert known is not None
+    assert known.walks() is not None
+    together, alone = solid_integrals(solid), one_by_one(solid)
+    assert together.volume == pytest.approx(-volume if turned else volume, rel=1e-13)
+    assert together.volume == pytest.approx(alone.volume, rel=1e-13)
+    assert together.face_areas == pytest.approx(alone.face_areas, rel=1e-13)
+    assert together.centroid == pytest.approx(alone.centroid, rel=1e-13)
+
+
+def test_a_face_that_is_turned_counts_as_it_is_turned():
+    solid = compile_equation(read_template("pyramid_cut").bind({})).exportable().solid
+    together, alone = solid_integrals(solid), one_by_one(solid)
+    assert together.volume == pytest.approx(28.546875, rel=1e-14)
+    assert together.face_areas == pytest.approx(alone.face_areas, rel=1e-13)
+    assert len(plane_solid(solid).planes) == len(faces_of(solid))
+
+
+def test_solids_with_a_curved_face_are_not_taken():
+    assert plane_solid(BRepPrimAPI_MakeCylinder(1.0, 2.0).Solid()) is None
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_the_same_numbers_and_others(name):
+    # the kernel's own solids have curves in planes, copies of them have not
+    solid, other = placed(SOLIDS[name][0]()), placed(SOLIDS[name][0]())
+    assert plane_solid(solid) is not None
+    assert same_numbers(solid, other)
+    assert not same_numbers(solid, placed(other))
+    assert not same_numbers(solid, as_solid(other.Reversed()))
+    for far, same in ((1e-16, True), (1e-11, False)):
+        step = gp_Trsf()
+        step.SetTranslation(gp_Vec(far, 0.0, 0.0))
+        assert same_numbers(solid, BRepBuilderAPI_Transform(other, step, True).Shape()) == same
