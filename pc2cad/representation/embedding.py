@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pc2cad.arrays.linear import product
 from pc2cad.bounds.deviation import bound_surface
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.analysis import Analysis
@@ -14,14 +15,14 @@ from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.scalar import evaluate
-from pc2cad.geometry.carriers import Plane, SplineSurface
+from pc2cad.geometry.carriers import Line, Plane, SplineSurface
 from pc2cad.geometry.sheets import OUTSIDE
 from pc2cad.geometry.splines.bernstein import bezier_knots
 from pc2cad.representation.boundary_model import BoundaryModel
 from pc2cad.representation.face_sheets import edge_lines, sheets_of
 from pc2cad.representation.plane_faces import coplanar_groups
 from pc2cad.solidity.embedding.proof import TOUCHING
-from pc2cad.solidity.embedding.verdict import Embedding, check_embedded
+from pc2cad.solidity.embedding.verdict import Embedding, asked_about, check_embedded
 from pc2cad.topology.cells import IDENTITY
 from pc2cad.topology.complex import SideFate
 
@@ -37,20 +38,60 @@ def embed(
     `doubt` is called where that is not clear soon: it may know why and raise. Raises
     OverlappingMapError where the equation's do, BuiltFacesMeetError where only the model's.
     """
+    found = _convex(checked.analysis, model) or _compared(checked.analysis, model, doubt)
+    gap, names = _glued(checked.analysis)
+    return replace(found, depth=max(found.depth, gap), sides=names)
+
+
+def _convex(analysis: Analysis, model: BoundaryModel) -> Embedding | None:
+    """Return that faces meet nowhere else, of plane faces that all others are on one side of.
+
+    All corners that such a face has not are above its plane, by more than what is asked about. So
+    another face, which is in the hull of its own corners, meets it in the hull of those that they
+    have in common: none, one, or the ends of an edge that both have. None where this is not so.
+    """
+    if model.layers or any(analysis.apart):
+        return None
+    planes = [face.carrier for face in model.faces if isinstance(face.carrier, Plane)]
+    straight = all(isinstance(edge.carrier, Line) for edge in model.edges)
+    if len(planes) < len(model.faces) or not straight:
+        return None
+    if any(len(face.cells) > 1 or face.evidence == "sampled" for face in model.faces):
+        return None
+    uses = np.zeros((len(planes), len(model.edges)), dtype=bool)
+    for index, face in enumerate(model.faces):
+        uses[index, [edge for wire in face.wires for edge, _ in wire]] = True
+    corners = np.zeros((len(planes), len(model.vertices)), dtype=bool)
+    for ends in zip(*((edge.start, edge.end) for edge in model.edges), strict=True):
+        for index, edges in enumerate(uses):
+            corners[index, np.array(ends)[edges]] = True
+    origins, normals = (
+        np.array([getattr(plane, name) for plane in planes]) for name in ("origin", "normal")
+    )
+    heights = product(normals, model.vertices.T) - (normals * origins).sum(axis=1)[:, None]
+    near = asked_about(analysis, [face.deviation for face in model.faces])
+    beyond = [(corners | (sign * heights > near)).all(axis=1) for sign in (1, -1)]
+    common, edges = (x.astype(int) @ x.T.astype(int) for x in (corners, uses))
+    joined = (common <= 1) | ((common == 2) & (edges == 1))
+    if not (beyond[0] | beyond[1]).all() or not (joined | np.eye(len(planes), dtype=bool)).all():
+        return None
+    return Embedding(True, len(planes), 0.0)
+
+
+def _compared(analysis: Analysis, model: BoundaryModel, doubt: Callable[[], object]) -> Embedding:
+    """Return what is found where all faces are compared as sheets."""
     sheets, left = sheets_of(model)
-    regions, beside = _regions(checked.analysis, model), _beside(model)
+    regions, beside = _regions(analysis, model), _beside(model)
     sheets = [
         replace(sheet, region=regions.get(sheet.cell, -1), beside=beside[sheet.face])
         for sheet in sheets
     ]
     if left or any(face.evidence == "sampled" for face in model.faces):
         doubt()
-    found = check_embedded(
-        checked.analysis, sheets, edge_lines(model.edges, model.complex, model.vertices),
+    return check_embedded(
+        analysis, sheets, edge_lines(model.edges, model.complex, model.vertices),
         [face.deviation for face in model.faces], [model.faces[i].name for i in left], doubt,
     )  # fmt: skip
-    gap, names = _glued(checked.analysis)
-    return replace(found, depth=max(found.depth, gap), sides=names)
 
 
 def not_proved(checked: CheckedMap, model: BoundaryModel, embedding: Embedding) -> list[str]:

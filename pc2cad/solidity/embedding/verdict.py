@@ -73,7 +73,7 @@ def check_embedded(
         return Embedding(False, 0, np.inf, _not_taken(left))
     # of a solid one side of which is missing nothing follows
     noise, every = analysis.scale.evaluation_noise, bool(left)
-    near = 2 * max(deviations) + TOUCHING * analysis.size + analysis.scale.sampling_noise
+    near = asked_about(analysis, deviations)
     outcome = prove(sheets, lines, analysis.size, noise, every, Doubt(doubt, near))
     if outcome.meeting is not None and outcome.meets:
         found = _found(analysis, sheets, outcome.meeting)
@@ -86,6 +86,11 @@ def check_embedded(
     if left:
         return Embedding(False, outcome.cells, np.inf, _not_taken(left))
     return Embedding(True, outcome.cells, outcome.depth)
+
+
+def asked_about(analysis: Analysis, deviations: Sequence[float]) -> float:
+    """Return how near (model units) built faces are whose equation's may touch."""
+    return 2 * max(deviations) + TOUCHING * analysis.size + analysis.scale.sampling_noise
 
 
 def _not_taken(left: Sequence[str]) -> str:
