@@ -87,7 +87,7 @@ def validate(
         if embedding.proved and not findings.valid:
             _check_walls(model, built)
         raise
-    known = KnownFaces()
+    known = KnownFaces() if model.layers else None
     integrals = solid_integrals(built.solid, known)
     _check_integrals(integrals, checked.mass, model)
     layers = _layers(checked.mass, model, built, known)
@@ -123,7 +123,7 @@ def check_thickness(properties: MassProperties) -> None:
 
 
 def _layers(
-    properties: MassProperties, model: BoundaryModel, built: BuiltSolid, known: KnownFaces
+    properties: MassProperties, model: BoundaryModel, built: BuiltSolid, known: KnownFaces | None
 ) -> tuple[LayerReport, ...]:
     """Return the report of each layer; raise where its solid is not valid or not the equation's."""
     result = []

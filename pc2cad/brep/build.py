@@ -26,6 +26,7 @@ from OCP.TopoDS import (
 )
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import lengths
 from pc2cad.brep import to_kernel
 from pc2cad.brep.kernel import as_face
 from pc2cad.errors import KernelError
@@ -69,6 +70,7 @@ class _Build:
         self._model = model
         self._builder = BRep_Builder()
         self._check_size()
+        to_kernel.check_finite(model.vertices, "a vertex")
         self._vertices = [self._vertex(position) for position in model.vertices]
         self._ranges: list[tuple[float, float]] = []
         self._edges = [self._edge(index) for index in range(len(model.edges))]
@@ -81,18 +83,18 @@ class _Build:
                 f"the kernel's {KERNEL_TOLERANCE:g}; choose a larger unit (m instead of mm), so "
                 "that numbers shrink, or move the part nearer to the origin"
             )
-        for edge in self._model.edges:
-            a, b = self._model.vertices[edge.start], self._model.vertices[edge.end]
-            gap = float(np.linalg.norm(a - b))
-            if edge.start != edge.end and gap < 10 * KERNEL_TOLERANCE:
-                raise PartTooSmallError(
-                    f"two vertices are {gap:.3g} units apart and the kernel takes points within "
-                    f"{KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead of m), so "
-                    "that numbers grow"
-                )
+        pairs = [(edge.start, edge.end) for edge in self._model.edges]
+        ends = np.array(pairs, np.int64).reshape(-1, 2)
+        apart = lengths(self._model.vertices[ends[:, 0]] - self._model.vertices[ends[:, 1]])
+        near = (ends[:, 0] != ends[:, 1]) & (apart < 10 * KERNEL_TOLERANCE)
+        if near.any():
+            raise PartTooSmallError(
+                f"two vertices are {apart[near][0]:.3g} units apart and the kernel takes points "
+                f"within {KERNEL_TOLERANCE:g} for one; choose a smaller unit (mm instead of m), "
+                "so that numbers grow"
+            )
 
     def _vertex(self, position: Array) -> TopoDS_Vertex:
-        to_kernel.check_finite(position, "a vertex")
         vertex = TopoDS_Vertex()
         self._builder.MakeVertex(vertex, gp_Pnt(*map(float, position)), KERNEL_TOLERANCE)
         return vertex

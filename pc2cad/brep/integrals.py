@@ -64,33 +64,33 @@ class KnownFaces:
 def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> SolidIntegrals:
     """Return the integrals of one solid or several: planes, analytic and spline surfaces.
 
-    Faces that are `known` from other solids of the part are not integrated again.
+    Faces that are `known` from other solids of the part are not integrated again, and new ones are
+    integrated one by one.
     """
-    known = known or KnownFaces()
-    rows = _rows(solid, known)
-    if known.origin is None or not len(rows):
+    rows, origin = _rows(solid, known)
+    if not len(rows):
         return SolidIntegrals(0.0, 0.0, (0.0, 0.0, 0.0), ())
     total = np.sum(rows, axis=0)
     volume, area = total[0] / 3, total[1]
-    centre = total[2:] / (2 * volume) + known.origin if volume else known.origin
+    centre = total[2:] / (2 * volume) + origin if volume else origin
     return SolidIntegrals(
         float(volume), float(area), (float(centre[0]), float(centre[1]), float(centre[2])),
         tuple(rows[:, 1].tolist()),
     )  # fmt: skip
 
 
-def _rows(solid: TopoDS_Shape, known: KnownFaces) -> Array:
-    """Return flux, area and moments of all faces."""
-    straight = plane_solid(solid) if known.origin is None else None
+def _rows(solid: TopoDS_Shape, known: KnownFaces | None) -> tuple[Array, Array]:
+    """Return flux, area and moments of all faces, and the origin of these."""
+    straight = plane_solid(solid) if known is None else None
     walks = None if straight is None else straight.walks()
     if straight is not None and walks is not None:
-        known.origin = np.asarray(straight.points.mean(axis=0))
-        return _polygons(straight, walks, known.origin)
-    faces = faces_of(solid)
+        origin = np.asarray(straight.points.mean(axis=0))
+        return _polygons(straight, walks, origin), origin
+    faces, known = faces_of(solid), known or KnownFaces()
     if not faces:
-        return np.empty((0, 5))
+        return np.empty((0, 5)), np.zeros(3)
     origin = known.origin = _reference(faces) if known.origin is None else known.origin
-    return np.array([known.row(face, origin) for face in faces])
+    return np.array([known.row(face, origin) for face in faces]), origin
 
 
 def _polygons(solid: PlaneSolid, walks: tuple[Integers, Integers, Array], origin: Array) -> Array:

@@ -14,6 +14,7 @@ import re
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -260,7 +261,7 @@ def _create_beside(target: Path, mode: int) -> tuple[int, str]:
     """Create an empty temporary file in the target's folder; the system applies the umask."""
     # as in tempfile, but with the permissions of an ordinary new file instead of 0600
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
-    own = "-".join(filter(None, (str(os.getpid()), start_of(os.getpid()))))
+    own = _process(os.getpid())
     for _ in range(100):
         name = str(target.parent / f"{TEMPORARY_PREFIX}{own}-{os.urandom(8).hex()}.tmp")
         with suppress(FileExistsError):
@@ -269,6 +270,12 @@ def _create_beside(target: Path, mode: int) -> tuple[int, str]:
                 return descriptor, name
             os.close(descriptor)
     raise FileExistsError(errno.EEXIST, "no free name for a temporary file", str(target.parent))
+
+
+@lru_cache(maxsize=1)
+def _process(number: int) -> str:
+    """Return what tells this process from others, earlier and later ones."""
+    return "-".join(filter(None, (str(number), start_of(number))))
 
 
 def _locked(descriptor: int) -> bool:
