@@ -18,6 +18,7 @@ from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.rewriting import among
+from pc2cad.expression.sign_changes import on_cells
 from pc2cad.expression.tree import Expr
 
 #: a part is left alone where the values over it span no more than this share of all
@@ -40,6 +41,22 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
     return _limits(nodes, name) if nodes else _NOWHERE
 
 
+def _are_quiet(functions: frozenset[Expr], name: str) -> bool:
+    """Say whether no function of one parameter is wide over any of its first parts.
+
+    Their enclosures are known, most of them, from the search for zeros.
+    """
+    if any(len(node.symbols) > 1 for node in functions):
+        return False
+    for node in functions:
+        values = on_cells(node, name)
+        lower, upper = np.broadcast_arrays(values.lower, values.upper)
+        span = upper.max() - lower.min()
+        if not np.isfinite(span) or _wide(lower, upper, span).any():
+            return False
+    return True
+
+
 @lru_cache(maxsize=8)  # each parameter of the same trees is asked for
 def _steep(trees: tuple[Expr, ...]) -> list[Expr]:
     return list(filter(_is_steep, among(trees, lambda n: bool(n.symbols))))
@@ -47,6 +64,8 @@ def _steep(trees: tuple[Expr, ...]) -> list[Expr]:
 
 @lru_cache(maxsize=256)  # the faces and edges of a part are made of few such functions
 def _limits(functions: frozenset[Expr], name: str) -> Array:
+    if _are_quiet(functions, name):
+        return _NOWHERE
     nodes = tuple(functions)
     found: list[Array] = []
     whole = Interval(np.array(0.0), np.array(1.0))
@@ -87,7 +106,7 @@ def _limits(functions: frozenset[Expr], name: str) -> Array:
     return limits
 
 
-def _wide(lower: Array, upper: Array, span: Array) -> Booleans:
+def _wide(lower: Array, upper: Array, span: Array | float) -> Booleans:
     with np.errstate(invalid="ignore"):
         return np.asarray(upper - lower > QUIET * span)
 
