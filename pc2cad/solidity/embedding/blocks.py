@@ -35,8 +35,6 @@ FEW = 128
 FEW_BLOCKS = 128
 #: of two sheets: one alone, and none that are a wall
 ALONE, NO_WALL = -1, -2
-#: from a block to the four corners of the rectangle round it and another one, in steps
-_SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 def near_pairs(
@@ -230,9 +228,10 @@ class _Search:
         """Return the pairs of blocks that are not parted as rectangles."""
         rows, step, first, second = self._rectangles(level, pairs)
         parted = self._parted(level, first, second)
-        across = np.flatnonzero(~parted & (step != 0).all(axis=1))
+        across = np.flatnonzero(~parted & (step[0] != 0) & (step[1] != 0))
         if len(across):
-            parted[across] = self._ahead(level, step[across], first[across], second[across])
+            chosen = step[:, across], first[:, across], second[:, across]
+            parted[across] = self._ahead(level, *chosen)
         left = np.ones(len(pairs), dtype=bool)
         left[rows[parted]] = False
         return pairs[left]
@@ -253,37 +252,45 @@ class _Search:
     def _rectangles(
         self, level: Level, pairs: Integers
     ) -> tuple[Integers, Integers, Integers, Integers]:
-        """Return pairs of blocks side by side on one grid, and the steps between them (k, 2).
+        """Return pairs of blocks side by side on one grid, and the steps between them (2, k).
 
-        With them come the corners of the rectangle round both (k, 4), on both sheets.
+        With them come the corners of the rectangle round both (4, k), on both sheets.
         """
-        narrow, sheet = level.narrow[pairs].all(axis=1), level.sheet[pairs]
-        rows = np.flatnonzero(narrow & (self._wall_of[sheet[:, 0], sheet[:, 1]] > NO_WALL))
-        (one, other), (a, b) = sheet[rows].T, pairs[rows].T
-        size, step = level.shapes[one], level.place[b] - level.place[a]
-        round_ = self.surfaces.closed[one] & self.surfaces.closed[other]
-        step = np.where(round_, (step + size // 2) % size - size // 2, step)
-        near = np.flatnonzero((np.abs(step) <= 1).all(axis=1))
-        size = size[near][:, None]
-        corner = (level.place[a[near]][:, None] + _SHIFTS * step[near][:, None]) % size
-        index = corner[..., 0] * size[..., 1] + corner[..., 1]
-        start = level.start
-        corners = (start[sheet[near], None] + index for sheet in (one, other))
-        return rows[near], step[near], *corners
+        a, b = np.ascontiguousarray(pairs.T)
+        one, other = level.sheet[a], level.sheet[b]
+        fit = level.narrow[a] & level.narrow[b] & (self._wall_of[one, other] > NO_WALL)
+        rows = np.flatnonzero(fit)
+        steps, ends = [], []
+        for axis in (0, 1):
+            size, place = level.shapes[one[rows], axis], level.place[:, axis]
+            step = place[b[rows]] - place[a[rows]]
+            closed = self.surfaces.closed[:, axis]
+            round_ = closed[one[rows]] & closed[other[rows]]
+            step = np.where(round_, (step + size // 2) % size - size // 2, step)
+            steps.append(step)
+            ends.append((place[a[rows]], (place[a[rows]] + step) % size))
+        near = np.flatnonzero((np.abs(steps[0]) <= 1) & (np.abs(steps[1]) <= 1))
+        rows = rows[near]
+        (s, s_end), (t, t_end) = ((x[near], y[near]) for x, y in ends)
+        across = level.shapes[one[rows], 1]
+        s, s_end = s * across, s_end * across
+        index = np.array([s + t, s_end + t, s_end + t_end, s + t_end])
+        first, second = (index + level.start[sheet[rows]] for sheet in (one, other))
+        return rows, np.array(steps)[:, near], first, second
 
     def _parted(self, level: Level, first: Integers, second: Integers) -> Booleans:
         """Say in which rectangles sheets do not meet themselves or one another."""
-        sheet = level.sheet[first[:, 0]]
-        wall = self._wall_of[sheet, level.sheet[second[:, 0]]]
+        sheet = level.sheet[first[0]]
+        wall = self._wall_of[sheet, level.sheet[second[0]]]
         result = np.zeros(len(wall), dtype=bool)
         alone, walls = np.flatnonzero(wall < 0), np.flatnonzero(wall >= 0)
         if len(alone):
-            tangents = level.tangents(first[alone].T)
+            tangents = level.tangents(first[:, alone])
             result[alone] = is_alone(tangents[0], tangents[1])
         if len(walls):
-            tangents = level.tangents(np.concatenate((first[walls].T, second[walls].T)))
+            tangents = level.tangents(np.concatenate((first[:, walls], second[:, walls])))
             start = level.start[len(self.surfaces.sheets) + wall[walls]] - level.start[sheet[walls]]
-            across = level.cones[len(level.low) + start + first[walls].T]
+            across = level.cones[len(level.low) + start + first[:, walls]]
             result[walls] = is_wall(tangents[0], tangents[1], joint(across))
         return result
 
@@ -292,13 +299,13 @@ class _Search:
 
         They have a step of one along both parameters. All tangents are asked, not a cone of them.
         """
-        count, (a, b) = len(level.low), (level.sheet[corners[:, 0]] for corners in (first, second))
+        count, (a, b) = len(level.low), (level.sheet[corners[0]] for corners in (first, second))
         wall = self._wall_of[a, b]
-        result = np.zeros(len(step), dtype=bool)
+        result = np.zeros(step.shape[1], dtype=bool)
         for rows in (np.flatnonzero(wall < 0), np.flatnonzero(wall >= 0)):
             if len(rows) == 0:
                 continue
-            one, other, (s, t) = first[rows].T, second[rows].T, step[rows].T
+            one, other, (s, t) = first[:, rows], second[:, rows], step[:, rows]
             blocks, signs = [one, count + one], [s, t]
             if wall[rows[0]] >= 0:
                 start = level.start[len(self.surfaces.sheets) + wall[rows]]
