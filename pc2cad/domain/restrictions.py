@@ -48,6 +48,8 @@ LARGEST_LOSS = 1e-9
 #: cells that are evaluated together: places, and cells, whose pieces are all met
 MOST_PLACES, MOST_CELLS = 100_000, 32
 
+#: the ends of an edge
+ENDS = np.array([0.0, 1.0])
 #: local parameters by their bytes
 _Places = tuple[bytes, ...]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
@@ -219,6 +221,18 @@ def look_along(edges: Sequence[RestrictedMap], *asked: Array) -> None:
     for edge, points in zip(edges, sampled(edges, np.concatenate(asked)), strict=True):
         for places, own in zip(asked, np.split(points, ends), strict=True):
             edge._points[_key((places,))] = own
+
+
+def look_at_ends(edges: Sequence[RestrictedMap]) -> None:
+    """Do the same for edges that are asked for their ends alone, whatever way they go."""
+    if not (edges and edges[0].analysis.map.is_alike_together):
+        return
+    analysis = edges[0].analysis
+    rows = [[analysis.span(d, position) for d, position in enumerate(e.cell)] for e in edges]
+    places = np.array([[(low, low + (high - low)) for low, high in row] for row in rows])
+    points = analysis.map.points(places[:, 0], places[:, 1], places[:, 2])
+    for edge, own in zip(edges, points, strict=True):
+        edge._points[_key((ENDS,))] = own
 
 
 def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:

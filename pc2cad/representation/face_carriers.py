@@ -11,7 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.restrictions import RestrictedMap, look, look_across, look_along
+from pc2cad.domain.restrictions import (
+    ENDS,
+    RestrictedMap,
+    look,
+    look_across,
+    look_along,
+    look_at_ends,
+)
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.evaluation import Program
@@ -28,8 +35,8 @@ from pc2cad.geometry.recognition.separable_form import is_planar
 #: boxes per parameter that the search for points off a plane begins with, the most that it goes on
 #: with, and how often these are halved
 FIRST_BOXES, MOST_BOXES, MOST_HALVINGS = 16, 64, 24
-#: where a face's normal is looked at, and the ends of an edge
-MIDDLE, ENDS = np.array([0.55]), np.array([0.0, 1.0])
+#: where a face's normal is looked at
+MIDDLE = np.array([0.55])
 _QUARTERS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
 
 
@@ -37,7 +44,7 @@ def look_at(faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap]) -> N
     """Evaluate faces and edges together where the questions below ask for them."""
     look([f for f in faces if f.exact_plane is None], irrational(9), SECTIONS[::2])
     look_along([f for f in edges if not f.is_exactly_straight], SECTIONS[::2], ENDS)
-    look_along([f for f in edges if f.is_exactly_straight], ENDS)
+    look_at_ends([f for f in edges if f.is_exactly_straight])
 
 
 def planes_of(
