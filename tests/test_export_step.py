@@ -163,6 +163,7 @@ def test_a_file_is_the_same_after_any_others_and_after_errors():
             # a thread has sessions of its own
             with ThreadPoolExecutor(1) as fresh:
                 alone[i, kind.step_schema] = fresh.submit(step.encode, item, kind).result()
+    assert len(set(alone.values())) == len(alone) == 2 * (len(SHAPES) + 4)
     for turn in range(3):
         for i in np.random.default_rng(turn).permutation(len(items)):
             for kind in kinds:
