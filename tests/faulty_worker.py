@@ -41,5 +41,5 @@ def run_variant(task: variant.Task, job: variant.Job) -> variant.Outcome:
 
 if __name__ == "__main__":
     variant.run_variant = run_variant
-    worker._warm_up = lambda: None
+    worker.warm_up = lambda: None
     worker.main()

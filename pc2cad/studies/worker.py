@@ -27,7 +27,7 @@ def main() -> None:
 
     from pc2cad.studies.variant import Job, Task, run_variant
 
-    _warm_up()
+    warm_up()
     task: Task | None = None
     answers.write(json.dumps({"ready": os.getpid()}) + "\n")
     answers.flush()
@@ -41,7 +41,7 @@ def main() -> None:
         answers.flush()
 
 
-def _warm_up() -> None:
+def warm_up() -> None:
     """Load the kernel before the first job, whose time would tell of nothing else."""
     import pc2cad.compiler
     import pc2cad.export.step  # noqa: F401
