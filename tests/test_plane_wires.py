@@ -18,6 +18,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, Top
 import pc2cad as pc
 from pc2cad.brep import checker
 from pc2cad.brep.checker import is_valid
+from pc2cad.brep.kernel import children
 from pc2cad.brep.plane_wires import outer_wire
 from pc2cad.brep.spline_numbers import spline_curve
 from pc2cad.geometry.plane_chains import outer_chain
@@ -111,7 +112,7 @@ def test_proved_is_what_the_checker_finds_in_order(case, kind):
     wires = [KINDS[kind](row) for row in rows]
     face = face_of(*wires)
     assert bool(BRepCheck_Analyzer(face).IsValid()) == fine
-    assert outer_wire(face, checker._children(face)) == outer
+    assert outer_wire(face, children(face)) == outer
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -136,7 +137,7 @@ def test_edges_off_the_plane_are_left_to_the_kernel():
     away = PLANE.Translated(gp_Vec(1e-6, 2e-6, 2e-6))
     builder.MakeFace(face, Geom_Plane(away), 1e-7)
     builder.Add(face, polygon(around(80)))
-    assert outer_wire(face, checker._children(face)) is None
+    assert outer_wire(face, children(face)) is None
     assert not BRepCheck_Analyzer(face).IsValid()
 
 
@@ -144,7 +145,7 @@ def test_walls_as_near_as_polygons_of_splines_are_off_are_left_to_the_kernel():
     proved = []
     for gap in 10.0 ** np.arange(-7, 0, 2):
         face = face_of(ring(around(50, 1 + gap)), ring(around(50)))
-        proved.append(outer_wire(face, checker._children(face)) == 0)
+        proved.append(outer_wire(face, children(face)) == 0)
         assert BRepCheck_Analyzer(face).IsValid() or not proved[-1]
     assert proved == sorted(proved)
     assert proved[-1]
@@ -153,8 +154,8 @@ def test_walls_as_near_as_polygons_of_splines_are_off_are_left_to_the_kernel():
 
 def test_shells_that_are_not_closed_are_refused():
     solid = extruded(face_of(polygon(around(30, 2)), polygon(around(30))))
-    (shell,) = checker._children(solid)
-    faces = checker._children(shell)
+    (shell,) = children(solid)
+    faces = children(shell)
     assert checker._known_valid(solid_of(faces))
     for wrong in (faces[1:], faces[:-1], [faces[0].Reversed(), *faces[1:]], faces + faces[:1]):
         assert not is_valid(solid_of(wrong))
@@ -180,9 +181,9 @@ def test_hundreds_of_edges_take_no_pairs(monkeypatch):
 def _without_searches(shape, searches=True):
     """Stand in for the checker, which must not search plane wires for crossings."""
     if searches:
-        kinds = {child.ShapeType().name for child in checker._children(shape)}
+        kinds = {child.ShapeType().name for child in children(shape)}
         assert kinds == {"TopAbs_FACE"}
-        assert len(checker._children(shape)) == 1000
+        assert len(children(shape)) == 1000
     return BRepCheck_Analyzer(shape, searches)
 
 

@@ -18,7 +18,7 @@ from OCP.Message import Message_ProgressRange
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
-from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 
 from pc2cad.arrays import Array
 from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
@@ -29,6 +29,7 @@ from pc2cad.brep.kernel import (
     as_edge,
     as_face,
     as_solid,
+    compound,
     shapes_in,
 )
 from pc2cad.errors import KernelError
@@ -87,7 +88,7 @@ def combine(
     """
     if not first.faces or not second.faces:
         kept = {"union": (first, second), "cut": (first,), "intersect": ()}
-        nothing = NamedShape(_nothing(), ())
+        nothing = NamedShape(compound(()), ())
         return tuple(next((s for s in kept[kind] if s.faces), nothing) for kind in kinds)
     return _carried_out(kinds, first, [second], one)
 
@@ -295,9 +296,3 @@ def listed(given: Sequence[TopoDS_Shape]) -> ListOfShape:
     for shape in given:
         shapes.Append(shape)
     return shapes
-
-
-def _nothing() -> TopoDS_Compound:
-    compound = TopoDS_Compound()
-    BRep_Builder().MakeCompound(compound)
-    return compound

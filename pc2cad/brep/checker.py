@@ -11,15 +11,20 @@ kernel answers as a whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from OCP.BRep import BRep_Builder
 from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Shell, BRepCheck_Status
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Iterator, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
-from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_face, as_shell
+from pc2cad.brep.kernel import (
+    IndexedMapOfShape,
+    as_edge,
+    as_face,
+    as_shell,
+    children,
+    compound,
+)
 from pc2cad.brep.plane_wires import WORTH_WHILE, outer_wire, samples
 
 #: edges of a solid from which on its faces are looked at one by one, whatever curves they are
@@ -42,15 +47,15 @@ def _known_valid(solid: TopoDS_Shape) -> bool:
     every = (as_edge(edges.FindKey(i)) for i in range(1, edges.Extent() + 1))
     if edges.Extent() < FEW and sum(map(samples, every)) < WORTH_WHILE:
         return False
-    children = _children(solid)
-    if len(children) != 1 or children[0].ShapeType() != TopAbs_ShapeEnum.TopAbs_SHELL:
+    shells = children(solid)
+    if len(shells) != 1 or shells[0].ShapeType() != TopAbs_ShapeEnum.TopAbs_SHELL:
         return False
-    faces = [as_face(face) for face in _children(children[0])]
+    faces = [as_face(face) for face in children(shells[0])]
     if not all(face.Orientation() in _ORIENTED for face in faces):
         return False
     alone, others = [], []
     for face in faces:
-        wires = _children(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
+        wires = children(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
         outer = outer_wire(face, wires)
         if outer is None:
             others.append(face)
@@ -58,9 +63,9 @@ def _known_valid(solid: TopoDS_Shape) -> bool:
             alone += _alone(face, wires, outer)
     if not alone:
         return False
-    if others and not BRepCheck_Analyzer(_together(others)).IsValid():
+    if others and not BRepCheck_Analyzer(compound(others)).IsValid():
         return False
-    return bool(BRepCheck_Analyzer(_together(alone), False).IsValid()) and _is_closed(children[0])
+    return bool(BRepCheck_Analyzer(compound(alone), False).IsValid()) and _is_closed(shells[0])
 
 
 def _is_closed(shape: TopoDS_Shape) -> bool:
@@ -77,21 +82,4 @@ def _alone(face: TopoDS_Face, wires: list[TopoDS_Shape], outer: int) -> list[Top
         one = face.EmptyCopied().Oriented(TopAbs_Orientation.TopAbs_FORWARD)
         builder.Add(one, wire if i == outer else wire.Reversed())
         result.append(one)
-    return result
-
-
-def _together(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
-    result, builder = TopoDS_Compound(), BRep_Builder()
-    builder.MakeCompound(result)
-    for shape in shapes:
-        builder.Add(result, shape)
-    return result
-
-
-def _children(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    """Return what a shape is made of, oriented and placed as it is there itself."""
-    result, walk = [], TopoDS_Iterator(shape)
-    while walk.More():
-        result.append(walk.Value())
-        walk.Next()
     return result

@@ -1,11 +1,16 @@
-"""Names of the kernel that its versions 7.9 and 8 spell differently; both are known here only.
+"""Names of the kernel that its versions 7.9 and 8 spell differently, and walks over its shapes.
+
+Both spellings are known here only.
 
 To import this module is to import OCP, and it may be done wherever that may.
 """
 
 from __future__ import annotations
 
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from collections.abc import Iterable
+
+from OCP.BRep import BRep_Builder
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Iterator, TopoDS_Shape
 
 try:
     from OCP.TColgp import TColgp_Array1OfPnt as Array1OfPnt
@@ -55,6 +60,8 @@ __all__ = [
     "as_solid",
     "as_vertex",
     "as_wire",
+    "children",
+    "compound",
     "shapes_in",
 ]
 
@@ -68,3 +75,21 @@ def shapes_in(found: ListOfShape) -> list[TopoDS_Shape]:
     if size > 2:
         return [*found]
     return [found.First(), found.Last()][:size] if size else []
+
+
+def children(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
+    """Return what a shape is made of, oriented and placed as it is there itself."""
+    result, walk = [], TopoDS_Iterator(shape)
+    while walk.More():
+        result.append(walk.Value())
+        walk.Next()
+    return result
+
+
+def compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+    """Return shapes as one shape, in their order."""
+    builder, result = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(result)
+    for shape in shapes:
+        builder.Add(result, shape)
+    return result

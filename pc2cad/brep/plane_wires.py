@@ -9,11 +9,11 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineCurve, Geom_Line, Geom_Plane
 from OCP.TopAbs import TopAbs_Orientation
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Iterator, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array
 from pc2cad.brep.from_kernel import frame
-from pc2cad.brep.kernel import as_edge
+from pc2cad.brep.kernel import as_edge, children
 from pc2cad.brep.spline_integrals import read_curve
 from pc2cad.geometry.carriers import SplineCurve
 from pc2cad.geometry.plane_chains import outer_chain
@@ -116,8 +116,4 @@ def _outer_of(
 
 def _edges(wire: TopoDS_Shape) -> list[TopoDS_Edge]:
     # which way round does not matter, but that each edge begins where the one before it ends
-    result, walk = [], TopoDS_Iterator(wire.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
-    while walk.More():
-        result.append(as_edge(walk.Value()))
-        walk.Next()
-    return result
+    return [as_edge(edge) for edge in children(wire.Oriented(TopAbs_Orientation.TopAbs_FORWARD))]

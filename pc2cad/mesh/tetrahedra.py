@@ -11,18 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from OCP.BRep import BRep_Builder
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS_Compound, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_FormatVersion
 
 from pc2cad.arrays import Integers
 from pc2cad.arrays.distinct import distinct
-from pc2cad.brep.kernel import IndexedMapOfShape
+from pc2cad.brep.kernel import IndexedMapOfShape, compound
 from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer
@@ -78,7 +77,7 @@ def tetrahedra(part: KernelSolid, size: float, order: int = 1) -> VolumeMesh:
     Needs gmsh (``pc2cad[fea]``). Raises MeshingFailedError.
     """
     layers = list(part.layers)
-    solid = _together(solid for _, solid, _ in part.solids) if layers else part.shape
+    solid = compound(solid for _, solid, _ in part.solids) if layers else part.shape
     faces = _in_order(solid, (*part.surfaces, *part.interfaces))
     with _model(solid) as gmsh:
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
@@ -110,15 +109,6 @@ def tetrahedra(part: KernelSolid, size: float, order: int = 1) -> VolumeMesh:
     own = [layers.index(name) for name, _, _ in part.solids] or [0]
     number = np.repeat(own, [len(rows) for rows in parts])
     return replace(mesh, layers=by_layer(layers, {TETRAHEDRON.name: number}))
-
-
-def _together(solids: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
-    """Return solids as one shape, in their order."""
-    builder, whole = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(whole)
-    for solid in solids:
-        builder.Add(whole, solid)
-    return whole
 
 
 def _in_order(solid: TopoDS_Shape, surfaces: Iterable[NamedSurface]) -> list[NamedSurface | None]:
