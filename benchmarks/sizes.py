@@ -3,10 +3,11 @@
     python -m benchmarks.sizes [--quick] [--plot FILE.svg]
 
 Each row is one compilation in a process of its own, without the imports: CPU seconds, and the
-largest memory above that of an empty process. The slope is that in the table, log of the time over
-log of the size since the row above: 1 where the cost is linear. How much of it is the CAD kernel's
-is told by a second compilation under a profiler: seconds within its functions, and within the
-modules of which hardly anything else is left (making an object of the kernel is no call to it).
+largest memory above that of an empty process; garbage is collected as the command has it. The slope
+is that in the table, log of the time over log of the size since the row above: 1 where the cost is
+linear. How much of it is the CAD kernel's is told by a second compilation under a profiler: seconds
+within its functions, and within the modules of which hardly anything else is left (making an object
+of the kernel is no call to it).
 """
 
 from __future__ import annotations
@@ -106,7 +107,9 @@ def one(kind: str, size: int) -> dict[str, float]:
     from math import prod
 
     from pc2cad.compiler import compile_equation, compile_part
+    from pc2cad.trust.processes import collect_rarely
 
+    collect_rarely()
     compile_part(faces(10))  # loads what is loaded late
     if kind == "bodies":
         compile_part(bodies(2))

@@ -20,7 +20,7 @@ from pc2cad.cli.interruption import expect_interruptions, ignore_interruptions, 
 from pc2cad.cli.output import complain, complain_at_length, say, tolerate_encodings
 from pc2cad.errors import InputError, PointCadError
 from pc2cad.trust.isolation import forget_current_folder
-from pc2cad.trust.processes import keep_freed_memory
+from pc2cad.trust.processes import collect_rarely, keep_freed_memory, leave_without_collecting
 
 INTERRUPTED: Final = 130
 BROKEN_PIPE: Final = 141
@@ -162,6 +162,7 @@ def _run(argv: Sequence[str] | None) -> int:
     ended = guard(arguments)
     if ended is not None:
         return ended
+    collect_rarely()
     if arguments.verb in SMALL:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         keep_freed_memory()
@@ -169,8 +170,11 @@ def _run(argv: Sequence[str] | None) -> int:
         import logging  # which libraries load that a small verb does not need
 
         logging.disable()
-    with insistent():
-        return int(arguments.run(arguments))
+    try:
+        with insistent():
+            return int(arguments.run(arguments))
+    finally:
+        leave_without_collecting()
 
 
 def _check_epoch() -> None:

@@ -19,8 +19,10 @@ Cell = tuple[int, int, int]
 #: printed limits and breaks per direction
 Labels = tuple[tuple[str, ...], ...]
 DIRECTIONS: Final = (0, 1, 2)
-#: tables of the same few cells are asked for again and again
-_kept = lru_cache(maxsize=1 << 12)
+#: tables of the same cells are asked for again and again, of those of some thousand faces, too
+_kept = lru_cache(maxsize=1 << 15)
+#: directions in which a cell extends, by which of its positions are odd
+_EXTENDS: Final = {odd: tuple(d for d in DIRECTIONS if odd[d]) for odd in product((0, 1), repeat=3)}
 
 
 def dimension(cell: Cell) -> int:
@@ -28,10 +30,9 @@ def dimension(cell: Cell) -> int:
     return sum(position % 2 for position in cell)
 
 
-@_kept
 def directions_of(cell: Cell) -> tuple[int, ...]:
     """Return the directions in which the cell extends, ascending."""
-    return tuple(d for d in DIRECTIONS if cell[d] % 2)
+    return _EXTENDS[cell[0] % 2, cell[1] % 2, cell[2] % 2]
 
 
 def neighbour(cell: Cell, direction: int, step: int) -> Cell:

@@ -113,6 +113,23 @@ def keep_freed_memory() -> None:
                 ctypes.CDLL(None).mallopt(option, size)
 
 
+def collect_rarely() -> None:
+    """Look for cycles of garbage only once in many allocations, as one piece of work needs it.
+
+    Libraries make hundreds of thousands of objects that stay, and so do solids of many faces: the
+    collector would look through all of them again and again, a fifth of the time of 2,000 faces.
+    """
+    gc.set_threshold(_ALLOCATIONS)
+
+
+def leave_without_collecting() -> None:
+    """Leave all that is there to the system, which takes the memory of a process that ends.
+
+    The interpreter would look for cycles in it several times: a fifth of a small command's time.
+    """
+    gc.freeze()
+
+
 def keep_what_is_loaded() -> None:
     """Never again look for cycles among the objects that are there, such as the kernel's library.
 
@@ -121,4 +138,4 @@ def keep_what_is_loaded() -> None:
     """
     gc.collect()
     gc.freeze()
-    gc.set_threshold(_ALLOCATIONS)
+    collect_rarely()
