@@ -7,7 +7,7 @@ is seen on both sides of the other.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -30,8 +30,8 @@ class Joints:
     """The vertices and edges at which pairs of sheets are joined, as points."""
 
     def __init__(self, surfaces: Surfaces) -> None:
-        self._surfaces = surfaces
-        self._between = lru_cache(maxsize=64)(self._points)
+        # no method of its own: a cycle would keep all nets until garbage is collected
+        self._between = lru_cache(maxsize=64)(partial(_points, surfaces))
 
     def distance(self, cells: Cells, pairs: Integers) -> Array:
         """Return how far the middles of pairs of cells are from where their sheets are joined."""
@@ -47,24 +47,25 @@ class Joints:
                 result[part] = np.sqrt(square.min(axis=1, initial=np.inf))
         return result
 
-    def _points(self, a: int, b: int) -> Array:
-        """Return points of the sides and vertices that two sheets share; or one has twice."""
-        first, second = self._surfaces.sheets[a], self._surfaces.sheets[b]
-        edges = [side.edge for side in second.sides]
-        ends = {v for side in second.sides for v in side.ends}
-        found = []
-        for k, side in enumerate(first.sides):
-            shared = edges.count(side.edge) > (a == b) if side.edge is not None else False
-            row = first.row(k)
-            if shared:
-                d = row.shape[1] - 1
-                at = restriction(d, _PLACES, _PLACES)[:, 0]
-                found.append(projected(np.einsum("xi,kic->kxc", at, row)).reshape(-1, 3))
-            single = side.edge is None
-            for end, vertex in ((row[0, 0], side.ends[0]), (row[-1, -1], side.ends[1])):
-                if vertex in ends and (a != b or single):
-                    found.append(projected(end)[None])
-        return np.concatenate(found) if found else np.empty((0, 3))
+
+def _points(surfaces: Surfaces, a: int, b: int) -> Array:
+    """Return points of the sides and vertices that two sheets share; or one has twice."""
+    first, second = surfaces.sheets[a], surfaces.sheets[b]
+    edges = [side.edge for side in second.sides]
+    ends = {v for side in second.sides for v in side.ends}
+    found = []
+    for k, side in enumerate(first.sides):
+        shared = edges.count(side.edge) > (a == b) if side.edge is not None else False
+        row = first.row(k)
+        if shared:
+            d = row.shape[1] - 1
+            at = restriction(d, _PLACES, _PLACES)[:, 0]
+            found.append(projected(np.einsum("xi,kic->kxc", at, row)).reshape(-1, 3))
+        single = side.edge is None
+        for end, vertex in ((row[0, 0], side.ends[0]), (row[-1, -1], side.ends[1])):
+            if vertex in ends and (a != b or single):
+                found.append(projected(end)[None])
+    return np.concatenate(found) if found else np.empty((0, 3))
 
 
 def crosses(cells: Cells, pair: Integers, distance: float) -> bool:
