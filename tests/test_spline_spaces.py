@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from pc2cad.geometry.recognition.kinematic import free_motions
+from pc2cad.arrays import Array
+from pc2cad.geometry.recognition.kinematic import free_motions, sweep_through
 from pc2cad.geometry.splines.spline_basis import local_basis, local_basis_of_two
 from pc2cad.geometry.splines.spline_space import SplineSpace
 
@@ -78,3 +79,12 @@ def test_motions_that_a_bumpy_cylinder_has_not(bump: float, count: int | None) -
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     found = free_motions(points, normals)
     assert (None if found is None else len(found)) == count
+
+
+def test_what_moves_along_a_helix_is_not_asked_for_its_border() -> None:
+    def border() -> Array:
+        raise AssertionError
+
+    turning = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.3]])
+    points = np.random.default_rng(2).normal(size=(20, 3))
+    assert sweep_through(points, turning, border, 1e-9) is None

@@ -13,7 +13,7 @@ from pc2cad.domain.analysis import analyse
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.expression.magnitudes import PLACES, bound, extent, rounding
-from pc2cad.expression.normal_form import normal_form
+from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.tree import ZERO, Expr, number
 from pc2cad.geometry.carriers import Cylinder, Frame, Line, Plane, Torus
 from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, lay, plane
@@ -222,3 +222,18 @@ def test_a_needle_along_a_pipe_is_bounded_not_exact():
     part = pc.compile_part(((1 + W) * COS(U) * bump, (1 + W) * SIN(U) * bump, V), tolerance=1e-3)
     evidence = {face.name: face.evidence for face in part.report.faces}
     assert (evidence["w=0"], evidence["w=1"]) == ("bounded", "bounded")
+
+
+def test_normal_forms_do_not_depend_on_what_is_remembered() -> None:
+    common = (U + 3) * COS(2 * V) - W
+    roots = [common * common, common * SIN(V) + U**3, -common, common * common * W]
+    alone = [normal_form(root, 40) for root in roots]
+    known: dict[Expr, NormalForm] = {}
+    together = [normal_form(root, 40, known=known) for root in roots]
+    assert together == alone
+    # in the same order of their terms, too
+    assert [list(form or ()) for form in together] == [list(form or ()) for form in alone]
+    large = common**6
+    assert normal_form(large, 40) is None
+    assert normal_form(large, 40, known=known) is None
+    assert normal_form(roots[0], 40, known=known) == alone[0]

@@ -48,21 +48,30 @@ class _TooLargeError(Exception):
 
 
 def normal_form(
-    root: Expr, largest: int = LARGEST_FORM, whole: Callable[[Expr], bool] | None = None
+    root: Expr,
+    largest: int = LARGEST_FORM,
+    whole: Callable[[Expr], bool] | None = None,
+    known: dict[Expr, NormalForm] | None = None,
 ) -> NormalForm | None:
     """Return the normal form of a tree, or None when it has more than `largest` terms.
 
-    Sub-trees that are `whole` are atoms, whatever they are made of.
+    Sub-trees that are `whole` are atoms, whatever they are made of. Forms of nodes are taken from
+    `known`, and put there: what the same two arguments left there before.
     """
+    forms: dict[Expr, NormalForm] = {} if known is None else known
 
     def below(node: Expr) -> tuple[Expr, ...]:
-        return () if whole is not None and whole(node) else _inner(node)
+        if node in forms:
+            return ()
+        if whole is not None and whole(node):
+            forms[node] = {((node, 1),): _UNIT}
+            return ()
+        return _inner(node)
 
-    forms: dict[Expr, NormalForm] = {}
     try:
         for node in walk((root,), below):
-            atom = whole is not None and whole(node)
-            forms[node] = {((node, 1),): _UNIT} if atom else _form_of(node, forms, largest)
+            if node not in forms:
+                forms[node] = _form_of(node, forms, largest)
     except _TooLargeError:
         return None
     return forms[root]

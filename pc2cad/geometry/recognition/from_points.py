@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import product
 
 import numpy as np
@@ -248,17 +248,21 @@ def fit(sample: Sampler, normals: Sampler, slack: float) -> Fitted | None:
     if motions is None:
         return None
     nodes = np.linspace(0.0, 1.0, NODES)
-    grid = sample(nodes, nodes)
-    border = np.concatenate((grid[:, 0], grid[-1], grid[:, -1], grid[0]))
-    found = sweep_through(points, motions, border, slack)
-    if isinstance(found, Sphere):
-        carrier: AnalyticSurface | None = _with_axis(found, grid)
-    else:
-        carrier = None if found is None else found.carrier()
+    grid_of = cache(lambda: sample(nodes, nodes))
+    found = sweep_through(points, motions, lambda: _around(grid_of()), slack)
+    if found is None:
+        return None
+    grid = grid_of()
+    carrier = _with_axis(found, grid) if isinstance(found, Sphere) else found.carrier()
     if carrier is None:
         return None
     size = float(np.linalg.norm(np.ptp(grid, axis=(0, 1))))
     return _placed(carrier, grid, size)
+
+
+def _around(grid: Array) -> Array:
+    """Return the points all round a grid."""
+    return np.concatenate((grid[:, 0], grid[-1], grid[:, -1], grid[0]))
 
 
 def _placed(carrier: AnalyticSurface, grid: Array, size: float) -> Fitted | None:

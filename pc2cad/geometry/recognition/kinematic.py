@@ -9,6 +9,7 @@ into this.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,16 +106,16 @@ def _middle(points: Array) -> tuple[Array, float]:
 
 
 def sweep_through(
-    points: Array, motions: Array, border: Array, slack: float
+    points: Array, motions: Array, border: Callable[[], Array], slack: float
 ) -> Sweep | Sphere | None:
     """Return what holds points (n, 3) within a distance and has free motions, or None.
 
-    `border` (m, 3) are points all round it: an open meridian or section ends there.
+    `border` gives points (m, 3) all round it: an open meridian or section ends there. What moves
+    along a helix is not asked for them.
     """
     centre, size = _middle(points)
-    every = np.concatenate((points, border))
     if len(motions) == 3:
-        return _sphere(every, centre, size, slack)
+        return _sphere(np.concatenate((points, border())), centre, size, slack)
     motion = motions[-1]
     if len(motions) == 2:
         # of a cylinder's motions the one that does not turn
@@ -124,6 +125,7 @@ def sweep_through(
     if pitch <= 100 * NULL * np.linalg.norm(moving):
         z = tidy(moving / np.linalg.norm(moving), 1.0)
         frame = frame_on(centre, z, np.eye(3)[np.argmin(np.abs(z))])
+        every = np.concatenate((points, border()))
         section = (every - centre) @ frame.axes[:2].T
         conic = conic_through(section, slack)
         return None if conic is None else Sweep(frame, conic, False)
@@ -132,7 +134,7 @@ def sweep_through(
     z = tidy(turning / pitch, 1.0)
     foot = tidy(centre + size * np.cross(turning, moving) / pitch**2, size)
     frame = frame_on(foot, z, np.eye(3)[np.argmin(np.abs(z))])
-    away = (every - foot) @ frame.axes.T
+    away = (np.concatenate((points, border())) - foot) @ frame.axes.T
     meridian = np.stack((np.hypot(away[:, 0], away[:, 1]), away[:, 2]), axis=1)
     conic = conic_through(meridian, slack, coaxial=True)
     if isinstance(conic, Straight):

@@ -9,7 +9,7 @@ only the vectors are rounded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod, sqrt
@@ -29,6 +29,8 @@ from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power
 
 #: normal forms of a coordinate that are larger are not looked at
 LARGEST_FORM = 400
+#: nodes whose normal forms are remembered
+_MOST_KNOWN: Final = 512
 _WAVES: Final = frozenset(("sin", "cos"))
 #: waves of a higher order than this are no rational carrier any more
 LARGEST_ORDER = 12
@@ -129,7 +131,7 @@ def separate(
     forms = _forms(tuple(roots))
     if forms is None:
         return None
-    axes = tuple(_axis(forms, name) for name in names)
+    axes = tuple([_axis(tuple(roots), name) for name in names])
     vectors: dict[tuple[Term, ...], Array] = {}
     known: _Known = {}
     for column, form in enumerate(forms):
@@ -180,8 +182,8 @@ def _separation(
 
 def is_wave(roots: Sequence[Expr], name: str) -> bool:
     """Say whether `separate` finds waves along a parameter: it takes more to know of which size."""
-    forms = _forms(tuple(roots))
-    return forms is not None and _axis(forms, name).kind == "wave"
+    trees = tuple(roots)
+    return _forms(trees) is not None and _axis(trees, name).kind == "wave"
 
 
 @lru_cache(maxsize=64)
@@ -201,8 +203,21 @@ def _forms(roots: tuple[Expr, ...]) -> list[NormalForm] | None:
 
 @lru_cache(maxsize=1024)
 def _form(root: Expr) -> NormalForm | None:
-    """Return the normal form of a coordinate: cells side by side often have one in common."""
-    return normal_form(root, LARGEST_FORM, _is_constant)
+    """Return the normal form of a coordinate: cells side by side often have one in common.
+
+    Coordinates of a cell, and of both its limits, have most of their nodes in common.
+    """
+    known = _known()
+    form = normal_form(root, LARGEST_FORM, _is_constant, known)
+    if len(known) > _MOST_KNOWN:
+        _known.cache_clear()
+    return form
+
+
+@lru_cache(maxsize=1)
+def _known() -> dict[Expr, NormalForm]:
+    """Return the normal forms of nodes that are remembered."""
+    return {}
 
 
 def _moves(key: tuple[Term, ...]) -> bool:
@@ -308,7 +323,10 @@ def _parts(argument: Expr) -> list[Expr] | None:
 # -- the kind of an axis ---------------------------------------------------------------------------
 
 
-def _axis(forms: Iterable[NormalForm], name: str) -> Axis:
+@lru_cache(maxsize=256)
+def _axis(roots: tuple[Expr, ...], name: str) -> Axis:
+    """Return the kind of an axis of trees that have forms."""
+    forms = _forms(roots) or ()
     # a dictionary, not a set: which argument is the first must not depend on addresses
     atoms = {atom: None for form in forms for m in form for atom, _ in m if name in atom.symbols}
     if all(atom.op == "symbol" for atom in atoms):
