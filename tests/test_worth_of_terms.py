@@ -233,7 +233,7 @@ def test_normal_forms_do_not_depend_on_what_is_remembered() -> None:
     assert together == alone
     # in the same order of their terms, too
     assert [list(form or ()) for form in together] == [list(form or ()) for form in alone]
-    large = common**6
+    large = common**12
     assert normal_form(large, 40) is None
     assert normal_form(large, 40, known=known) is None
     assert normal_form(roots[0], 40, known=known) == alone[0]
