@@ -1,8 +1,4 @@
-"""One spline space per direction, shared by all faces and edges that vary along it.
-
-Directions whose edges are glued to one another take the same space; a gluing that reverses a
-direction makes its knots symmetric.
-"""
+"""M on the sides and edges of the box: its points and normals there, and what it is by algebra."""
 
 from __future__ import annotations
 
@@ -19,7 +15,6 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
-from pc2cad.domain.periods import is_periodic
 from pc2cad.domain.pieces import has_pieces, piece_at
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.breaks import Break
@@ -35,7 +30,6 @@ from pc2cad.topology.cells import Cell, directions_of
 if TYPE_CHECKING:
     from pc2cad.geometry.carriers import Plane
     from pc2cad.geometry.recognition.separable_form import Separation
-    from pc2cad.geometry.splines.adaptive_knots import DirectionRules
     from pc2cad.geometry.splines.arcs import Wave
     from pc2cad.geometry.splines.spline_space import SplineSpace
 
@@ -52,6 +46,8 @@ MOST_PLACES, MOST_CELLS = 100_000, 32
 ENDS = np.array([0.0, 1.0])
 #: local parameters by their bytes
 _Places = tuple[bytes, ...]
+#: an edge, and the arrays of places that it is asked for; a corner, and none
+_Asked = tuple["RestrictedMap", tuple[Array, ...]]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
 
@@ -214,25 +210,52 @@ def look(functions: Sequence[RestrictedMap], *asked: Array) -> None:
             function._points[_key((places, places))] = own.copy().transpose(1, 2, 0)
 
 
-def look_along(edges: Sequence[RestrictedMap], *asked: Array) -> None:
-    """Do the same for edges that are asked for several arrays of places."""
-    edges = sorted(edges, key=_directions)
-    ends = np.cumsum([len(places) for places in asked])[:-1]
-    for edge, points in zip(edges, sampled(edges, np.concatenate(asked)), strict=True):
-        for places, own in zip(asked, np.split(points, ends), strict=True):
-            edge._points[_key((places,))] = own
+def look_along(asked: Sequence[_Asked]) -> None:
+    """Do the same for edges, each asked for several arrays of places, and corners, for none.
 
-
-def look_at_ends(edges: Sequence[RestrictedMap]) -> None:
-    """Do the same for edges that are asked for their ends alone, whatever way they go."""
-    if not (edges and edges[0].analysis.map.is_alike_together):
+    All are evaluated in one row, whatever ways they go.
+    """
+    if not (asked and asked[0][0].analysis.map.is_alike_together):
+        for cell, arrays in asked:
+            (points,) = sampled([cell], *_joined(arrays))
+            _remember(cell, arrays, points)
         return
-    analysis = edges[0].analysis
-    rows = [[analysis.span(d, position) for d, position in enumerate(e.cell)] for e in edges]
-    places = np.array([[(low, low + (high - low)) for low, high in row] for row in rows])
-    points = analysis.map.points(places[:, 0], places[:, 1], places[:, 2])
-    for edge, own in zip(edges, points, strict=True):
-        edge._points[_key((ENDS,))] = own
+    row, count = list[_Asked](), 0
+    for cell, arrays in asked:
+        count += max(1, sum(map(len, arrays)))
+        if row and (count > MOST_PLACES or len(row) == MOST_CELLS):
+            _look_in_row(row)
+            row, count = [], 0
+        row.append((cell, arrays))
+    _look_in_row(row)
+
+
+def _look_in_row(asked: Sequence[_Asked]) -> None:
+    lines = [(*one, one[0].places(*_joined(one[1]))) for one in asked]
+    counts = [max(place.size for place in places) for _, _, places in lines]
+    table, start = np.empty((len(PARAMETERS), sum(counts))), 0
+    for (_, _, places), count in zip(lines, counts, strict=True):
+        for values, place in zip(table, places, strict=True):
+            values[start : start + count] = place
+        start += count
+    points, start = asked[0][0].analysis.map.points(*table), 0
+    for (cell, arrays, _), count in zip(lines, counts, strict=True):
+        _remember(cell, arrays, points[start : start + count] if arrays else points[start])
+        start += count
+
+
+def _joined(arrays: tuple[Array, ...]) -> list[Array]:
+    return [np.concatenate(arrays)] if arrays else []
+
+
+def _remember(cell: RestrictedMap, arrays: tuple[Array, ...], points: Array) -> None:
+    """Let an edge know its points at several arrays of places, one after the other; or a corner."""
+    if not arrays:
+        cell._points[()] = points
+    start = 0
+    for places in arrays:
+        cell._points[_key((places,))] = points[start : start + len(places)]
+        start += len(places)
 
 
 def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
@@ -276,82 +299,12 @@ def _together(
             )
 
 
-class DirectionClasses:
-    """Which direction pieces share one space, and the rules that space has to respect."""
-
-    def __init__(self, analysis: Analysis, degrees: Sequence[int]) -> None:
-        self._analysis = analysis
-        self._degrees = degrees
-        self._owner: dict[Piece, Piece] = {}
-        self._symmetric: set[Piece] = set()
-        self._rules: dict[Piece, DirectionRules] = {}
-        for edge in analysis.complex.edges:
-            first, *others = edge.members
-            for member in others:
-                self._join(_piece(first.cell), _piece(member.cell), member.reverse != first.reverse)
-
-    def owner(self, piece: Piece) -> Piece:
-        """Return the piece that stands for the class of this one."""
-        while self._owner.get(piece, piece) != piece:
-            piece = self._owner[piece]
-        return piece
-
-    def _join(self, a: Piece, b: Piece, reverse: bool) -> None:
-        first, second = self.owner(a), self.owner(b)
-        if first != second:
-            self._owner[second] = first
-        if reverse or first in self._symmetric or second in self._symmetric:
-            # a symmetric space serves both directions of travel
-            self._symmetric |= {first, second}
-
-    def rules(self, piece: Piece) -> DirectionRules:
-        """Return the rules of the class that a piece belongs to."""
-        owner = self.owner(piece)
-        if owner not in self._rules:
-            self._rules[owner] = self._rules_of(owner)
-        return self._rules[owner]
-
-    def _rules_of(self, owner: Piece) -> DirectionRules:
-        from pc2cad.geometry.splines.adaptive_knots import DirectionRules
-
-        members = [p for p in self._pieces() if self.owner(p) == owner]
-        breaks: dict[float, Break] = {}
-        symmetric = owner in self._symmetric
-        for member in members:
-            for b in self.breaks(member):
-                places = (b.position, 1 - b.position) if symmetric else (b.position,)
-                for place in places:
-                    breaks[place] = Break(place, b.smoothness)
-        periodic = all(is_periodic(self._analysis, d) for d, _ in members)
-        return DirectionRules(
-            self._degrees, tuple(breaks[p] for p in sorted(breaks)), periodic, symmetric
-        )
-
-    def _pieces(self) -> list[Piece]:
-        bounds = self._analysis.bounds
-        return [(d, p) for d in range(3) for p in range(1, 2 * len(bounds[d]) - 1, 2)]
-
-    def breaks(self, piece: Piece) -> list[Break]:
-        """Return the breaks of a piece in its own coordinates, its ends included."""
-        low, high = self._analysis.span(*piece)
-        return [
-            Break((b.position - low) / (high - low), b.smoothness)
-            for b in self._analysis.breaks[piece[0]]
-            if low <= b.position <= high
-        ]
-
-
 def _flat_rank(points: Array, origins: Array) -> int:
     """Return the dimension of the space of the steps from origins to points, to rounding."""
     steps = (points - origins).reshape(-1, 3)
     values = np.linalg.svd(steps, compute_uv=False)
     rounding = 1e-9 * values[0] + 1e-14 * float(np.abs(points).max()) * len(steps)
     return int((values > rounding).sum())
-
-
-def _piece(edge: Cell) -> Piece:
-    (d,) = directions_of(edge)
-    return d, edge[d]
 
 
 def polynomial_space(

@@ -15,7 +15,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.checked import CheckedMap, resolve_tolerance
-from pc2cad.domain.restrictions import SAFE_DEGREE, RestrictedMap, sampled
+from pc2cad.domain.restrictions import SAFE_DEGREE, RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
     AnalyticSurface,
@@ -75,10 +75,8 @@ def represent(
     """
     analysis, tolerance = checked.analysis, resolve_tolerance(checked, options)
     cells = Cells(checked, spline_profile(options))
-    corners = [RestrictedMap(analysis, vertex.corners[0]) for vertex in cells.boundary.vertices]
-    vertices = np.array(list(sampled(corners)))
     edges, faces = _carriers(
-        _Work(cells, vertices, tolerance, analysis.scale.evaluation_noise, Known(), prove)
+        _Work(cells, tolerance, analysis.scale.evaluation_noise, Known(), prove)
     )
     shells = [faces_of(shell, faces) for shell in cells.boundary.shells]
     shells.insert(0, shells.pop(checked.question.outer_shell))
@@ -86,7 +84,7 @@ def represent(
         layer(name, index, cells, faces) for index, name in enumerate(analysis.equation.layers)
     )
     return BoundaryModel(
-        cells.boundary, vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
+        cells.boundary, cells.vertices, tuple(edges), tuple(faces), tuple(shells), tolerance,
         analysis.size, layers,
     )  # fmt: skip
 
@@ -96,8 +94,6 @@ class _Work:
     """What one call of `represent` is given."""
 
     cells: Cells
-    #: points of the vertices (n, 3)
-    vertices: Array
     #: lengths (model units): the tolerance, and what rounding leaves open of a value of M
     tolerance: float
     rounding: float
@@ -240,12 +236,11 @@ class _Fits:
 
     def _ends(self, index: int) -> tuple[Array, Array]:
         edge = self.work.cells.boundary.edges[index]
-        return self.work.vertices[edge.start], self.work.vertices[edge.end]
+        return self.work.cells.vertices[edge.start], self.work.cells.vertices[edge.end]
 
     def _run(self, index: int) -> Parametrisation:
         """Return how an edge runs along its direction."""
-        direction = FaceDirection(self.work.cells.edges[index], 0, self.plan.bound[index])
-        return self.parametrisations.parametrisation(direction)
+        return self.parametrisations.parametrisation(self.plan.edge_direction(index))
 
     def _exact(self, index: int) -> CurveCarrier | None:
         """Return the line, conic or polynomial that an edge is, None for one to be fitted."""
@@ -337,7 +332,7 @@ class _Fits:
         if isinstance(placement, Fitted):
             try:
                 return placement.carrier, sides_of_fitted(
-                    placement, uses, edges, self.work.vertices
+                    placement, uses, edges, self.work.cells.vertices
                 )
             except ToleranceNotReachedError:
                 return None
@@ -365,7 +360,7 @@ class _Fits:
         rows = (poles[:, 0], poles[-1], poles[:, -1], poles[0])
         for row, use, anticlockwise in zip(rows, uses, (True, True, False, False), strict=True):
             if use.edge is None:
-                row[...] = self.work.vertices[use.vertex]
+                row[...] = self.work.cells.vertices[use.vertex]
                 continue
             carrier = edges[use.edge].carrier
             if isinstance(carrier, SplineCurve) and len(carrier.poles) == len(row):

@@ -17,7 +17,6 @@ from pc2cad.domain.restrictions import (
     look,
     look_across,
     look_along,
-    look_at_ends,
 )
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.centred import CentredProgram
@@ -40,11 +39,14 @@ MIDDLE = np.array([0.55])
 _QUARTERS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
 
 
-def look_at(faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap]) -> None:
-    """Evaluate faces and edges together where the questions below ask for them."""
+def look_at(
+    faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap], corners: Sequence[RestrictedMap]
+) -> None:
+    """Evaluate faces, edges and corners together where the questions below ask for them."""
     look([f for f in faces if f.exact_plane is None], irrational(9), SECTIONS[::2])
-    look_along([f for f in edges if not f.is_exactly_straight], SECTIONS[::2], ENDS)
-    look_at_ends([f for f in edges if f.is_exactly_straight])
+    inside = SECTIONS[::2]
+    along = [(f, (ENDS,) if f.is_exactly_straight else (inside, ENDS)) for f in edges]
+    look_along([*along, *((corner, ()) for corner in corners)])
 
 
 def planes_of(

@@ -22,8 +22,8 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
+from pc2cad.domain.direction_classes import DirectionClasses
 from pc2cad.domain.restrictions import (
-    DirectionClasses,
     Piece,
     RestrictedMap,
     polynomial_space,

@@ -10,9 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from pc2cad.arrays import Array
+import numpy as np
+
 from pc2cad.checked import CheckedMap
-from pc2cad.domain.restrictions import DirectionClasses, RestrictedMap, look_along
+from pc2cad.domain.direction_classes import DirectionClasses
+from pc2cad.domain.restrictions import RestrictedMap, look_along
 from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
@@ -53,7 +55,10 @@ class Cells:
         self._sign = checked.orientation.sign
         self._slack = analysis.scale.carrier_noise
         self._simple: dict[int, CurveCarrier | None] = {}
-        look_at(self.faces, self.edges)
+        corners = [RestrictedMap(analysis, vertex.corners[0]) for vertex in self.boundary.vertices]
+        look_at(self.faces, self.edges, corners)
+        #: points of the vertices (n, 3)
+        self.vertices = np.array([corner() for corner in corners])
         signs = [self.sign(function.cell) for function in self.faces]
         self.planes = planes_of(self.faces, signs, self._slack)
 
@@ -148,18 +153,18 @@ class Plan:
         edges = range(len(self.cells.edges))
         return tuple(i for i in edges if self.bound[i] or self.cells.simple(i) is None)
 
+    def edge_direction(self, edge: int) -> FaceDirection:
+        """Return an edge along its direction."""
+        return FaceDirection(self.cells.edges[edge], 0, self.bound[edge])
+
     def look_at_edges(self, parametrisations: Parametrisations) -> None:
-        """Evaluate those edges together that fits ask for at the same places."""
-        alike: dict[tuple[bytes, ...], tuple[list[Array], list[RestrictedMap]]] = {}
+        """Evaluate those edges together that fits ask for."""
         near = [places_near(end) for end in (0, 1)]
-        for index in self.fitted_edges:
-            function = self.cells.edges[index]
-            run = parametrisations.parametrisation(FaceDirection(function, 0, self.bound[index]))
-            asked = [run.sites, run.checks, *near]
-            _, same = alike.setdefault(tuple(x.tobytes() for x in asked), (asked, []))
-            same.append(function)
-        for asked, same in alike.values():
-            look_along(same, *asked)
+        runs = [
+            (self.cells.edges[i], parametrisations.parametrisation(self.edge_direction(i)))
+            for i in self.fitted_edges
+        ]
+        look_along([(edge, (run.sites, run.checks, *near)) for edge, run in runs])
 
     @cached_property
     def parametrisations(self) -> Parametrisations:

@@ -16,9 +16,10 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import squares
 from pc2cad.checked import CheckedMap, resolve_tolerance
+from pc2cad.domain.direction_classes import DirectionClasses
 from pc2cad.domain.fields import LocalField, local_field
 from pc2cad.domain.map import open_grid
-from pc2cad.domain.restrictions import DirectionClasses, Piece, RestrictedMap
+from pc2cad.domain.restrictions import Piece, RestrictedMap
 from pc2cad.errors import InputError, ToleranceNotReachedError
 from pc2cad.expression.narrow import narrow_limits
 from pc2cad.expression.tree import ZERO
