@@ -23,15 +23,15 @@ from pc2cad.expression.evaluation import Program
 from pc2cad.expression.magnitudes import bound, extent, rounding
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
 from pc2cad.expression.polynomials import Vectors
-from pc2cad.expression.rewriting import among, rewrite
+from pc2cad.expression.recent import Holding
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ONE, ZERO, Expr, call, number, power
+from pc2cad.expression.tree import ONE, ZERO, Expr, number, power
+from pc2cad.geometry.recognition.sines_of_sums import parted
 
 #: normal forms of a coordinate that are larger are not looked at
 LARGEST_FORM = 400
 #: nodes whose normal forms are remembered
 _MOST_KNOWN: Final = 512
-_WAVES: Final = frozenset(("sin", "cos"))
 #: waves of a higher order than this are no rational carrier any more
 LARGEST_ORDER = 12
 
@@ -189,8 +189,8 @@ def is_wave(roots: Sequence[Expr], name: str) -> bool:
 @lru_cache(maxsize=64)
 def _forms(roots: tuple[Expr, ...]) -> list[NormalForm] | None:
     """Return the normal forms of trees where these are sums of products of one-parameter atoms."""
-    trees = tuple([_parted(root) for root in roots])
-    if not all(map(_is_sum_of_products, among(trees, lambda n: len(n.symbols) > 1))):
+    trees = tuple([parted(root) for root in roots])
+    if not _sums.of(tuple(filter(_is_mixed, trees))):
         return None
     forms = []
     for root in trees:
@@ -264,6 +264,10 @@ def _is_constant(node: Expr) -> bool:
     return not node.symbols and node.op != "number"
 
 
+def _is_mixed(node: Expr) -> bool:
+    return len(node.symbols) > 1
+
+
 def _is_sum_of_products(node: Expr) -> bool:
     if node.op == "div":
         return len(node.args[1].symbols) <= 1
@@ -271,53 +275,8 @@ def _is_sum_of_products(node: Expr) -> bool:
     return node.op in ("add", "neg", "mul") or (whole and node.args[1].payload.denominator == 1)
 
 
-# -- sines of sums ---------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=1024)
-def _parted(root: Expr) -> Expr:
-    """Return a tree with sines and cosines of sums written out, parameter by parameter.
-
-    Cells side by side often have a coordinate in common.
-    """
-    waves = among((root,), lambda n: bool(n.symbols) and not _WAVES.isdisjoint(n.ops))
-    if all(node.op not in _WAVES or _sum_apart(node) is node for node in waves):
-        return root
-    (parted,) = rewrite(rewrite((root,), "sin", _sum_apart), "cos", _sum_apart)
-    return parted
-
-
-@lru_cache(maxsize=1024)
-def _sum_apart(node: Expr) -> Expr:
-    parts = _parts(node.args[0])
-    if parts is None or len(parts) < 2:
-        return node
-    sine, cosine = ZERO, ONE
-    for part in parts:
-        s, c = call("sin", part), call("cos", part)
-        sine, cosine = sine * c + cosine * s, cosine * c - sine * s
-    return sine if node.op == "sin" else cosine
-
-
-def _parts(argument: Expr) -> list[Expr] | None:
-    """Return the argument's parts, one per parameter and the constant; None if it has mixed terms.
-
-    Whole parts only: a part in u may hold any function of u.
-    """
-    form = normal_form(argument, largest=24)
-    if form is None:
-        return None
-    parts: dict[str, Expr] = {}
-    for monomial in sorted(form, key=repr):
-        names = frozenset().union(*(atom.symbols for atom, _ in monomial))
-        if len(names) > 1:
-            return None
-        term = number(form[monomial])
-        for atom, exponent in sorted(monomial, key=repr):
-            term = term * power(atom, number(exponent))
-        key = next(iter(names), "")
-        parts[key] = parts.get(key, ZERO) + term
-    return list(parts.values())
+#: nodes whose parts in several parameters are sums of products
+_sums: Final = Holding(_is_sum_of_products, lambda node: tuple(filter(_is_mixed, node.args)))
 
 
 # -- the kind of an axis ---------------------------------------------------------------------------
