@@ -57,8 +57,8 @@ class Pieces:
             for name, span in zip(PARAMETERS, spans, strict=True):
                 whole, fewer = self._along(whole, name, span)
                 single = single or fewer
-            trees = cancel_terms(resolve_pieces(whole))
-            self._found[spans] = trees, single or trees != whole
+            alone = resolve_pieces(whole)
+            self._found[spans] = cancel_terms(alone), single or alone != whole
         return self._found[spans]
 
     def restricted(self, spans: _Spans, limits: Mapping[str, Expr]) -> tuple[Expr, ...]:
