@@ -8,7 +8,7 @@ import pytest
 from pc2cad.arrays import boxes
 
 
-@pytest.mark.parametrize("count", [0, 1, boxes.FEW, 700])
+@pytest.mark.parametrize("count", [0, 1, 300, boxes.FEW, boxes.FEW + 300])
 @pytest.mark.parametrize("gap", [0.0, 0.02])
 def test_the_boxes_that_meet_are_those_of_all_pairs(count, gap):
     # on a coarse grid, so that many just touch
@@ -23,8 +23,10 @@ def test_the_boxes_that_meet_are_those_of_all_pairs(count, gap):
     assert np.array_equal(boxes.meeting(low, high, gap), wanted)
 
 
-def test_boxes_in_one_heap_are_looked_at_a_slab_at_a_time(monkeypatch):
-    monkeypatch.setattr(boxes, "_SLAB", 100)
+@pytest.mark.parametrize("few", [0, 90])
+def test_boxes_in_one_heap_are_looked_at_a_slab_at_a_time(monkeypatch, few):
+    for name, value in (("FEW", few), ("_SLAB", 100), ("_TABLE", 100)):
+        monkeypatch.setattr(boxes, name, value)
     low = np.zeros((90, 2))
     assert np.array_equal(boxes.meeting(low, low + 1), np.stack(np.triu_indices(90), axis=1))
 

@@ -9,9 +9,11 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 
-#: boxes that are few enough to be looked at pair by pair, and pairs that are looked at at once
-FEW = 64
+#: boxes that are few enough to be compared each with each, and pairs that are looked at at once
+FEW = 1024
 _SLAB = 1 << 16
+#: of few boxes: how many pairs at once, and along how many directions all are compared
+_TABLE, _FIRST = 1 << 15, 3
 
 
 def meeting(low: Array, high: Array, gap: float = 0.0) -> Integers:
@@ -22,8 +24,7 @@ def meeting(low: Array, high: Array, gap: float = 0.0) -> Integers:
     """
     upper = high + gap
     if len(low) <= FEW:
-        pairs = np.stack(np.triu_indices(len(low)), axis=1)
-        return np.asarray(pairs[_meet(low, upper, pairs)])
+        return _each_with_each(low, upper)
     order, ends = _sweep(low, upper)
     found = [np.empty((0, 2), dtype=np.int64)]
     last = np.cumsum(ends - np.arange(len(low)))
@@ -39,6 +40,30 @@ def meeting(low: Array, high: Array, gap: float = 0.0) -> Integers:
         start = stop
     pairs = np.concatenate(found)
     return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])
+
+
+def _each_with_each(low: Array, upper: Array) -> Integers:
+    """Return the pairs: along a few directions all are compared, along the others what is left."""
+    begins, ends = np.ascontiguousarray(low.T), np.ascontiguousarray(upper.T)
+    none = np.empty(0, dtype=np.int64)
+    count, start, parts = len(low), 0, [(none, none)]
+    while start < count:
+        # rows of a table that a processor's own memory holds, from the diagonal on
+        stop = min(count, start + max(1, _TABLE // (count - start)))
+        meet: Booleans = begins[0, start:stop, None] <= ends[0, start:]
+        meet &= ends[0, start:stop, None] >= begins[0, start:]
+        for begin, end in zip(begins[1:_FIRST], ends[1:_FIRST], strict=True):
+            meet &= begin[start:stop, None] <= end[start:]
+            meet &= end[start:stop, None] >= begin[start:]
+        a, b = np.divmod(np.flatnonzero(meet), count - start)
+        keep = np.flatnonzero(a <= b)
+        parts.append((a[keep] + start, b[keep] + start))
+        start = stop
+    a, b = (np.concatenate(part) for part in zip(*parts, strict=True))
+    for begin, end in zip(begins[_FIRST:], ends[_FIRST:], strict=True):
+        keep = np.flatnonzero((begin[a] <= end[b]) & (begin[b] <= end[a]))
+        a, b = a[keep], b[keep]
+    return np.stack((a, b), axis=1)
 
 
 def _meet(low: Array, upper: Array, pairs: Integers) -> Booleans:

@@ -32,7 +32,7 @@ from pc2cad.solidity.embedding.windows import (
 #: sheets of no more patches are held by the control points of each from the first
 FEW = 128
 #: blocks of so many are few enough to be compared each with each
-FEW_BLOCKS = 128
+FEW_BLOCKS = 640
 #: of two sheets: one alone, and none that are a wall
 ALONE, NO_WALL = -1, -2
 
