@@ -7,16 +7,24 @@ from math import exp, log, pi, sqrt
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
-from OCP.Geom import Geom_CylindricalSurface, Geom_RectangularTrimmedSurface
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeEdge,
+    BRepBuilderAPI_MakeFace,
+    BRepBuilderAPI_MakeWire,
+)
+from OCP.Geom import Geom_CylindricalSurface, Geom_Ellipse, Geom_RectangularTrimmedSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
 from OCP.GeomConvert import GeomConvert
-from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt, gp_Pnt2d
+from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt, gp_Pnt2d
 
 import pc2cad as pc
+from pc2cad.brep.forms import SECOND
 from pc2cad.brep.from_kernel import path_function
-from pc2cad.brep.kernel import Array1OfInteger, Array1OfPnt2d, Array1OfReal
+from pc2cad.brep.integrals import solid_integrals
+from pc2cad.brep.kernel import Array1OfInteger, Array1OfPnt2d, Array1OfReal, compound
+from pc2cad.brep.patch_integrals import patch_integrals
 from pc2cad.brep.settling import settled
-from pc2cad.brep.spline_integrals import clamped, spline_flux
+from pc2cad.brep.spline_integrals import Patch, clamped, read_patch
 from pc2cad.errors import KernelError
 
 U, V, W = pc.parameters()
@@ -154,8 +162,41 @@ def test_a_periodic_surface_is_integrated_over_one_period():
     surface = GeomConvert.SurfaceToBSplineSurface_s(side)
     surface.SetUPeriodic()
     assert surface.IsUPeriodic()
-    flux, area, *_ = spline_flux(surface, 1.0, np.array([1.0, 2.0, 3.0]))
+    flux, area, *_ = patch_integrals([read_patch(surface, np.array([1.0, 2.0, 3.0]))])[0]
     assert area == pytest.approx(2 * pi * 2 * 3, rel=1e-13)
     assert flux == pytest.approx(2 * area, rel=1e-13)
     assert clamped(surface).Bounds() == surface.Bounds()
     assert clamped(surface).UMultiplicity(1) == surface.UDegree() + 1
+
+
+def test_splines_of_the_same_knots_are_integrated_together_as_one_by_one():
+    knots = np.array([0.0] * 4 + [0.2, 0.45, 0.7] + [1.0] * 4)
+    rng = np.random.default_rng(3)
+    grid = np.stack(np.meshgrid(np.arange(7.0), np.arange(7.0), [0.0], indexing="ij"), -1)[:, :, 0]
+    for width in (3, 4):
+        patches = []
+        for _ in range(3):
+            poles = np.concatenate((grid, np.ones((7, 7, 1))), axis=-1)[..., :width]
+            poles[..., 2:] += 0.2 * rng.random((7, 7, width - 2))
+            patches.append(Patch(poles, (knots, knots), (3, 3)))
+        together = patch_integrals(patches, SECOND)
+        for patch, row in zip(patches, together, strict=True):
+            (alone,) = patch_integrals([patch], SECOND)
+            assert row == pytest.approx(alone, rel=1e-9)
+
+
+def plate(axis, radius):
+    """A plane face within an ellipse, which is a rational spline."""
+    place = gp_Ax2(gp_Pnt(1, 2, 3), gp_Dir(*axis))
+    curve = GeomConvert.CurveToBSplineCurve_s(Geom_Ellipse(place, radius, 1.0))
+    wire = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(curve).Edge()).Wire()
+    return BRepBuilderAPI_MakeFace(wire, True).Face()
+
+
+def test_plane_faces_within_rational_splines_are_integrated_together():
+    plates = [((0, 0, 1), 3.0), ((1, 2, 2), 2.0), ((3, 0, -4), 1.0)]
+    found = solid_integrals(compound([plate(*one) for one in plates]))
+    areas = [pi * radius for _, radius in plates]
+    assert found.face_areas == pytest.approx(areas, rel=1e-12)
+    alone = [solid_integrals(plate(*one)).face_areas[0] for one in plates]
+    assert alone == pytest.approx(areas, rel=1e-12)

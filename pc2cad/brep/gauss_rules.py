@@ -26,6 +26,13 @@ def gauss(panels: Array, order: int) -> tuple[Array, Array]:
     return (panels.mean(axis=1)[:, None] + half * x).ravel(), (half * weight).ravel()
 
 
+def nodes_between(limits: Array, count: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of a Gauss rule between limits (k, 2): shape (k, count)."""
+    x, weight = legendre(count)
+    half = (limits[:, 1:] - limits[:, :1]) / 2
+    return limits.mean(axis=1, keepdims=True) + half * x, half * weight
+
+
 @lru_cache(maxsize=8)
 def rules_together(orders: tuple[int, ...]) -> tuple[Array, Array]:
     """Return the ascending nodes (n,) of Gauss rules on [-1, 1], and weights of each (k, n)."""

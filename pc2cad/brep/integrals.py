@@ -8,24 +8,28 @@ the edges of planes and of analytic surfaces.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.BRepTools import BRepTools_WireExplorer
 from OCP.Geom import Geom_BSplineSurface, Geom_Plane
-from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
+from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import cross, symmetric
 from pc2cad.brep.forms import FLUX, PAIRS, SECOND, Form
-from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex, as_wire
+from pc2cad.brep.kernel import IndexedMapOfShape, as_face, as_vertex
+from pc2cad.brep.patch_integrals import patch_integrals
+from pc2cad.brep.plane_integrals import plane_integrals
 from pc2cad.brep.plane_solids import PlaneSolid, plane_solid
-from pc2cad.brep.spline_integrals import spline_flux
-from pc2cad.brep.trimmed_integrals import PlaneEdge, is_whole, plane_moments, trimmed_flux
+from pc2cad.brep.spline_integrals import Patch, read_patch
+from pc2cad.brep.trimmed_integrals import is_whole, trimmed_flux
+
+#: what a face's integrals of `FLUX` are multiplied by where it is turned as its surface, or not
+_FORWARD, _REVERSED = (1.0,) * 5, (-1.0, 1.0, -1.0, -1.0, -1.0)
 
 
 @dataclass(frozen=True)
@@ -47,25 +51,28 @@ class KnownFaces:
         self._faces = IndexedMapOfShape()
         self._rows: list[Array] = []
 
-    def row(self, face: TopoDS_Face, origin: Array) -> Array:
-        """Return flux, area and moments of a face as it is turned."""
-        sign = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
+    def rows(self, faces: Sequence[TopoDS_Face], origin: Array) -> Array:
+        """Return flux, area and moments of faces as they are turned, (n, 5)."""
         # the map takes a face and its reverse for one
-        place = self._faces.FindIndex(face)
-        if not place:
-            self._faces.Add(face)
-            row = _face(face, sign, origin)
-            self._rows.append(np.concatenate((sign * row[:1], row[1:2], sign * row[2:])))
-            place = len(self._rows)
-        row = self._rows[place - 1]
-        return np.concatenate((sign * row[:1], row[1:2], sign * row[2:]))
+        places, new = [], []
+        for face in faces:
+            if not self._faces.Contains(face):
+                new.append(face)
+            places.append(self._faces.Add(face) - 1)
+        self._rows += _face_rows(new, origin)
+        rows = np.array([self._rows[place] for place in places])
+        return np.asarray(rows * np.array([_turn(face) for face in faces]))
+
+
+def _turn(face: TopoDS_Face) -> tuple[float, ...]:
+    """Return what turns integrals of `FLUX` over a surface's normal to those over a face's."""
+    return _REVERSED if face.Orientation() == TopAbs_REVERSED else _FORWARD
 
 
 def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> SolidIntegrals:
     """Return the integrals of one solid or several: planes, analytic and spline surfaces.
 
-    Faces that are `known` from other solids of the part are not integrated again, and new ones are
-    integrated one by one.
+    Faces that are `known` from other solids of the part are not integrated again.
     """
     rows, origin = _rows(solid, known)
     if not len(rows):
@@ -90,7 +97,7 @@ def _rows(solid: TopoDS_Shape, known: KnownFaces | None) -> tuple[Array, Array]:
     if not faces:
         return np.empty((0, 5)), np.zeros(3)
     origin = known.origin = _reference(faces) if known.origin is None else known.origin
-    return np.array([known.row(face, origin) for face in faces]), origin
+    return known.rows(faces, origin), origin
 
 
 def _polygons(solid: PlaneSolid, walks: tuple[Integers, Integers, Array], origin: Array) -> Array:
@@ -122,16 +129,32 @@ def second_moments(solid: TopoDS_Shape, about: Array) -> Array:
 
 def face_integrals(face: TopoDS_Face, origin: Array, form: Form) -> Array:
     """Return the integrals of a form over a face with its outward normal, from `origin`."""
-    return _face(face, -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0, origin, form)
+    row, turn = _face_rows([face], origin, form)[0], _turn(face)
+    # all but the area are linear in the normal
+    return np.concatenate((turn * row[:5], turn[0] * row[5:]))
 
 
-def _face(face: TopoDS_Face, sign: float, origin: Array, form: Form = FLUX) -> Array:
-    surface = BRep_Tool.Surface_s(face)
-    if isinstance(surface, Geom_Plane) and form is FLUX:
-        return _plane(surface, face, sign, origin)
-    if isinstance(surface, Geom_BSplineSurface) and is_whole(surface, face):
-        return spline_flux(surface, sign, origin, form)
-    return trimmed_flux(surface, face, sign, origin, form)
+def _face_rows(faces: Sequence[TopoDS_Face], origin: Array, form: Form = FLUX) -> list[Array]:
+    """Return the integrals of a form over faces with the normals of their surfaces, one by one.
+
+    Those that are planes together, and those that are all of a spline.
+    """
+    rows: list[Array] = [np.empty(0)] * len(faces)
+    planes, patches = dict[int, Geom_Plane](), dict[int, Patch]()
+    for i, face in enumerate(faces):
+        surface = BRep_Tool.Surface_s(face)
+        if isinstance(surface, Geom_Plane) and form is FLUX:
+            planes[i] = surface
+        elif isinstance(surface, Geom_BSplineSurface) and is_whole(surface, face):
+            patches[i] = read_patch(surface, origin)
+        else:
+            rows[i] = trimmed_flux(surface, face, 1.0, origin, form)
+    found = plane_integrals([(planes[i], faces[i]) for i in planes], origin)
+    for i, row in zip(planes, found, strict=True):
+        rows[i] = row
+    for i, row in zip(patches, patch_integrals(list(patches.values()), form), strict=True):
+        rows[i] = row
+    return rows
 
 
 def faces_of(solid: TopoDS_Shape) -> list[TopoDS_Face]:
@@ -151,37 +174,3 @@ def _reference(faces: list[TopoDS_Face]) -> Array:
         p = BRep_Tool.Pnt_s(as_vertex(explorer.Current()))
         points.append((p.X(), p.Y(), p.Z()))
     return np.asarray(np.mean(points, axis=0))
-
-
-def _plane(surface: Geom_Plane, face: TopoDS_Face, sign: float, origin: Array) -> Array:
-    """Integrate over a plane region by Green's theorem along its edges."""
-    place, frame = surface.Location(), surface.Position()
-    base = np.array([place.X(), place.Y(), place.Z()]) - origin
-    axes = np.array([[d.X(), d.Y(), d.Z()] for d in (frame.XDirection(), frame.YDirection())])
-    normal = sign * cross(axes[0], axes[1])
-    moments = plane_moments(_edges_of(face), origin + base, axes)
-    # the walk runs round the face's own orientation: take it back to the plane's
-    area, p, q, pp, pq, qq = sign * moments
-    result = np.empty(5)
-    result[0] = area * (base @ normal)
-    result[1] = abs(area)
-    x, y = axes
-    second = (
-        base * base * area + 2 * base * (x * p + y * q) + x * x * pp + 2 * x * y * pq + y * y * qq
-    )
-    result[2:] = second * normal
-    return result
-
-
-def _edges_of(face: TopoDS_Face) -> Iterator[PlaneEdge]:
-    """Yield the edges of a face, wire by wire."""
-    explorer = TopExp_Explorer(face, TopAbs_WIRE)
-    while explorer.More():
-        wire = BRepTools_WireExplorer(as_wire(explorer.Current()), face)
-        while wire.More():
-            edge = wire.Current()
-            first, last = BRep_Tool.Range_s(edge)
-            sign = -1.0 if edge.Orientation() == TopAbs_REVERSED else 1.0
-            yield BRep_Tool.Curve_s(edge, first, last), first, last, sign
-            wire.Next()
-        explorer.Next()

@@ -6,20 +6,15 @@ seams included: the orientation of the wires, the pcurves and the surface are al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.Geom import (
-    Geom_BSplineCurve,
     Geom_BSplineSurface,
-    Geom_Circle,
-    Geom_Curve,
     Geom_ElementarySurface,
-    Geom_Ellipse,
-    Geom_Line,
     Geom_Surface,
 )
 from OCP.Geom2d import Geom2d_Curve
@@ -29,20 +24,18 @@ from OCP.TopoDS import TopoDS_Face
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
-from pc2cad.arrays.linear import cross, product
+from pc2cad.arrays.linear import cross
 from pc2cad.brep.forms import FLUX, Form
-from pc2cad.brep.from_kernel import conic_terms, curve_function, path_function, surface_function
-from pc2cad.brep.gauss_rules import gauss_on, legendre, rules_together
+from pc2cad.brep.from_kernel import path_function, surface_function
+from pc2cad.brep.gauss_rules import nodes_between
 from pc2cad.brep.kernel import as_edge, as_face
-from pc2cad.brep.settling import ORDERS, settled
-from pc2cad.brep.spline_integrals import read_curve
+from pc2cad.brep.settling import settled
 from pc2cad.geometry.jets import (
     CurveFunction,
     SurfaceFunction,
     crossings,
     cuts_between,
 )
-from pc2cad.geometry.splines.turns import turns_of
 
 #: pieces of an angle are not longer than this
 STEP = np.pi / 3
@@ -53,8 +46,6 @@ TRIMMED_ACCURACY = 1e-9
 #: nodes with which a Gauss rule on a piece of an angle leaves less than rounding of waves of up to
 #: six times the angle: a^2n (n!)^4 2^(2n+1) / ((2n+1) (2n)!^3) is 1e-18 for n = 12, a = 6 STEP/2
 ENOUGH = 12
-#: places of a piece of a curve at which it is looked how far it turns
-LOOKS = 9
 #: places that are evaluated at once
 CHUNK = 200_000
 
@@ -186,7 +177,7 @@ class _Strip:
             np.tile(spans, (len(panels) * len(parts), 1)),
             np.full((len(panels) * len(parts) * len(spans), 1), owner),
         ))  # fmt: skip
-        t, _ = _nodes(every[:, :2], 4)
+        t, _ = nodes_between(every[:, :2], 4)
         low, high = self._inside(every, self.path.curve.jet(t.ravel())[0][:, 1].reshape(t.shape))
         return np.asarray(every[(low != high).any(axis=1)])
 
@@ -212,11 +203,11 @@ class _Strip:
         return np.concatenate(rows) if rows else np.empty((0, len(self.form.worth(1.0, 1.0))))
 
     def _sums(self, cells: Array, along: int, across: int) -> Array:
-        t, weights = _nodes(cells[:, :2], along)
+        t, weights = nodes_between(cells[:, :2], along)
         place, slope = (x.reshape(*t.shape, 2) for x in self.path.curve.jet(t.ravel()))
         outer = -weights * slope[..., 0] * (1.0 if self.path.forward else -1.0)
         low, high = self._inside(cells, place[..., 1])
-        shares, parts = _nodes(cells[:, 2:4], across)
+        shares, parts = nodes_between(cells[:, 2:4], across)
         b = low[..., None] + (high - low)[..., None] * shares[:, None]
         both = (outer * (high - low))[..., None] * parts[:, None]
         a = np.broadcast_to(place[..., :1], b.shape)
@@ -224,13 +215,6 @@ class _Strip:
         normal = self.sign * cross(along_a, along_b)
         values = self.form.rows(point.T, normal.T) * both.ravel()
         return np.asarray(values.reshape(len(values), len(cells), -1).sum(axis=2).T)
-
-
-def _nodes(limits: Array, count: int) -> tuple[Array, Array]:
-    """Return the nodes and weights of a Gauss rule between limits (k, 2): shape (k, count)."""
-    x, weight = legendre(count)
-    half = (limits[:, 1:] - limits[:, :1]) / 2
-    return limits.mean(axis=1, keepdims=True) + half * x, half * weight
 
 
 def _cuts(breaks: tuple[Array | None, Array | None], path: _Path) -> Array:
@@ -243,116 +227,3 @@ def _cuts(breaks: tuple[Array | None, Array | None], path: _Path) -> Array:
     run = float(np.ptp(path.ends[:, 0]))
     pieces = max(1, int(np.ceil(run / STEP))) if breaks[0] is None else 1
     return np.concatenate([np.linspace(x, y, pieces + 1) for x, y in pairwise(cuts)])
-
-
-#: a curve in a plane, its first and its last parameter, and -1 where it is run through backwards
-PlaneEdge = tuple[Geom_Curve, float, float, float]
-
-
-def plane_moments(edges: Iterable[PlaneEdge], origin: Array, axes: Array) -> Array:
-    """Return ∮ of 1, p, q, p², pq, q² as line integrals along curves: ∮ (∫ f dp) dq, (6,).
-
-    p and q are coordinates along two axes (2, 3) from `origin`. Raises KernelError where the
-    integrals do not settle. Arcs are taken together.
-    """
-    arcs: list[PlaneEdge] = []
-    corners: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
-    total = np.zeros(6)
-    for curve, first, last, sign in edges:
-        if isinstance(curve, Geom_Line):
-            ends = [curve.Value(t).Coord() for t in (first, last)]
-            corners.append((ends[0], ends[1]) if sign > 0 else (ends[1], ends[0]))
-        elif isinstance(curve, Geom_Circle | Geom_Ellipse):
-            pieces = max(1, int(np.ceil((last - first) / STEP)))
-            arcs += [
-                (curve, *ends, sign) for ends in pairwise(np.linspace(first, last, pieces + 1))
-            ]
-        else:
-            total += sign * _along_curve(curve, first, last, origin, axes)
-    if corners:
-        total += _along_lines(((np.array(corners) - origin) @ axes.T).tolist())
-    if arcs:
-        total += _along_arcs(arcs, origin, axes)
-    return total
-
-
-def _along_lines(lines: Iterable[tuple[tuple[float, float], tuple[float, float]]]) -> Array:
-    """Return the sums along lines from one place to another: in closed form, few by few."""
-    total = [0.0] * 6
-    for (p, q), (x, y) in lines:
-        squares, both = p * p + p * x + x * x, 2 * p * x
-        parts = (
-            6 * (p + x), 2 * squares, 2 * (p * (2 * q + y) + x * (q + 2 * y)),
-            (p + x) * (p * p + x * x),
-            (q * (3 * p * p + both + x * x) + y * (p * p + both + 3 * x * x)) / 2,
-            p * (3 * q * q + 2 * q * y + y * y) + x * (q * q + 2 * q * y + 3 * y * y),
-        )  # fmt: skip
-        rise = (y - q) / 12
-        total = [known + rise * part for known, part in zip(total, parts, strict=True)]
-    return np.array(total)
-
-
-def _along_arcs(edges: list[PlaneEdge], origin: Array, axes: Array) -> Array:
-    """Return the sums along arcs of circles and ellipses."""
-    t, weights = _nodes(np.array([edge[1:3] for edge in edges]), ENOUGH)
-    weights = weights * np.array([edge[3:] for edge in edges])
-    terms = [conic_terms(curve, origin) for curve, *_ in edges]
-    # one row per edge, and one vector in the plane for each function of t
-    flat = np.array([(start, *along.values()) for start, along in terms]) @ axes.T
-    cos, sin = np.cos(t), np.sin(t)
-    p, q = np.einsum("fkn,kfc->ckn", np.array([np.ones_like(t), cos, sin]), flat)
-    slope = np.einsum("fkn,kf->kn", np.array([-sin, cos]), flat[:, 1:, 1])
-    return np.asarray((_primitives(p, q) * (slope * weights)).sum(axis=(1, 2)))
-
-
-def _primitives(p: Array, q: Array) -> Array:
-    """Return the integrals over p of 1, p, q, p², pq, q², (6, ...)."""
-    return np.array([p, p * p / 2, p * q, p**3 / 3, p * p * q / 2, p * q * q])
-
-
-def _along_curve(curve: Geom_Curve, first: float, last: float, origin: Array, axes: Array) -> Array:
-    """Return the integrals of `plane_moments` along one curve, (6,)."""
-    breaks: Array | None
-    jet: Callable[[Array], tuple[Array, Array]]
-    if isinstance(curve, Geom_BSplineCurve):
-        data = read_curve(curve, origin)
-        breaks, jet = data.knots, data.along
-        if not curve.IsRational():
-            t, weights = gauss_on(cuts_between((first, last), breaks), 2 * data.degree)
-            return product(_moments(*jet(t), axes), weights)
-    else:
-        basis = curve_function(curve, origin)
-        breaks, jet = basis.breaks, basis.jet
-    cuts = cuts_between((first, last), breaks)
-    point, slope = jet(np.linspace(cuts[:-1], cuts[1:], LOOKS, axis=1).ravel())
-    reach, speed = (float(np.abs(x @ axes.T).max()) for x in (point, slope))
-    cuts = _short_pieces(cuts, turns_of(slope.reshape(-1, LOOKS, 3)))
-    cells = np.stack((cuts[:-1], cuts[1:]), axis=1)
-    worth = (last - first) * speed * reach ** np.array([1, 2, 2, 3, 3, 3]) + np.finfo(float).tiny
-
-    def rules(cells: Array, orders: tuple[int, ...]) -> list[Array]:
-        x, weights = rules_together(orders)
-        half = np.diff(cells) / 2
-        t = cells.mean(axis=1, keepdims=True) + half * x
-        values = _moments(*jet(t.ravel()), axes).reshape(6, *t.shape)
-        return [(product(values, row) * half[:, 0]).T for row in weights]
-
-    # the higher two orders in one go, which is hardly dearer than one alone
-    few, many = rules(cells, ORDERS[1:])
-    if (np.abs(few - many) / worth).max() <= ACCURACY:
-        return np.asarray(many.sum(axis=0))
-    return settled(lambda *cut: rules(*cut)[0], cells, 1, ACCURACY, lambda _: worth)
-
-
-def _moments(points: Array, slopes: Array, axes: Array) -> Array:
-    """Return the integrands (6, n) of `plane_moments` at places of a curve, (n, 3)."""
-    p, q = (points @ axes.T).T
-    return np.asarray(_primitives(p, q) * (slopes @ axes[1]))
-
-
-def _short_pieces(cuts: Array, turns: Array) -> Array:
-    """Return cuts of a curve, and more where it turns by more than `STEP` between two."""
-    pieces = np.maximum(np.ceil(turns / STEP - 1e-9), 1).astype(int).tolist()
-    return distinct(np.concatenate(
-        [np.linspace(*ends, count + 1) for ends, count in zip(pairwise(cuts), pieces, strict=True)]
-    ))  # fmt: skip
