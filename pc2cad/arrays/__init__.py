@@ -19,3 +19,9 @@ AnyArray = NDArray[Any]
 Pixels = NDArray[np.uint8]
 #: integers without limit, as objects of Python
 BigIntegers = NDArray[np.object_]
+
+# glibc gives memory of arrays from 128 kB on back to the system, and what is free at the top of its
+# heap, and the system clears every page of it anew for the next array: for a channel some 1,500
+# pages, a twentieth of its time. It learns from the largest array that is let go (mallopt(3),
+# ``M_MMAP_THRESHOLD``), so it is shown one of 4 MB, no page of which is touched.
+np.empty(1 << 19)
