@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.brep.forms import FLUX, Form
 from pc2cad.brep.gauss_rules import gauss, rules_together
 from pc2cad.brep.spline_integrals import ALL, Patch, Stack, project
+from pc2cad.brep.spline_tables import Table, bases, part_of
 from pc2cad.errors import KernelError
 from pc2cad.geometry.splines.turns import turning_limits
 
@@ -83,6 +85,10 @@ def _limits(patch: Patch) -> tuple[Array, Array]:
     )
 
 
+#: the basis functions of one direction, and those of the derivative's poles, at some places
+_Tables = list[Table]
+
+
 class _Whole:
     """Patches (w of them) of the same knots, degrees and pieces, integrated together."""
 
@@ -94,67 +100,95 @@ class _Whole:
         far = (self._stack.poles[:3] ** 2).sum(axis=0)
         #: how far each is from the origin, at most, (w,)
         self._reach = np.sqrt(far.reshape(len(far), -1).max(axis=1))
+        self._panels = [np.stack((ends[:-1], ends[1:]), axis=1) for ends in limits]
+        self._lines = [_lines(ends) for ends in limits]
+        #: of each direction the tables on its lines and then at the nodes of all orders
+        self._first = [
+            self._tables(d, np.concatenate((lines, _nodes(panels, rules_together(_ORDERS)[0]))))
+            for d, (lines, panels) in enumerate(zip(self._lines, self._panels, strict=True))
+        ]
 
     def integrate(self, form: Form) -> Array:
         """Return the integrals (w, columns), with as many nodes as they need, where needed."""
         (s, along_s), (t, along_t) = self._rules()
-        seen = self._stack.on_grid(s, t)
+        seen = self._stack.on_tables(s, t)
         total: Array | float = 0.0
-        step = max(1, TOGETHER // (len(t) * len(self._reach)))
-        for i in range(0, len(s), step):
+        step = max(1, TOGETHER // (len(along_t) * len(self._reach)))
+        for i in range(0, len(along_s), step):
             part = slice(i, i + step)
             values = form.rows(*seen(part))
             total = total + product(product(values, along_t), along_s[part])
         return np.asarray(total).T
 
-    def _rules(self) -> list[tuple[Array, Array]]:
-        """Return nodes and weights along both directions, each settled on lines across it.
+    def _rules(self) -> list[tuple[_Tables, Array]]:
+        """Return tables and weights along both directions, each settled on lines across it.
 
         Where spans had to be halved there is something sharp, and it may be sharper between the
         lines of the other direction: these are then taken anew, until no span is halved for it.
         """
         limits = list(self._limits)
-        rules: list[tuple[Array, Array]] = []
+        rules: list[tuple[_Tables, Array]] = []
         for _ in range(MOST_ROUNDS):
             before = [len(x) for x in limits]
             rules = []
             for d in (0, 1):
-                nodes, weights, limits[d] = self._rule(d, _lines(limits[1 - d]))
-                rules.append((nodes, weights))
+                tables, weights, limits[d] = self._rule(d, self._across(1 - d, limits[1 - d]))
+                rules.append((tables, weights))
             if [len(x) for x in limits] == before:
                 break
         return rules
 
-    def _rule(self, direction: int, lines: Array) -> tuple[Array, Array, Array]:
-        """Return nodes and weights along one direction, settled on lines across it, and its panels.
+    def _tables(self, direction: int, places: Array) -> _Tables:
+        return bases(places, self._stack.knots[direction], self._stack.degrees[direction])
+
+    def _across(self, direction: int, limits: Array) -> _Tables:
+        """Return the tables on lines at places of a direction with such pieces."""
+        if limits is self._limits[direction]:
+            part = slice(len(self._lines[direction]))
+            return [part_of(table, part) for table in self._first[direction]]
+        return self._tables(direction, _lines(limits))
+
+    def _at_first(self, direction: int, orders: tuple[int, ...]) -> _Tables:
+        """Return the tables at the nodes of some of `_ORDERS` on the pieces to begin with."""
+        own = _own_nodes(orders)
+        starts = np.arange(len(self._panels[direction]))[:, None] * sum(_ORDERS)
+        rows = (len(self._lines[direction]) + starts + own).ravel()
+        return [part_of(table, rows) for table in self._first[direction]]
+
+    def _whole_rule(self, direction: int, order: int) -> tuple[_Tables, Array, Array]:
+        """Return what `_rule` does, for one order on all the pieces to begin with."""
+        panels, tables = self._panels[direction], self._at_first(direction, (order,))
+        return tables, gauss(panels, order)[1], self._limits[direction]
+
+    def _rule(self, direction: int, lines: _Tables) -> tuple[_Tables, Array, Array]:
+        """Return tables and weights along a direction, settled on lines across it, and its panels.
 
         Panels are returned as their limits.
         """
-        limits = self._limits[direction]
-        panels = np.stack((limits[:-1], limits[1:]), axis=1)
         few, some, high = _ORDERS
-        sums, many = self._panel_sums(direction, panels, lines, (few, high))
+        sums, many = self._panel_sums(direction, None, lines, (few, high))
         scale = self._scale(np.abs(many).sum(axis=2))
         gap = _gaps(sums, many, scale).max()
         if gap <= self.accuracy:
-            return *gauss(panels, few), limits
+            return self._whole_rule(direction, few)
         if gap <= NEAR * self.accuracy:
-            (sums,) = self._panel_sums(direction, panels, lines, (some,))
+            (sums,) = self._panel_sums(direction, None, lines, (some,))
             if _gaps(sums, many, scale).max() <= CLOSE * self.accuracy:
-                return *gauss(panels, some), limits
-        return self._rule_of_halves(direction, lines, panels, many)
+                return self._whole_rule(direction, some)
+        return self._rule_of_halves(direction, lines, many)
 
     def _rule_of_halves(
-        self, direction: int, lines: Array, panels: Array, few: Array
-    ) -> tuple[Array, Array, Array]:
+        self, direction: int, lines: _Tables, few: Array
+    ) -> tuple[_Tables, Array, Array]:
         """Return what `_rule` does, where spans of one order do not do; `few` are their sums by it.
 
         Spans whose integrals change with the order of the rule are halved until they do not: a
         crease much sharper than its span is found, and only there is it resolved.
         """
+        panels = self._panels[direction]
         last = panels[-1:, 1]
         done, starts = list[tuple[Array, Array]](), list[Array]()
-        sizes = np.zeros((5, len(self._reach), len(lines)))
+        sizes = np.zeros((5, len(self._reach), few.shape[-1]))
         for depth in range(DEEPEST):
             orders = (_HIGHEST, _ORDERS[-1])[: 1 if depth == 0 else 2]
             many, *others = self._panel_sums(direction, panels, lines, orders)
@@ -162,6 +196,8 @@ class _Whole:
             sizes = np.maximum(sizes, np.abs(many).sum(axis=2))
             gaps = _gaps(few, many, self._scale(sizes))
             right = gaps <= self.accuracy
+            if depth == 0 and right.all():
+                return self._whole_rule(direction, _ORDERS[-1])
             done.append(gauss(panels[right], _ORDERS[-1]))
             starts.append(panels[right, 0])
             panels = panels[~right]
@@ -180,7 +216,7 @@ class _Whole:
         nodes, weights = (np.concatenate([rule[k] for rule in done]) for k in (0, 1))
         order = np.argsort(nodes)
         limits = np.sort(np.concatenate((*starts, panels[:, 0], last)))
-        return nodes[order], weights[order], limits
+        return self._tables(direction, nodes[order]), weights[order], limits
 
     def _scale(self, sizes: Array) -> Array:
         """Return what integrals (5, w) along lines count against, from sizes (5, w, lines)."""
@@ -189,23 +225,40 @@ class _Whole:
         return np.array([volume, area, *[volume * self._reach] * 3]) + TINY
 
     def _panel_sums(
-        self, direction: int, panels: Array, lines: Array, orders: tuple[int, ...]
+        self, direction: int, panels: Array | None, lines: _Tables, orders: tuple[int, ...]
     ) -> list[Array]:
         """Return the integrands of `FLUX` along each line over each panel, (5, w, panels, lines).
 
-        Once for each order of a Gauss rule.
+        Once for each order of a Gauss rule; without panels over the pieces to begin with, by some
+        of `_ORDERS`.
         """
         x, weights = rules_together(orders)
+        if panels is None:
+            panels, nodes = self._panels[direction], self._at_first(direction, orders)
+        else:
+            nodes = self._tables(direction, _nodes(panels, x))
         half = (panels[:, 1] - panels[:, 0])[:, None] / 2
-        nodes = (panels.mean(axis=1)[:, None] + half * x).ravel()
-        places = (nodes, lines) if direction == 0 else (lines, nodes)
-        values = FLUX.rows(*self._stack.on_grid(*places)(ALL))
+        both = (nodes, lines) if direction == 0 else (lines, nodes)
+        values = FLUX.rows(*self._stack.on_tables(*both)(ALL))
         shape = len(panels), len(x)
         if direction == 0:
             sums = weights @ values.reshape(*values.shape[:2], *shape, -1)
             return [sums[..., k, :] * half for k in range(len(orders))]
         sums = values.reshape(*values.shape[:2], -1, *shape) @ weights.T
         return [sums[..., k].swapaxes(2, 3) * half for k in range(len(orders))]
+
+
+def _nodes(panels: Array, x: Array) -> Array:
+    """Return the places of nodes on [-1, 1] on panels (n, 2), panel by panel."""
+    half = (panels[:, 1] - panels[:, 0])[:, None] / 2
+    return np.asarray((panels.mean(axis=1)[:, None] + half * x).ravel())
+
+
+@lru_cache(maxsize=8)
+def _own_nodes(orders: tuple[int, ...]) -> Integers:
+    """Return which of the nodes of all `_ORDERS` together are those of some."""
+    weights = rules_together(_ORDERS)[1]
+    return np.flatnonzero(weights[[_ORDERS.index(order) for order in orders]].any(axis=0))
 
 
 def _lines(knots: Array) -> Array:

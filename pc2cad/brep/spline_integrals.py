@@ -13,7 +13,7 @@ from OCP.Geom2d import Geom2d_BSplineCurve
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.brep.spline_numbers import curve_numbers, surface_numbers
-from pc2cad.brep.spline_tables import bases, part_of, summing
+from pc2cad.brep.spline_tables import Table, bases, part_of, summing
 from pc2cad.geometry.splines.spline_basis import (
     local_bases,
     spline_jets,
@@ -156,7 +156,8 @@ class Patch:
     def on_grid(self, s: Array, t: Array) -> tuple[Array, Array]:
         """Return points and normals (of the parameters' own length), (n, m, 3), on a grid."""
         places = (np.clip(x, k[0], k[-1]) for x, k in zip((s, t), self.knots, strict=True))
-        rows = Stack([self]).on_grid(*places)(ALL)
+        tables = (bases(x, k, n) for x, k, n in zip(places, self.knots, self.degrees, strict=True))
+        rows = Stack([self]).on_tables(*tables)(ALL)
         points, normals = (np.moveaxis(row[:, 0], 0, -1) for row in rows)
         return points, normals
 
@@ -177,14 +178,14 @@ class Stack:
         along = (differences(self.poles, self.knots[d], self.degrees[d], d - 2) for d in (0, 1))
         self._nets = [net.reshape(-1, *net.shape[2:]) for net in (self.poles, *along)]
 
-    def on_grid(self, s: Array, t: Array) -> Callable[[slice], tuple[Array, Array]]:
+    def on_tables(
+        self, s: Sequence[Table], t: Sequence[Table]
+    ) -> Callable[[slice], tuple[Array, Array]]:
         """Return what gives points and normals, (3, w, n, m) each, on a part of s and all of t.
 
-        Normals have the parameters' own length.
+        These are told by the tables (`bases`) of places. Normals have the parameters' own length.
         """
-        (a, slope_a), (b, slope_b) = (
-            bases(x, k, n) for x, k, n in zip((s, t), self.knots, self.degrees, strict=True)
-        )
+        (a, slope_a), (b, slope_b) = s, t
         poles, net_s, net_t = self._nets
         tables = a, slope_a, a
         sums = summing(a, poles, b), summing(slope_a, net_s, b), summing(a, net_t, slope_b)

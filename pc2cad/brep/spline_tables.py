@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import product, tensor
 from pc2cad.geometry.splines.spline_basis import SparseRows, basis_matrices
 
@@ -37,7 +37,7 @@ def times(table: Table, flat: Array) -> Array:
     return product(table, flat) if isinstance(table, np.ndarray) else table @ flat
 
 
-def part_of(table: Table, rows: slice) -> Table:
+def part_of(table: Table, rows: slice | Integers) -> Table:
     """Return some of the rows."""
     if isinstance(table, np.ndarray):
         return table[rows]
