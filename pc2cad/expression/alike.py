@@ -26,7 +26,7 @@ _CONSTANT: Final = 0
 
 def with_tables(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return trees of the same values, pieces that differ in constants only made one function."""
-    return rewrite(roots, "pieces", _tabled)
+    return rewrite(roots, "pieces", _tabled, keep=True)
 
 
 @lru_cache(maxsize=256)  # the map, its derivatives and its sides are made of the same functions

@@ -110,7 +110,7 @@ def trim_pieces(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     The trees are in local coordinates, each from 0 to 1. Where the box ends on a break, the end
     belongs to the piece inside. What is closed, and taken once round or more, stays.
     """
-    return rewrite(roots, "pieces", _trimmed)
+    return rewrite(roots, "pieces", _trimmed, keep=True)
 
 
 def _trimmed(node: Expr) -> Expr:

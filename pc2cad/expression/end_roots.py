@@ -31,7 +31,7 @@ def take_out_ends(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """
     changes = {"sqrt": _factored, "pow": _factored, "asin": _arc, "acos": _arc}
     for op, change in changes.items():
-        roots = rewrite(roots, op, change)
+        roots = rewrite(roots, op, change, keep=True)
     return roots
 
 
@@ -92,7 +92,7 @@ def _factored(node: Expr) -> Expr:
     exponent = root_exponent(node)
     if exponent is None:
         return node
-    below = rewrite(node.args, "abs", of_one_sign)[0]
+    below = rewrite(node.args, "abs", of_one_sign, keep=True)[0]
     form = _polynomial(below)
     if form is None:
         return node

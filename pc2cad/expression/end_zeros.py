@@ -70,7 +70,7 @@ def take_out_zeros(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     are taken out, of functions of one parameter that are positive between.
     """
     for op in ("sqrt", "pow"):
-        roots = rewrite(roots, op, _without_zeros)
+        roots = rewrite(roots, op, _without_zeros, keep=True)
     return roots
 
 

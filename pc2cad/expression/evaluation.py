@@ -276,7 +276,7 @@ def _parted(roots: tuple[Expr, ...]) -> tuple[_Below, Program | None]:
         found[node] = () if old else worked_from(node)
         return found[node]
 
-    nodes = list(walk(roots, operands_of))
+    nodes = walk(roots, operands_of)
     meet([node for node in nodes if node.symbols])
     below = {node: found[node] for node in nodes}
     old = tuple([node for node in nodes if node in earlier and node.op != "symbol"])
@@ -323,4 +323,4 @@ def _range(located: Located, count: int) -> _Range:
 
 def program(roots: tuple[Expr, ...]) -> list[Expr]:
     """Return the nodes below the roots, operands first, without those that make tables."""
-    return list(walk(roots, operands))
+    return walk(roots, operands)

@@ -33,18 +33,19 @@ def is_zero(root: Expr, scale: float = 1.0) -> Verdict:
     """
     if root.op == "number":
         return Verdict.REFUTED if root.payload else Verdict.PROVED
-    if not _seems_zero(root, scale):
+    if not _seems_constant(root, 0.0, scale):
         return Verdict.REFUTED
     return Verdict.PROVED if is_identically_zero(root) else Verdict.UNDECIDED
 
 
 def seems_constant(root: Expr, value: Number) -> bool:
     """Say whether a few samples leave it open, for a proof, that the tree equals the constant."""
-    return _seems_zero(root - as_expr(value), max(1.0, abs(float(value))), 2)
+    constant = float(value)
+    return isfinite(constant) and _seems_constant(root, constant, max(1.0, abs(constant)), 2)
 
 
-def _seems_zero(root: Expr, scale: float, samples: int = 6) -> bool:
-    values = (_sample(root, shift) for shift in range(samples))
+def _seems_constant(root: Expr, constant: float, scale: float, samples: int = 6) -> bool:
+    values = (_sample(root, shift) - constant for shift in range(samples))
     return not any(isfinite(value) and abs(value) > ROUNDING * scale for value in values)
 
 

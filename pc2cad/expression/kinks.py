@@ -46,7 +46,7 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
     function whose zeros are too many to be found stays. Raises BreaksNotAlignedError where an
     argument of several parameters changes its sign.
     """
-    nodes = list(among(roots, lambda n: not _BENT.isdisjoint(n.ops)))
+    nodes = among(roots, lambda n: not _BENT.isdisjoint(n.ops))
     if not any(node.op in _KINKED or is_bent_table(node) for node in nodes):
         return roots
     # what is only used in a power of 2 or more has no kink

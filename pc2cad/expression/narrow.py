@@ -59,7 +59,7 @@ def _are_quiet(functions: frozenset[Expr], name: str) -> bool:
 
 @lru_cache(maxsize=8)  # each parameter of the same trees is asked for
 def _steep(trees: tuple[Expr, ...]) -> list[Expr]:
-    return list(filter(_is_steep, among(trees, lambda n: bool(n.symbols))))
+    return [node for node in among(trees, lambda n: bool(n.symbols)) if _is_steep(node)]
 
 
 @lru_cache(maxsize=256)  # the faces and edges of a part are made of few such functions

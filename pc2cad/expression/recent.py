@@ -6,7 +6,7 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Final, Generic, TypeVar
 
-from pc2cad.expression.tree import Expr, walk
+from pc2cad.expression.tree import Expr
 
 Found = TypeVar("Found")
 #: nodes that are remembered
@@ -35,27 +35,48 @@ class Recent(Generic[Found]):
         find: Callable[[Expr, dict[Expr, Found]], Found],
         settled: Callable[[Expr], Found | None],
         below: Callable[[Expr], tuple[Expr, ...]] = attrgetter("args"),
+        worst: Found | None = None,
     ) -> dict[Expr, Found]:
         """Return what is known of trees: what is neither settled nor remembered is found, and kept.
 
         `find` is given a node and what is known of its operands (those that `below` gives). Below
-        what is settled or remembered nothing is looked at: it is not in what is returned.
+        what is settled or remembered nothing is looked at: it is not in what is returned. What is
+        above a node with the `worst` has that as well, and then nothing more is looked at.
         """
-        remembered, known = self._found, dict[Expr, Found]()
-
-        def unknown(node: Expr) -> tuple[Expr, ...]:
-            found = settled(node)
-            if found is None:
-                found = remembered.get(node)
+        remembered, known, opened = self._found, dict[Expr, Found](), list[Expr]()
+        # as `walk` does, whose order it is; None stands for the node that was opened last
+        stack: list[Expr | None] = [*reversed(roots)]
+        pop, push = stack.pop, stack.append
+        while stack:
+            node = pop()
+            if node is None:
+                node = opened.pop()
+            elif node in known:
+                continue
+            else:
+                found = settled(node)
                 if found is None:
-                    return below(node)
-            known[node] = found
-            return ()
-
-        for node in walk(roots, unknown):
-            if node not in known:
-                known[node] = find(node, known)
-                self.keep(node, known[node])
+                    found = remembered.get(node)
+                if found is not None:
+                    known[node] = found
+                    if found is worst:
+                        break
+                    continue
+                if args := below(node):
+                    opened.append(node)
+                    push(None)
+                    for arg in reversed(args):
+                        if arg not in known:
+                            push(arg)
+                    continue
+            known[node] = found = find(node, known)
+            self.keep(node, found)
+            if found is worst:
+                break
+        if worst is not None:
+            for node in opened:  # what is above the worst; nothing where there was none
+                known[node] = worst
+                self.keep(node, worst)
         return known
 
 

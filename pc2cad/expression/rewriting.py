@@ -2,22 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import lru_cache
 
+from pc2cad.expression.budget import is_counted
+from pc2cad.expression.recent import Recent
 from pc2cad.expression.tree import Expr, rebuild, walk
 
 
-def among(roots: tuple[Expr, ...], holds: Callable[[Expr], bool]) -> Iterator[Expr]:
-    """Yield once, operands first, the nodes of which something holds as it does of all above."""
-    return walk(tuple(filter(holds, roots)), lambda node: tuple(filter(holds, node.args)))
+def among(roots: tuple[Expr, ...], holds: Callable[[Expr], bool]) -> list[Expr]:
+    """Return once, operands first, the nodes of which something holds as it does of all above."""
+    return walk(
+        tuple([root for root in roots if holds(root)]),
+        lambda node: tuple([arg for arg in node.args if holds(arg)]),
+    )
 
 
-def rewrite(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> tuple[Expr, ...]:
-    """Return the trees with every node of one operation changed, operands first."""
-    done: dict[Expr, Expr] = {}
+def has_more(root: Expr, most: int, leaves: bool = True) -> bool:
+    """Say whether a tree has more than `most` different nodes, leaves counted or not.
+
+    Not many more are looked at.
+    """
+    seen, stack = set[Expr](), [root] if leaves or root.args else []
+    while stack:
+        node = stack.pop()
+        if node not in seen:
+            seen.add(node)
+            if len(seen) > most:
+                return True
+            stack += node.args if leaves else [arg for arg in node.args if arg.args]
+    return False
+
+
+def rewrite(
+    roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr], keep: bool = False
+) -> tuple[Expr, ...]:
+    """Return the trees with every node of one operation changed, operands first.
+
+    What becomes of the last nodes is remembered where it is to be kept: `change` is a function of a
+    module then, and tells by the node alone.
+    """
     within = tuple([root for root in roots if op in root.ops])
-    for node in walk(within, lambda n: tuple([arg for arg in n.args if op in arg.ops])):
-        args = tuple([done.get(arg, arg) for arg in node.args])
+    if not within:
+        return roots
+
+    def find(node: Expr, done: dict[Expr, Expr]) -> Expr:
+        args = tuple([done[arg] for arg in node.args])
         moved = node if args == node.args else rebuild(node, args)
-        done[node] = change(moved) if moved.op == op else moved
+        return change(moved) if moved.op == op else moved
+
+    known = _changed(op, change) if keep and not is_counted() else Recent[Expr]()
+    done = known.of(within, find, lambda node: None if op in node.ops else node)
     return tuple([done.get(root, root) for root in roots])
+
+
+@lru_cache(maxsize=16)
+def _changed(_op: str, _change: Callable[[Expr], Expr]) -> Recent[Expr]:
+    """Return what is remembered of a change: later stages make it of the same trees."""
+    return Recent()

@@ -16,7 +16,7 @@ HALF = Fraction(1, 2)
 
 def as_tanh(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return equal trees without quotients by p + q exp(x), p and q positive numbers."""
-    return rewrite(roots, "div", _rewritten) if "exp" in ops_of(roots) else roots
+    return rewrite(roots, "div", _rewritten, keep=True) if "exp" in ops_of(roots) else roots
 
 
 def _rewritten(node: Expr) -> Expr:

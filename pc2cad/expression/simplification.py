@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
-from itertools import islice
 
 from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
@@ -20,7 +19,7 @@ from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, q
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
 from pc2cad.expression.polynomials import constant_sums
 from pc2cad.expression.residues import may_be_square
-from pc2cad.expression.rewriting import among, rewrite
+from pc2cad.expression.rewriting import among, has_more, rewrite
 from pc2cad.expression.scalar import evaluate, values_of
 from pc2cad.expression.separable_sums import product_of, products, without_number
 from pc2cad.expression.sign_changes import sign_changes
@@ -61,7 +60,7 @@ def cancel(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     roots = _constant_sums(roots)
     held = ops_of(roots)
     if "sqrt" in held:
-        roots = rewrite(roots, "sqrt", _root)
+        roots = rewrite(roots, "sqrt", _root, keep=True)
     return tuple(_divided(root) for root in roots) if "div" in held else roots
 
 
@@ -73,7 +72,7 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     steady = constant_sums(roots)
     if steady is not None and not steady:
         return roots
-    nodes = list(walk(roots))
+    nodes = walk(roots)
     if steady is None:
         names = sorted(frozenset().union(*(root.symbols for root in roots)))
         places = ({n: x + 0.11 * i for i, n in enumerate(names)} for x in (0.13, 0.37, 0.58))
@@ -136,7 +135,8 @@ def without_idle(root: Expr) -> Expr:
 def _seems_idle(root: Expr, name: str) -> bool:
     """Say whether values at a few places hide a parameter."""
     rest = {other: 0.37 + 0.11 * i for i, other in enumerate(sorted(root.symbols))}
-    first, *others = (evaluate(root, {**rest, name: x}) for x in (0.21, 0.47, 0.88))
+    first = evaluate(root, {**rest, name: 0.21})
+    others = (evaluate(root, {**rest, name: x}) for x in (0.47, 0.88))
     return all(abs(value - first) <= ROUNDING * abs(first) for value in others)
 
 
@@ -172,7 +172,7 @@ def _plain_constant(coefficient: Expr) -> Expr | None:
 
 def _with_unknown_vectors(root: Expr) -> Expr:
     """Return the tree with symbols for what is squared under its roots, and for what holds none."""
-    nodes = list(walk((root,)))
+    nodes = walk((root,))
     squared = {
         base
         for node in nodes
@@ -180,12 +180,14 @@ def _with_unknown_vectors(root: Expr) -> Expr:
         for base in _squared(node.args[0])
         if base.symbols
     }
-    inner = {b for b in squared if squared.isdisjoint(n for n in walk((b,)) if n is not b)}
-    if not inner:
+    if not squared:
         return root
-    holds = set(inner)
+    inner, holds = set[Expr](), set[Expr]()
     for node in nodes:
         if not holds.isdisjoint(node.args):
+            holds.add(node)
+        elif node in squared:  # and nothing below it is
+            inner.add(node)
             holds.add(node)
     done: dict[Expr, Expr] = {}
     for node in walk((root,), lambda n: () if n in inner or n not in holds else n.args):
@@ -226,7 +228,7 @@ def _value(root: Expr) -> float:
 
 
 def _is_short(root: Expr) -> bool:
-    return next(islice(among((root,), lambda n: bool(n.args)), MOST_NODES, None), None) is None
+    return not has_more(root, MOST_NODES, leaves=False)
 
 
 # -- normal forms in which things cancel -----------------------------------------------------------

@@ -7,7 +7,7 @@ comparison of two references. Numbers are exact fractions; nothing is rounded in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
@@ -365,12 +365,11 @@ _BUILDERS: Final[dict[str, Callable[..., Expr]]] = {
 
 def walk(
     roots: tuple[Expr, ...], below: Callable[[Expr], tuple[Expr, ...]] | None = None
-) -> Iterator[Expr]:
-    """Yield every node below `roots` once, operands (those that `below` gives) before it."""
-    seen, opened = set[Expr](), list[Expr]()
-    # None stands for the node that was opened last, whose operands come before it
-    stack: list[Expr | None] = [*reversed(roots)]
-    pop, push, done = stack.pop, stack.append, seen.add
+) -> list[Expr]:
+    """Return every node below `roots` once, operands (those that `below` gives) before it."""
+    seen, opened, found = set[Expr](), list[Expr](), list[Expr]()
+    stack: list[Expr | None] = [*reversed(roots)]  # None: the node that was opened last
+    pop, push, done, give = stack.pop, stack.append, seen.add, found.append
     while stack:
         node = pop()
         if node is None:
@@ -385,7 +384,8 @@ def walk(
                     push(arg)
             continue
         done(node)
-        yield node
+        give(node)
+    return found
 
 
 def substitute(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr, ...]:

@@ -13,7 +13,7 @@ from pc2cad.arrays import Array
 from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.recent import Recent
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import ANALYTIC, Expr, walk
+from pc2cad.expression.tree import ANALYTIC, Expr
 from pc2cad.geometry.splines.spline_profile import LARGEST_DEGREE
 
 #: what is remembered as the degree of a tree that is not polynomial
@@ -26,24 +26,17 @@ def degree_in(roots: Sequence[Expr], name: str) -> int | None:
     Terms that would cancel are counted. Piecewise polynomials count with the degree of their
     pieces: whoever uses the degree must put knots at their breaks.
     """
-    degrees: dict[Expr, int] = {}
-    known = _degrees(name)
 
-    def below(node: Expr) -> tuple[Expr, ...]:
-        degree = known.get(node)
-        if degree is None:
-            return tuple([arg for arg in node.args if name in arg.symbols])
-        degrees[node] = degree
-        return ()
+    def find(node: Expr, degrees: dict[Expr, int]) -> int:
+        degree = _node_degree(node, [degrees[arg] for arg in node.args])
+        return NO_POLYNOMIAL if degree is None else degree
 
-    for node in walk(tuple([root for root in roots if name in root.symbols]), below):
-        if node not in degrees:
-            degree = _node_degree(node, [degrees.get(arg, 0) for arg in node.args])
-            degrees[node] = NO_POLYNOMIAL if degree is None else degree
-            known.keep(node, degrees[node])
-        if degrees[node] == NO_POLYNOMIAL:
-            return None
-    largest = max(degrees.get(root, 0) for root in roots)
+    degrees = _degrees(name).of(
+        tuple(roots), find, lambda node: None if name in node.symbols else 0, worst=NO_POLYNOMIAL
+    )
+    if NO_POLYNOMIAL in degrees.values():
+        return None
+    largest = max(degrees[root] for root in roots)
     return largest if largest <= LARGEST_DEGREE else None
 
 

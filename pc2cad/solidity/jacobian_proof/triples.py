@@ -11,14 +11,14 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import reduce
-from itertools import islice
 from operator import add, and_
 from typing import Final, NamedTuple
 
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.normal_form import normal_form, tree_of
+from pc2cad.expression.rewriting import has_more
 from pc2cad.expression.separable_sums import signed_terms
-from pc2cad.expression.tree import ONE, ZERO, Expr, div, number, walk
+from pc2cad.expression.tree import ONE, ZERO, Expr, div, number
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 
 #: nodes and terms of a determinant beyond which it is not asked what cancels in it
@@ -61,8 +61,7 @@ def triple(rows: Sequence[Scaled], k: int, i: int, j: int, name: str) -> Expr:
 
 def _short(tree: Expr) -> Expr:
     """Return a tree as the one product, or nothing, that its normal form may be."""
-    few = next(islice(walk((tree,)), MOST_NODES, None), None) is None
-    form = normal_form(tree, MOST_TERMS) if few else None
+    form = None if has_more(tree, MOST_NODES) else normal_form(tree, MOST_TERMS)
     return tree if form is None or len(form) > 1 else tree_of(form)
 
 
