@@ -81,23 +81,18 @@ class Recent(Generic[Found]):
 
 
 class Holding:
-    """Remembers nodes of which something holds as it does of all that are looked at below them."""
+    """Remembers of which nodes something holds, and of all that are looked at below them."""
 
     def __init__(
         self, holds: Callable[[Expr], bool], below: Callable[[Expr], tuple[Expr, ...]]
     ) -> None:
         self._holds, self._below = holds, below
-        self._known = set[Expr]()
+        self._known = Recent[bool]()
 
     def of(self, roots: tuple[Expr, ...]) -> bool:
         """Say whether it holds of trees and of all below them (that `below` gives)."""
-        known, below, new = self._known, self._below, list[Expr]()
-        for node in walk(roots, lambda n: () if n in known else below(n)):
-            if node not in known:
-                if not self._holds(node):
-                    return False
-                new.append(node)
-        if len(known) + len(new) > MOST:
-            self._known = set()  # not cleared: another thread may be reading it
-        self._known.update(new)
-        return True
+        # a node is asked only when it holds of all below it
+        known = self._known.of(
+            roots, lambda node, _: self._holds(node), lambda _: None, self._below, worst=False
+        )
+        return False not in known.values()
