@@ -17,6 +17,8 @@ from pc2cad.expression.tree import ONE, ZERO, Expr, number, rebuild, walk
 _Terms = dict[Expr, Fraction]
 #: linear forms with more terms are not remembered: chains of sums have one another's
 MOST_TERMS: Final = 32
+#: most coefficients are this very object, which needs no multiplication
+_UNIT: Final = Fraction(1)
 
 #: what is remembered: variants of a template, and the pieces of a map, have most trees in common
 _forms: Final[Recent[_Terms]] = Recent()
@@ -43,12 +45,15 @@ def cancel_terms(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
     """Return a node of whose operands nothing is lost without the terms that it loses."""
     if node.op == "add":
+        left, right = (_terms_of(arg, terms) for arg in node.args)
+        if left.keys().isdisjoint(right):
+            return node
         total = _terms_of(node, terms)
-        if len(total) < len({*_terms_of(node.args[0], terms), *_terms_of(node.args[1], terms)}):
+        if len(total) < len({*left, *right}):
             node = ZERO
             for atom, coefficient in total.items():
                 node = node + number(coefficient) * atom
-    elif node.op == "mul" and node.args[0].op == "number" and node.args[1].op == "mul":
+    elif _is_multiple(node) and _is_multiple(node.args[1]):
         found = _terms_of(node, terms)
         if len(found) == 1:  # a number times a multiple is one multiple
             ((atom, coefficient),) = found.items()
@@ -58,6 +63,11 @@ def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
 
 def _terms_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
     """Return the linear form of a tree as it is; `terms` holds those found before."""
+    found = terms.get(node)
+    if found is not None:
+        return found
+    if not _summed(node):
+        return _form_of(node, terms)
 
     def below(inner: Expr) -> tuple[Expr, ...]:
         if inner in terms:
@@ -68,12 +78,11 @@ def _terms_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
         terms[inner] = found
         return ()
 
-    if node not in terms:
-        for inner in walk((node,), below):
-            if inner not in terms:
-                terms[inner] = _form_of(inner, terms)
-                if len(terms[inner]) <= MOST_TERMS:
-                    _forms.keep(inner, terms[inner])
+    for inner in walk((node,), below):
+        if inner not in terms:
+            terms[inner] = _form_of(inner, terms)
+            if len(terms[inner]) <= MOST_TERMS and _summed(inner):
+                _forms.keep(inner, terms[inner])
     return terms[node]
 
 
@@ -81,7 +90,11 @@ def _summed(node: Expr) -> tuple[Expr, ...]:
     """Return the operands that a node's form is made of: none for an atom."""
     if node.op in ("add", "neg"):
         return node.args
-    return node.args[1:] if node.op == "mul" and node.args[0].op == "number" else ()
+    return node.args[1:] if _is_multiple(node) else ()
+
+
+def _is_multiple(node: Expr) -> bool:
+    return node.op == "mul" and node.args[0].op == "number"
 
 
 def _form_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
@@ -90,6 +103,8 @@ def _form_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
         return {ONE: node.payload} if node.payload else {}
     if node.op == "add":
         left, right = (terms[arg] for arg in node.args)
+        if left.keys().isdisjoint(right):
+            return left | right
         total = dict(left)
         for atom, coefficient in right.items():
             before = total.get(atom)
@@ -97,7 +112,7 @@ def _form_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
         return {atom: coefficient for atom, coefficient in total.items() if coefficient}
     if node.op == "neg":
         return {a: -c for a, c in terms[node.args[0]].items()}
-    if node.op == "mul" and node.args[0].op == "number":
+    if _is_multiple(node):
         factor: Fraction = node.args[0].payload
-        return {a: factor * c for a, c in terms[node.args[1]].items()}
-    return {node: Fraction(1)}
+        return {a: factor if c is _UNIT else factor * c for a, c in terms[node.args[1]].items()}
+    return {node: _UNIT}

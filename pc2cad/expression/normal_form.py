@@ -86,6 +86,26 @@ def times(form: NormalForm, factor: Expr, largest: int = LARGEST_FORM) -> Normal
         return None
 
 
+def with_square(
+    form: NormalForm, atom: Expr, square: NormalForm, largest: int = LARGEST_FORM
+) -> NormalForm | None:
+    """Return a form with the square of an atom put for it, None beyond `largest` terms."""
+    total: NormalForm = {}
+    try:
+        for monomial, coefficient in form.items():
+            term: NormalForm = {(): coefficient}
+            for a, exponent in monomial:
+                pairs, rest = divmod(exponent, 2) if a is atom else (0, exponent)
+                if pairs:
+                    term = _product(term, _raised(square, pairs, largest), largest)
+                if rest:
+                    term = _product(term, {((a, rest),): _UNIT}, largest)
+            total = _sum(total, term, largest)
+    except _TooLargeError:
+        return None
+    return total
+
+
 def tree_of(form: NormalForm) -> Expr:
     """Return a normal form as a tree."""
     total = ZERO
@@ -156,11 +176,15 @@ def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalF
         inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): _UNIT}
         return _product(forms[node.args[0]], inverse, largest)
     if node.op == "pow" and _is_repeated(node.args[1]):
-        result = forms[node.args[0]]
-        for _ in range(int(node.args[1].payload) - 1):
-            result = _product(result, forms[node.args[0]], largest)
-        return result
+        return _raised(forms[node.args[0]], int(node.args[1].payload), largest)
     return {((node, 1),): _UNIT}
+
+
+def _raised(form: NormalForm, exponent: int, largest: int) -> NormalForm:
+    result = form
+    for _ in range(exponent - 1):
+        result = _product(result, form, largest)
+    return result
 
 
 def _reciprocal(denominator: Expr) -> Expr:
@@ -179,15 +203,23 @@ def _sum(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
 def _product(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
     if len(a) * len(b) > 20 * largest:
         raise _TooLargeError
+    for one, other in ((a, b), (b, a)):
+        if len(one) == 1 and () in one:  # a number
+            factor = one[()]
+            return other if factor is _UNIT else {m: _times(factor, c) for m, c in other.items()}
     result: NormalForm = {}
     for left, p in a.items():
         for right, q in b.items():
-            both = q if p is _UNIT else p if q is _UNIT else p * q
-            for monomial, factor in _join(left, right):
-                _accumulate(result, monomial, both if factor == 1 else both * factor)
+            both = _times(p, q)
+            for monomial, sign in _join(left, right):
+                _accumulate(result, monomial, both if sign == 1 else both * sign)
     if len(result) > largest:
         raise _TooLargeError
     return result
+
+
+def _times(p: Fraction, q: Fraction) -> Fraction:
+    return q if p is _UNIT else p if q is _UNIT else p * q
 
 
 def _accumulate(form: NormalForm, monomial: Monomial, coefficient: Fraction) -> None:
@@ -208,10 +240,12 @@ def _join(left: Monomial, right: Monomial) -> list[tuple[Monomial, int]]:
     exponents: dict[Expr, int] = dict(left)
     for atom, exponent in right:
         exponents[atom] = exponents.get(atom, 0) + exponent
+    sines = [atom for atom, exponent in exponents.items() if exponent > 1 and atom.op == "sin"]
+    if not sines:
+        return [(ordered(exponents), 1)]
     terms: list[tuple[dict[Expr, int], int]] = [(exponents, 1)]
-    for atom in list(exponents):
-        if atom.op == "sin":
-            terms = [piece for term in terms for piece in _without_square(term, atom)]
+    for atom in sines:
+        terms = [piece for term in terms for piece in _without_square(term, atom)]
     return [(ordered(powers), factor) for powers, factor in terms]
 
 
@@ -234,7 +268,14 @@ def _cosine(angle: Expr) -> Expr:
 
 def ordered(powers: dict[Expr, int]) -> Monomial:
     """Return the monomial of powers, in the order that normal forms keep."""
-    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda item: item[0].rank))
+    rows = [item for item in powers.items() if item[1]]
+    if len(rows) > 1:
+        rows.sort(key=_rank)
+    return tuple(rows)
+
+
+def _rank(power: tuple[Expr, int]) -> int:
+    return power[0].rank
 
 
 def is_identically_zero(root: Expr) -> bool:

@@ -16,7 +16,7 @@ from functools import lru_cache
 from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
-from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of
+from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of, with_square
 from pc2cad.expression.polynomials import constant_sums
 from pc2cad.expression.residues import may_be_square
 from pc2cad.expression.rewriting import among, has_more, rewrite
@@ -265,14 +265,8 @@ def _without_squares(form: NormalForm) -> NormalForm | None:
 
 
 def _replaced(form: NormalForm, atom: Expr, square: Expr) -> NormalForm | None:
-    total = ZERO
-    for monomial, coefficient in form.items():
-        term = number(coefficient)
-        for a, exponent in monomial:
-            pairs, rest = divmod(exponent, 2) if a is atom else (0, exponent)
-            term = term * power(square, number(pairs)) * power(a, number(rest))
-        total = total + term
-    return normal_form(total, LARGEST)
+    squared = normal_form(square, LARGEST)
+    return None if squared is None else with_square(form, atom, squared, LARGEST)
 
 
 def _without_quotient(form: NormalForm) -> NormalForm | None:
