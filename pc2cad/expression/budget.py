@@ -23,6 +23,8 @@ class TooLargeError(InputError):
 
 
 _left: ContextVar[list[int] | None] = ContextVar("_left", default=None)
+#: returns what may still be made, None where nodes are not counted
+counted: Final = _left.get
 
 
 @contextmanager
@@ -43,21 +45,21 @@ def bounded(nodes: int = MOST_NODES) -> Iterator[None]:
 
 def left() -> int:
     """Return how many nodes and operands may still be made; 0 where they are not counted."""
-    counted = _left.get()
-    return 0 if counted is None else counted[0]
+    rest = counted()
+    return 0 if rest is None else rest[0]
 
 
 def is_counted() -> bool:
     """Say whether nodes are counted: then what was made before is made, and counted, again."""
-    return _left.get() is not None
+    return counted() is not None
 
 
 def spend(operands: int) -> None:
     """Count a node with so many operands."""
-    counted = _left.get()
-    if counted is not None:
-        counted[0] -= 1 + operands
-        if counted[0] < 0:
+    rest = counted()
+    if rest is not None:
+        rest[0] -= 1 + operands
+        if rest[0] < 0:
             raise TooLargeError(
                 "the equations written out grow beyond all measure here; look for derivatives of "
                 "derivatives, or for curves within curves, in [let]"

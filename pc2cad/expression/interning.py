@@ -24,23 +24,24 @@ class Interned(Generic[Thing]):
     """The one thing of each key."""
 
     def __init__(self) -> None:
-        self._places: dict[Hashable, _Place[Thing]] = {}
+        #: where each thing is found; who looks there makes no other use of them
+        self.places: dict[Hashable, _Place[Thing]] = {}
         self._kept: deque[Thing] = deque(maxlen=MOST_KEPT)
         self._forget_place = self._forget  # one method for all places
 
     def get(self, key: Hashable) -> Thing | None:
         """Return the thing of a key, None where there is none."""
-        place = self._places.get(key)
+        place = self.places.get(key)
         return None if place is None else place()
 
     def keep(self, key: Hashable, thing: Thing) -> Thing:
         """Let a new thing be the one of its key, and return it."""
         place = _Place(thing, self._forget_place)
         place.key = key
-        self._places[key] = place
+        self.places[key] = place
         self._kept.append(thing)
         return thing
 
     def _forget(self, dead: _Place[Thing]) -> None:
-        if self._places.get(dead.key) is dead:
-            del self._places[dead.key]
+        if self.places.get(dead.key) is dead:
+            del self.places[dead.key]

@@ -45,7 +45,7 @@ def cancel_terms(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
     """Return a node of whose operands nothing is lost without the terms that it loses."""
     if node.op == "add":
-        left, right = (_terms_of(arg, terms) for arg in node.args)
+        left, right = _terms_of(node.args[0], terms), _terms_of(node.args[1], terms)
         if left.keys().isdisjoint(right):
             return node
         total = _terms_of(node, terms)

@@ -65,12 +65,17 @@ def values_of(nodes: Iterable[Expr], values: Mapping[str, float]) -> dict[Expr, 
 
 def _taken(node: Expr, store: dict[Expr, float], values: Mapping[str, float]) -> float:
     """Return the value of a node from a store that has those of its operands."""
-    if node.op == "symbol":
+    op = node.op
+    if op == "symbol":
         return values[node.payload]
-    try:
-        value = _value(node, [store[arg] for arg in node.args])
-    except (ValueError, ZeroDivisionError, OverflowError):
-        value = _NAN
+    if op == "mul" or op == "add":  # most nodes
+        a, b = node.args
+        value = store[a] * store[b] if op == "mul" else store[a] + store[b]
+    else:
+        try:
+            value = _value(node, [store[arg] for arg in node.args])
+        except (ValueError, ZeroDivisionError, OverflowError):
+            value = _NAN
     if not node.symbols:
         object.__setattr__(node, "value", value)
     return value

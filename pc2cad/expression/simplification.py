@@ -164,7 +164,13 @@ def _plain_constant(coefficient: Expr) -> Expr | None:
         return coefficient
     if not seems_constant(coefficient, _value(coefficient)):
         return None
-    form = _form(_with_unknown_vectors(coefficient))
+    return _without_symbols(_with_unknown_vectors(coefficient))
+
+
+@lru_cache(maxsize=512)  # with unknown vectors the same for all numbers of a guide
+def _without_symbols(tree: Expr) -> Expr | None:
+    """Return a tree whose normal form holds no symbols as that form, or None."""
+    form = _form(tree)
     if form is None or any(atom.symbols for monomial in form for atom, _ in monomial):
         return None
     return tree_of(form)
