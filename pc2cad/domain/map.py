@@ -145,8 +145,9 @@ class Mapping3:
         return u, v, w
 
     def _run(self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
-        # points are often all that is asked for; derivatives have most of their trees in common
-        held = keys if keys == _POINTS else _FRAME
+        # points are often all that is asked for; derivatives have most of their trees in common, so
+        # a program that has them serves points as well: no value depends on what else there is
+        held = keys if keys == _POINTS and _FRAME not in self._programs else _FRAME
         if held not in self._programs:
             roots = tuple(tree for key in held for tree in self._trees_of(key))
             self._programs[held] = Program(roots)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, groupby
 
 import numpy as np
 
@@ -49,9 +49,9 @@ class _Side:
 
     def __call__(self, places: Array, across: Array = _ACROSS) -> Array:
         """Return points (places, across, 3)."""
-        return self.ordered(self.mapping.points(*self._grid(places, across)))
+        return self.ordered(self.mapping.points(*self.grid(places, across)))
 
-    def _grid(self, places: Array, across: Array) -> list[Array]:
+    def grid(self, places: Array, across: Array) -> list[Array]:
         grid = [np.array([self.limit])] * 3
         grid[self.along], grid[3 - self.along - self.normal] = places, across
         shapes = ((-1, 1, 1), (1, -1, 1), (1, 1, -1))
@@ -72,13 +72,13 @@ def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[
     """
     limits = {(d, float(p > 0)) for cell in sides for d, p in enumerate(cell) if p % 2 == 0}
     found: tuple[set[Fraction], ...] = (set(), set(), set())
+    few = _few(mapping)
     for along in DIRECTIONS:
         rows = [_Side(mapping, d, limit, along) for d, limit in sorted(limits) if d != along]
-        few = _few(mapping, along)
+        closing = [side for side in rows if _closes(few[along][side.normal, side.limit], scale)]
         closed = [
-            _Closed(side, *np.split(side(_places()), [_COUNT]))
-            for side in rows
-            if _closes(few[side.normal, side.limit], scale)
+            _Closed(side, *np.split(points, [_COUNT]))
+            for side, points in zip(closing, _along_all(closing), strict=True)
         ]
         searches = [
             _Search(first, second, turned, scale)
@@ -125,16 +125,39 @@ def _places() -> Array:
     return np.concatenate((_uniform(), _TRIED))
 
 
-def _few(mapping: Mapping3, along: int) -> dict[tuple[int, float], Array]:
-    """Return points (4, 2, 3) of the four sides along a direction, by normal and limit."""
-    ends, across = (0, 3), slice(1, 3)
-    grid = [np.array([0.0, *_ACROSS, 1.0])] * 3
-    grid[along] = np.array([0.0, 0.3, 0.7, 1.0])
-    points = np.moveaxis(mapping.points(*open_grid(*grid)), along, 0)
-    first, second = (d for d in DIRECTIONS if d != along)
-    return {(first, float(k > 0)): points[:, k, across] for k in ends} | {
-        (second, float(k > 0)): points[:, across, k] for k in ends
-    }
+def _few(mapping: Mapping3) -> list[dict[tuple[int, float], Array]]:
+    """Return for each direction points (4, 2, 3) of the four sides along it, by normal and limit.
+
+    All are of one grid, whose places along a direction serve as those across others.
+    """
+    ends, places, across = (0, -1), (0, 2, 3, 5), (1, 4)
+    grid = np.array([0.0, _ACROSS[0], 0.3, 0.7, _ACROSS[1], 1.0])
+    whole = mapping.points(*open_grid(grid, grid, grid))
+    rows = []
+    for along in DIRECTIONS:
+        points = np.moveaxis(whole, along, 0)[places, :, :]
+        first, second = (d for d in DIRECTIONS if d != along)
+        rows.append(
+            {(first, float(k < 0)): points[:, k, across] for k in ends}
+            | {(second, float(k < 0)): points[:, across, k] for k in ends}
+        )
+    return rows
+
+
+def _along_all(sides: Sequence[_Side]) -> list[Array]:
+    """Return points (246, 2, 3) of sides along one direction, those across one normal together."""
+    found: list[Array] = []
+    for _, group in groupby(sides, lambda side: side.normal):
+        row = list(group)
+        first = row[0]
+        if len(row) == 1 or not first.mapping.is_alike_together:
+            found += [side(_places()) for side in row]
+            continue
+        grid = first.grid(_places(), _ACROSS)
+        grid[first.normal] = open_grid(*[[side.limit for side in row]] * 3)[first.normal]
+        both = first.mapping.points(*grid)
+        found += [first.ordered(np.take(both, [k], axis=first.normal)) for k in range(len(row))]
+    return found
 
 
 def _closes(points: Array, scale: Scale) -> bool:

@@ -113,6 +113,8 @@ class Program:
     def _locating(self) -> list[_Timed]:
         """Return the steps by which places are located in pieces, whatever the places."""
         needed = self._needed(self._located, {})
+        if not needed:
+            return []
         return [
             (i, partial(run, self._rows[i], 0) if i in self._rows else run, before, ())
             for i, run, before in self._steps
@@ -221,30 +223,24 @@ class Program:
         positions = sorted([self._position[i] for i in needed])
         return [self._step(self._steps[k][0], among) for k in positions]
 
-    def _reached(self, outputs: tuple[int, ...]) -> list[_Step]:
-        """Return the steps that some values need, in order."""
-        needed, found = {*outputs}, list[_Step]()
-        for step in reversed(self._steps):
-            if step[0] in needed:
-                needed.update(step[2])
-                found.append(step)
-        found.reverse()
-        return found
-
     def _plan(self, outputs: tuple[int, ...], ranges: tuple[_Range, ...]) -> _Plan:
         """Return how some values are worked out where places are in ranges of pieces."""
         if len(self._plans) >= MOST_PLANS:
             self._forget()
         among = dict(zip(self._located, ranges, strict=True))
         done = {step[0] for step in self._first}
-        chosen = self._among_pieces(outputs, among) if among else self._reached(outputs)
-        #: what is not let go of, or has been
+        chosen = self._among_pieces(outputs, among) if among else self._steps
+        #: what is not let go of, or has been: of what is worked out all that is needed
         kept = {*outputs, *done, *self._fixed}
         steps: list[_Timed] = []
         for step in reversed(chosen):
-            last = tuple([x for x in step[2] if x not in kept])
-            kept.update(last)
-            timed = *step, last
+            slot, run, before = step
+            if slot not in kept:
+                continue
+            last = tuple([x for x in before if x not in kept])
+            if last:
+                kept.update(last)
+            timed = slot, run, before, last
             # plans for pieces are many, and have most of their steps in common
             steps.append(self._timed.setdefault((id(step), *last), timed) if among else timed)
         steps.reverse()
@@ -270,19 +266,23 @@ def _parted(roots: tuple[Expr, ...]) -> tuple[_Below, Program | None]:
     """
     earlier = earlier_trees()
     found: _Below = {}
+    last: list[Expr] = []
 
     def operands_of(node: Expr) -> tuple[Expr, ...]:
-        old = node in earlier and node.op != "symbol"
-        found[node] = () if old else worked_from(node)
-        return found[node]
+        row: tuple[Expr, ...] = ()
+        if node in earlier and node.op != "symbol":
+            last.append(node)
+        else:
+            row = worked_from(node)
+        found[node] = row
+        return row
 
     nodes = walk(roots, operands_of)
     meet([node for node in nodes if node.symbols])
     below = {node: found[node] for node in nodes}
-    old = tuple([node for node in nodes if node in earlier and node.op != "symbol"])
-    if not old:
+    if not last:
         return below, None
-    among, (program, inside) = set(old), _of_earlier(old)
+    among, (program, inside) = set(last), _of_earlier(tuple(last))
     if program is None or any(
         [node.op == "pieces" and len(row) > 1 and node not in among for node, row in below.items()]
     ):

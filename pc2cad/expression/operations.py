@@ -38,7 +38,8 @@ def worked_from(node: Expr) -> tuple[Expr, ...]:
             return a, b.args[0]
         if a.op == "neg":
             return b, a.args[0]
-    return operands(node)
+        return node.args
+    return operands(node) if node.op == "pieces" else node.args
 
 
 def operation(node: Expr) -> Run:
@@ -46,11 +47,11 @@ def operation(node: Expr) -> Run:
     op, payload = node.op, node.payload
     if op == "add" and "neg" in (node.args[0].op, node.args[1].op):
         return np.subtract
+    if op in _BINARY:
+        return _BINARY[op]
     if op == "constant":
         value = np.float64(np.pi if payload == "pi" else np.e)
         return lambda: value
-    if op in _BINARY:
-        return _BINARY[op]
     if op == "neg":
         return np.negative
     if op == "pow":
