@@ -3,33 +3,31 @@
 The checker holds the edges of a plane face against one another as pairs, and splines as polygons
 of hundreds of points: for two wires of thousands of edges, or of long splines, that is nearly all
 that it does. Where it is proved (`geometry.plane_chains`) that the wires of such a face are simple,
-apart by more than those polygons are off, and one around all others, the kernel is asked all the
-rest: each wire in a face of its own and without searches (``BRepCheck_Analyzer`` without geometric
-controls), and shell and solid as they are. What is not proved, or refused by any of these, the
-kernel answers as a whole.
+apart by more than those polygons are off, one around all others, and turned as they should be, the
+kernel is asked of the wires by themselves, without searches (``BRepCheck_Analyzer`` without
+geometric controls). How edges join the faces is counted here: the kernel looks for each among all
+of a face. What is not proved, or refused by any of these, the kernel answers as a whole.
 """
 
 from __future__ import annotations
 
-from OCP.BRep import BRep_Builder
-from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Shell, BRepCheck_Status
+from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp
+from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from pc2cad.brep.kernel import (
     IndexedMapOfShape,
     as_edge,
     as_face,
-    as_shell,
     children,
     compound,
 )
-from pc2cad.brep.plane_wires import WORTH_WHILE, outer_wire, samples
+from pc2cad.brep.plane_wires import WORTH_WHILE, is_in_order, samples
 
 #: edges of a solid from which on its faces are looked at one by one, whatever curves they are
 FEW = 40
-_ORIENTED = (TopAbs_Orientation.TopAbs_FORWARD, TopAbs_Orientation.TopAbs_REVERSED)
+_ORIENTED = {TopAbs_Orientation.TopAbs_FORWARD, TopAbs_Orientation.TopAbs_REVERSED}
 
 
 def is_valid(solid: TopoDS_Shape) -> bool:
@@ -53,33 +51,47 @@ def _known_valid(solid: TopoDS_Shape) -> bool:
     faces = [as_face(face) for face in children(shells[0])]
     if not all(face.Orientation() in _ORIENTED for face in faces):
         return False
-    alone, others = [], []
+    proved, others = list[TopoDS_Shape](), list[TopoDS_Shape]()
     for face in faces:
         wires = children(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
-        outer = outer_wire(face, wires)
-        if outer is None:
-            others.append(face)
+        if is_in_order(face, wires):
+            proved += wires
         else:
-            alone += _alone(face, wires, outer)
-    if not alone:
+            others.append(face)
+    if not proved:
         return False
     if others and not BRepCheck_Analyzer(compound(others)).IsValid():
         return False
-    return bool(BRepCheck_Analyzer(compound(alone), False).IsValid()) and _is_closed(shells[0])
+    return bool(BRepCheck_Analyzer(compound(proved), False).IsValid()) and _is_closed(faces)
 
 
-def _is_closed(shape: TopoDS_Shape) -> bool:
-    """Return what ``BRepCheck_Shell::InContext`` asks of a shell of a solid."""
-    shell = BRepCheck_Shell(as_shell(shape))
-    fine = BRepCheck_Status.BRepCheck_NoError
-    return bool(shell.Closed() == fine and shell.Orientation() == fine)
+def _is_closed(faces: list[TopoDS_Face]) -> bool:
+    """Return whether faces hang together, and each edge is used by two of them, once either way.
+
+    That is what ``BRepCheck_Shell::InContext`` asks of a shell of a solid, one edge of a face after
+    another for each edge.
+    """
+    edges, uses = IndexedMapOfShape(), list[list[tuple[int, TopAbs_Orientation]]]()
+    for number, face in enumerate(faces):
+        walk = TopExp_Explorer(face, TopAbs_ShapeEnum.TopAbs_EDGE)
+        while walk.More():
+            edge = walk.Current()
+            index = edges.Add(edge)
+            if index > len(uses):
+                uses.append([])
+            uses[index - 1].append((number, edge.Orientation()))
+            walk.Next()
+    group = list(range(len(faces)))
+    for sides in uses:
+        if {turn for _, turn in sides} != _ORIENTED or len(sides) != 2:
+            return False
+        one, other = (_first(group, number) for number, _ in sides)
+        group[max(one, other)] = min(one, other)
+    return all(_first(group, number) == 0 for number in range(len(faces)))
 
 
-def _alone(face: TopoDS_Face, wires: list[TopoDS_Shape], outer: int) -> list[TopoDS_Shape]:
-    """Return faces of one wire each, holes turned to be the outer wires of theirs."""
-    result, builder = [], BRep_Builder()
-    for i, wire in enumerate(wires):
-        one = face.EmptyCopied().Oriented(TopAbs_Orientation.TopAbs_FORWARD)
-        builder.Add(one, wire if i == outer else wire.Reversed())
-        result.append(one)
-    return result
+def _first(group: list[int], number: int) -> int:
+    """Return the first of the faces that a face hangs together with, as far as it is known."""
+    while group[number] != number:
+        group[number] = number = group[group[number]]
+    return number

@@ -9,14 +9,15 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineCurve, Geom_Line, Geom_Plane
 from OCP.TopAbs import TopAbs_Orientation
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from pc2cad.arrays import Array
 from pc2cad.brep.from_kernel import frame
 from pc2cad.brep.kernel import as_edge, children
 from pc2cad.brep.spline_integrals import read_curve
 from pc2cad.geometry.carriers import SplineCurve
-from pc2cad.geometry.plane_chains import outer_chain
+from pc2cad.geometry.plane_chains import outer_chain, turn_of
 from pc2cad.geometry.sheets import curve_pieces, elevated
 
 #: points that the kernel takes of all edges of a face from which on proving is the faster way
@@ -28,6 +29,7 @@ _MOST_SAMPLES = 300
 #: how far curves go on beside their vertices: a tenth of ``Precision::Confusion``
 _GAP = 1e-8
 _ORIGIN = np.zeros(3)
+_TURNS = {TopAbs_Orientation.TopAbs_FORWARD: 1, TopAbs_Orientation.TopAbs_REVERSED: -1}
 
 
 def samples(edge: TopoDS_Edge) -> int:
@@ -38,6 +40,23 @@ def samples(edge: TopoDS_Edge) -> int:
     return int(min(_MOST_SAMPLES, (curve.NbKnots() - 1) * curve.Degree()))
 
 
+def is_in_order(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> bool:
+    """Return whether a plane face is proved to be what the kernel's checker wants of it.
+
+    That is what `outer_wire` proves, and that edges of a wire are joined by their vertices, that
+    the outer wire runs counterclockwise and all others clockwise, and that neither edges nor
+    vertices have something on the plane of their own: what is left are wires by themselves.
+    """
+    found = _ordered(face, wires)
+    if found is None:
+        return False
+    outer, senses, edges = found
+    for i, (wire, sense) in enumerate(zip(wires, senses, strict=True)):
+        if sense * _TURNS.get(wire.Orientation(), 0) != (1 if i == outer else -1):
+            return False
+    return all(map(_are_joined, edges)) and all(_is_plain(edge) for row in edges for edge in row)
+
+
 def outer_wire(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> int | None:
     """Return which wire of a plane face is around the others, if the kernel finds them in order.
 
@@ -46,6 +65,16 @@ def outer_wire(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> int | None:
     side by side in that. None where this is not proved, or not worth its while: of surfaces other
     than planes, and curves other than lines and polynomial splines.
     """
+    found = _ordered(face, wires)
+    return None if found is None else found[0]
+
+
+#: a face's outer wire, whether wires run counterclockwise (1) or not (-1), and their edges
+_Ordered = tuple[int, tuple[int, ...], list[list[TopoDS_Edge]]]
+
+
+def _ordered(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> _Ordered | None:
+    """Return what `outer_wire` proves; wires and edges as they are run through forward."""
     plane = BRep_Tool.Surface_s(face)
     if not isinstance(plane, Geom_Plane):
         return None
@@ -71,7 +100,35 @@ def outer_wire(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> int | None:
         chains.append(chain)
     margin = 8 * max(tolerances) + 6 * max(off for row in known for _, off in row)
     shapes = tuple(chain.shape for chain in chains)
-    return _outer_of(tuple(chain.tobytes() for chain in chains), shapes, margin)
+    outer, senses = _outer_of(tuple(chain.tobytes() for chain in chains), shapes, margin)
+    return None if outer is None else (outer, senses, edges)
+
+
+def _are_joined(edges: Sequence[TopoDS_Edge]) -> bool:
+    """Return whether each edge ends at the vertex that the next one begins at."""
+    starts = [TopExp.FirstVertex_s(edge, True) for edge in edges]
+    ends = [TopExp.LastVertex_s(edge, True) for edge in edges]
+    return all(map(TopoDS_Vertex.IsSame, ends, starts[1:] + starts[:1]))
+
+
+def _is_plain(edge: TopoDS_Edge) -> bool:
+    """Return whether the kernel has nothing to ask of an edge of a plane face but of its curve.
+
+    It asks for curves in parameters that run with that, and for none on planes nor for places of
+    vertices on surfaces.
+    """
+    curves = edge.TShape().Curves()
+    parts = [curves.First(), curves.Last()] if curves.Size() <= 2 else [*curves]
+    vertices = TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)
+    return (
+        edge.Orientation() in _TURNS
+        and BRep_Tool.SameParameter_s(edge)
+        and BRep_Tool.SameRange_s(edge)
+        and not any(
+            part.IsCurveOnSurface() and isinstance(part.Surface(), Geom_Plane) for part in parts
+        )
+        and all(vertex.TShape().Points().Size() == 0 for vertex in vertices)
+    )
 
 
 def _curve(edge: TopoDS_Edge) -> tuple[Array, float] | None:
@@ -108,10 +165,14 @@ def _off(nets: Array, lengths: Array, step: float) -> float:
 @lru_cache(maxsize=16)
 def _outer_of(
     data: tuple[bytes, ...], shapes: tuple[tuple[int, ...], ...], margin: float
-) -> int | None:
-    """Return what `outer_chain` does; what is read back is asked for again with the same bytes."""
+) -> tuple[int | None, tuple[int, ...]]:
+    """Return what `outer_chain` does, and which way each chain runs.
+
+    What is read back is asked for again with the same bytes.
+    """
     chains = [np.frombuffer(one).reshape(shape) for one, shape in zip(data, shapes, strict=True)]
-    return outer_chain(chains, margin)
+    outer = outer_chain(chains, margin)
+    return (None, ()) if outer is None else (outer, tuple(map(turn_of, chains)))
 
 
 def _edges(wire: TopoDS_Shape) -> list[TopoDS_Edge]:

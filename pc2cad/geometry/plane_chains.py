@@ -8,6 +8,8 @@ at their common ends alone; others are parted by a line. Where neither is found 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from math import comb
 
 import numpy as np
 
@@ -52,6 +54,29 @@ def outer_chain(chains: Sequence[Array], margin: float) -> int | None:
         if len(nets) > most:
             break
     return None
+
+
+def turn_of(nets: Array) -> int:
+    """Return 1 for a closed chain (n, d+1, 2) around an area counterclockwise, or -1; 0 for none.
+
+    By the area itself, the integral of x dy over pieces.
+    """
+    nets = nets - nets[0, 0]
+    degree = nets.shape[1] - 1
+    area = ((nets[..., 0] @ _area_shares(degree)) * np.diff(nets[..., 1], axis=1)).sum()
+    # of sums of so many products, each of which is at most the square of the size
+    noise = nets.size * degree * np.finfo(float).eps * (nets**2).max()
+    return int(np.sign(area)) if abs(area) > noise else 0
+
+
+@lru_cache(maxsize=16)
+def _area_shares(degree: int) -> Array:
+    """Return ∫ d B_i^d B_j^(d-1) dt, (d+1, d)."""
+    return np.array([
+        [comb(degree, i) * comb(degree - 1, j) / (2 * comb(2 * degree - 1, i + j))
+         for j in range(degree)]
+        for i in range(degree + 1)
+    ])  # fmt: skip
 
 
 def _least(nets: Array) -> Array:
