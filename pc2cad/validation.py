@@ -16,6 +16,7 @@ import numpy as np
 from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
 from pc2cad.brep.inspect import KernelFindings, crossing_wires, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
+from pc2cad.brep.plane_solids import plane_solid
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.pinch import pinch_of
 from pc2cad.equation.point_equation import Expectations
@@ -77,7 +78,8 @@ def validate(
     checked: CheckedMap, model: BoundaryModel, built: BuiltSolid, embedding: Embedding
 ) -> Report:
     """Return the report of a solid that passes every check; raise for one that does not."""
-    findings = inspect(built.solid)
+    plain = plane_solid(built.solid)
+    findings = inspect(built.solid, plain)
     try:
         _check_kernel(findings, model)
     except SolidNotValidError as error:
@@ -88,7 +90,7 @@ def validate(
             _check_walls(model, built)
         raise
     known = KnownFaces() if model.layers else None
-    integrals = solid_integrals(built.solid, known)
+    integrals = solid_integrals(built.solid, known, plain)
     _check_integrals(integrals, checked.mass, model)
     layers = _layers(checked.mass, model, built, known)
     report = _report(checked, model, integrals, findings, layers, embedding)

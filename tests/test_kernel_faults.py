@@ -116,7 +116,7 @@ def test_a_solid_that_is_not_what_was_asked_for_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     inspect = validation.inspect
-    monkeypatch.setattr(validation, "inspect", lambda solid: replace(inspect(solid), **change))
+    monkeypatch.setattr(validation, "inspect", lambda *solid: replace(inspect(*solid), **change))
     assert words in refused(tmp_path, capsys)
 
 

@@ -28,6 +28,7 @@ from pc2cad.brep.kernel import (
     as_face,
     as_vertex,
 )
+from pc2cad.brep.plane_solids import WIRE, PlaneSolid
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,14 @@ class KernelFindings:
     largest_tolerance: float
 
 
-def inspect(solid: TopoDS_Shape) -> KernelFindings:
-    """Return what the kernel's own checker and maps say of a solid."""
+def inspect(solid: TopoDS_Shape, plain: PlaneSolid | None = None) -> KernelFindings:
+    """Return what the kernel's own checker and maps say of a solid.
+
+    `plain` are its numbers where they have been read: they tell all that the maps would.
+    """
+    found = _counted(solid, plain)
+    if found is not None:
+        return found
     counts = {}
     for kind in (TopAbs_SHELL, TopAbs_FACE, TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE):
         shapes = IndexedMapOfShape()
@@ -59,6 +66,19 @@ def inspect(solid: TopoDS_Shape) -> KernelFindings:
     return KernelFindings(
         is_valid(solid), counts[TopAbs_SHELL].Size(), faces, edges,
         vertices, free, vertices - edges + faces - (wires - faces), _largest_tolerance(counts),
+    )  # fmt: skip
+
+
+def _counted(solid: TopoDS_Shape, plain: PlaneSolid | None) -> KernelFindings | None:
+    """Return what is found of a solid with plane faces and straight edges in one shell."""
+    if plain is None or plain.walks is None:
+        return None
+    uses = np.bincount(plain.walks[0], minlength=len(plain.lines)).tolist()
+    vertices, edges, faces = len(plain.points), len(uses), len(plain.planes)
+    wires = plain.count(WIRE)
+    return KernelFindings(
+        is_valid(solid, edges), 1, faces, edges, vertices, edges - uses.count(2),
+        vertices - edges + faces - (wires - faces), plain.tolerance,
     )  # fmt: skip
 
 

@@ -69,12 +69,15 @@ def _turn(face: TopoDS_Face) -> tuple[float, ...]:
     return _REVERSED if face.Orientation() == TopAbs_REVERSED else _FORWARD
 
 
-def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> SolidIntegrals:
+def solid_integrals(
+    solid: TopoDS_Shape, known: KnownFaces | None = None, plain: PlaneSolid | None = None
+) -> SolidIntegrals:
     """Return the integrals of one solid or several: planes, analytic and spline surfaces.
 
-    Faces that are `known` from other solids of the part are not integrated again.
+    Faces that are `known` from other solids of the part are not integrated again. `plain` are the
+    numbers of the solid where they have been read.
     """
-    rows, origin = _rows(solid, known)
+    rows, origin = _rows(solid, known, plain)
     if not len(rows):
         return SolidIntegrals(0.0, 0.0, (0.0, 0.0, 0.0), ())
     total = np.sum(rows, axis=0)
@@ -86,10 +89,12 @@ def solid_integrals(solid: TopoDS_Shape, known: KnownFaces | None = None) -> Sol
     )  # fmt: skip
 
 
-def _rows(solid: TopoDS_Shape, known: KnownFaces | None) -> tuple[Array, Array]:
+def _rows(
+    solid: TopoDS_Shape, known: KnownFaces | None, plain: PlaneSolid | None
+) -> tuple[Array, Array]:
     """Return flux, area and moments of all faces, and the origin of these."""
-    straight = plane_solid(solid) if known is None else None
-    walks = None if straight is None else straight.walks()
+    straight = plain or plane_solid(solid) if known is None else None
+    walks = None if straight is None else straight.walks
     if straight is not None and walks is not None:
         origin = np.asarray(straight.points.mean(axis=0))
         return _polygons(straight, walks, origin), origin

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import re
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from OCP.BinTools import BinTools
@@ -39,7 +40,7 @@ _SHAPE = re.compile(
     re.DOTALL,
 )  # fmt: skip
 _USE = np.dtype([("turn", "u1"), ("part", "<i4"), ("place", "<i4")])
-_SOLID, _SHELL, _WIRE = (bytes([kind]) for kind in (2, 3, 5))
+_SOLID, SHELL, WIRE = (bytes([kind]) for kind in (2, 3, 5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,21 +60,28 @@ class PlaneSolid:
     lines: Array
     #: of the faces' planes a point, the normal and two directions (k, 12)
     planes: Array
+    #: the largest of a face, an edge or a vertex
+    tolerance: float
 
     @property
     def rows(self) -> tuple[Array, ...]:
         """All numbers; those of one row are of one size."""
         return self.points, self.ranges, self.lines, self.planes[:, :3], self.planes[:, 3:]
 
+    def count(self, kind: bytes) -> int:
+        """Return how many shells or wires there are."""
+        return self.topology[2].count(kind)
+
+    @cached_property
     def walks(self) -> tuple[Integers, Integers, Array] | None:
-        """Return the edges along which faces are bounded, whose, and 1 or -1: how they are walked.
+        """The edges along which faces are bounded, whose, and 1 or -1: how they are walked.
 
         Faces in the order that they have in their shell; edges in that of `lines`. None of shapes
         that are no solids of one shell.
         """
         ends, wires, kinds, parts, whole = self.topology
         count = len(kinds)
-        if kinds[-2:] != (_SHELL, _SOLID) or kinds.count(_SHELL) != 1 or whole[0] > 1:
+        if kinds[-2:] != (SHELL, _SOLID) or kinds.count(SHELL) != 1 or whole[0] > 1:
             return None
         lists = [
             one or other or third for one, other, third in zip(ends, wires, parts, strict=True)
@@ -85,7 +93,7 @@ class PlaneSolid:
         turned, above = np.zeros((2, count), np.int64)
         turned[-1] = whole[0]
         is_face, is_edge = (np.array([bool(each) for each in of]) for of in (wires, ends))
-        is_wire = np.array([kind == _WIRE for kind in kinds])
+        is_wire = np.array([kind == WIRE for kind in kinds])
         for one in (owner == count - 1, owner == count - 2, is_face[owner]):
             turned[child[one]] = turned[owner[one]] ^ turn[one]
             above[child[one]] = owner[one]
@@ -123,10 +131,14 @@ def plane_solid(shape: TopoDS_Shape) -> PlaneSolid | None:
     # a shape that is of another form is passed over
     if len(rows) != int(head[1]) or sum(len(row[0]) for row in rows) != len(data) - 9 - head.end():
         return None
-    _, _, points, _, curve, spans, ends, _, surface, wires, kinds, parts = zip(*rows, strict=True)
+    columns = zip(*rows, strict=True)
+    _, of_points, points, of_edges, curve, spans, ends, of_faces, surface, wires, kinds, parts = (
+        columns
+    )
     return PlaneSolid(
         (ends, wires, kinds, parts, data[-9:]), _doubles(points, 3), _doubles(spans, 2),
         lines[_places(curve)], planes[_places(surface)],
+        max(_doubles(of_points + of_edges + of_faces, 1)[:, 0].tolist(), default=0.0),
     )  # fmt: skip
 
 

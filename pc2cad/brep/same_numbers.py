@@ -50,13 +50,18 @@ _KINDS = (
 Numbers = tuple[tuple[Any, ...], Array | tuple[float, ...]]
 
 
-def same_numbers(one: TopoDS_Shape, other: TopoDS_Shape) -> bool:
+def same_numbers(
+    one: TopoDS_Shape,
+    other: TopoDS_Shape,
+    plain: tuple[PlaneSolid | None, PlaneSolid | None] = (None, None),
+) -> bool:
     """Return whether both have the same faces, edges and vertices in the same order and places.
 
     Curves in the parameter planes of faces are not compared. False also where a curve or a surface
-    is of a kind whose numbers are not known here.
+    is of a kind whose numbers are not known here. `plain` are the numbers of solids with plane
+    faces where they have been read.
     """
-    both = plane_solid(one), plane_solid(other)
+    both = plain[0] or plane_solid(one), plain[1] or plane_solid(other)
     if both[0] and both[1] and both[0].topology == both[1].topology:
         return _agree_in_rows(both[0], both[1])
     try:
