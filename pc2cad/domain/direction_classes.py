@@ -29,6 +29,7 @@ class DirectionClasses:
         self._owner: dict[Piece, Piece] = {}
         self._symmetric: set[Piece] = set()
         self._rules: dict[Piece, DirectionRules] = {}
+        self._breaks: dict[Piece, list[Break]] = {}
         for edge in analysis.complex.edges:
             first, *others = edge.members
             for member in others:
@@ -77,12 +78,14 @@ class DirectionClasses:
 
     def breaks(self, piece: Piece) -> list[Break]:
         """Return the breaks of a piece in its own coordinates, its ends included."""
-        low, high = self._analysis.span(*piece)
-        return [
-            Break((b.position - low) / (high - low), b.smoothness)
-            for b in self._analysis.breaks[piece[0]]
-            if low <= b.position <= high
-        ]
+        if piece not in self._breaks:
+            low, high = self._analysis.span(*piece)
+            self._breaks[piece] = [
+                Break((b.position - low) / (high - low), b.smoothness)
+                for b in self._analysis.breaks[piece[0]]
+                if low <= b.position <= high
+            ]
+        return self._breaks[piece]
 
 
 def _piece(edge: Cell) -> Piece:

@@ -107,12 +107,13 @@ class RestrictedMap:
 
     def places(self, *local: Array | float) -> list[Array]:
         """Return places as local coordinates of the box, not broadcast."""
-        free = iter(local)
-        spans = (self.analysis.span(d, position) for d, position in enumerate(self.cell))
-        return [
-            np.asarray(low + (high - low) * next(free) if position % 2 else low)
-            for (low, high), position in zip(spans, self.cell, strict=True)
-        ]
+        free, found = iter(local), []
+        for row, position in zip(self.analysis.bounds, self.cell, strict=True):
+            low = row[position // 2]
+            inside = position % 2 == 1
+            place = low + (row[position // 2 + 1] - low) * next(free) if inside else low
+            found.append(np.asarray(place))
+        return found
 
     @property
     def is_affine(self) -> bool:

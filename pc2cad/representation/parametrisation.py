@@ -106,6 +106,8 @@ class Parametrisations:
         self._spaces: dict[Piece, SplineSpace] = {}
         self._runs: dict[Piece, Parametrisation] = {}
         self._arcs: dict[Piece, tuple[Arcs, int]] = {}
+        #: what `exact` found: it is asked for many times
+        self._exact: dict[tuple[RestrictedMap, int, bool], Parametrisation | None] = {}
         members: dict[Piece, list[FaceDirection]] = {}
         for direction in directions:
             same = members.setdefault(classes.owner(direction.piece), [])
@@ -170,6 +172,12 @@ class Parametrisations:
 
     def exact(self, direction: FaceDirection) -> Parametrisation | None:
         """Return a parametrisation that holds the direction exactly, or None."""
+        key = direction.function, direction.axis, direction.bound
+        if key not in self._exact:
+            self._exact[key] = self._exact_of(direction)
+        return self._exact[key]
+
+    def _exact_of(self, direction: FaceDirection) -> Parametrisation | None:
         found = self._arcs.get(self._owner(direction)) if direction.bound else None
         if found is None:
             wave = None if direction.bound else direction.wave

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod, sqrt
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -36,8 +36,7 @@ _MOST_KNOWN: Final = 512
 LARGEST_ORDER = 12
 
 
-@dataclass(frozen=True)
-class Term:
+class Term(NamedTuple):
     """A function of one parameter: a power of it, a wave of its angle, or some other product.
 
     Its size is 1 at most over [0, 1]: other products are divided by a proved bound of theirs.
