@@ -44,39 +44,45 @@ class Recent(Generic[Found]):
         above a node with the `worst` has that as well, and then nothing more is looked at.
         """
         remembered, known, opened = self._found, dict[Expr, Found](), list[Expr]()
-        # as `walk` does, whose order it is; None stands for the node that was opened last
-        stack: list[Expr | None] = [*reversed(roots)]
-        pop, push = stack.pop, stack.append
-        while stack:
-            node = pop()
-            if node is None:
-                node = opened.pop()
-            elif node in known:
-                continue
-            else:
-                found = settled(node)
-                if found is None:
-                    found = remembered.get(node)
-                if found is not None:
-                    known[node] = found
+        # as `walk` does; None stands for the node that was opened last
+        stack: list[Expr | None] = []
+        pop, push, fresh = stack.pop, stack.append, roots
+        while True:
+            for arg in reversed(fresh):
+                if arg not in known:
+                    found = settled(arg)
+                    if found is None:
+                        found = remembered.get(arg)
+                    if found is None:
+                        push(arg)
+                        continue
+                    known[arg] = found
                     if found is worst:
-                        break
+                        return self._spoilt(opened, known, found)
+            while stack:
+                node = pop()
+                if node is None:
+                    node = opened.pop()
+                elif node in known:
                     continue
-                if args := below(node):
+                elif fresh := below(node):
                     opened.append(node)
                     push(None)
-                    for arg in reversed(args):
-                        if arg not in known:
-                            push(arg)
-                    continue
-            known[node] = found = find(node, known)
-            self.keep(node, found)
-            if found is worst:
-                break
-        if worst is not None:
-            for node in opened:  # what is above the worst; nothing where there was none
-                known[node] = worst
-                self.keep(node, worst)
+                    break
+                known[node] = found = find(node, known)
+                self.keep(node, found)
+                if found is worst:
+                    return self._spoilt(opened, known, found)
+            else:
+                return known
+
+    def _spoilt(
+        self, above: list[Expr], known: dict[Expr, Found], worst: Found
+    ) -> dict[Expr, Found]:
+        """Return what is known with all above something that has the worst."""
+        for node in above:
+            known[node] = worst
+            self.keep(node, worst)
         return known
 
 

@@ -12,10 +12,7 @@ from pc2cad.expression.tree import Expr, rebuild, walk
 
 def among(roots: tuple[Expr, ...], holds: Callable[[Expr], bool]) -> list[Expr]:
     """Return once, operands first, the nodes of which something holds as it does of all above."""
-    return walk(
-        tuple([root for root in roots if holds(root)]),
-        lambda node: tuple([arg for arg in node.args if holds(arg)]),
-    )
+    return walk(tuple(filter(holds, roots)), lambda node: tuple(filter(holds, node.args)))
 
 
 def has_more(root: Expr, most: int, leaves: bool = True) -> bool:

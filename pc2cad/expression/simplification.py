@@ -75,12 +75,16 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     nodes = walk(roots)
     if steady is None:
         names = sorted(frozenset().union(*(root.symbols for root in roots)))
-        places = ({n: x + 0.11 * i for i, n in enumerate(names)} for x in (0.13, 0.37, 0.58))
-        tables = [values_of(nodes, place) for place in places]
-        sums = [node for node in nodes if node.op == "add" and node.symbols]
-        steady = {node for node in sums if _is_steady(node, tables)}
-        if not steady:
-            return roots
+        steady = {node for node in nodes if node.op == "add" and node.symbols}
+        first: dict[Expr, float] = {}
+        for x in (0.13, 0.37, 0.58):
+            if not steady:
+                break
+            table = values_of(nodes, {n: x + 0.11 * i for i, n in enumerate(names)})
+            first = first or table
+            steady = {node for node in steady if _is_steady(node, first, table)}
+    if not steady:
+        return roots
     done: dict[Expr, Expr] = {}
     for node in nodes:
         args = tuple([done[arg] for arg in node.args])
@@ -92,11 +96,10 @@ def _constant_sums(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     return tuple(done[root] for root in roots)
 
 
-def _is_steady(node: Expr, tables: list[dict[Expr, float]]) -> bool:
-    """Say whether a sum has one value at several places, but for rounding of its terms."""
-    first, *others = [table[node] for table in tables]
-    size = max([abs(table[arg]) for table in tables for arg in node.args])
-    return all(abs(value - first) <= ROUNDING * size for value in others)
+def _is_steady(node: Expr, here: dict[Expr, float], there: dict[Expr, float]) -> bool:
+    """Say whether a sum has one value at two places, but for rounding of its terms."""
+    size = max([abs(table[arg]) for table in (here, there) for arg in node.args])
+    return abs(there[node] - here[node]) <= ROUNDING * size
 
 
 @lru_cache(maxsize=512)
