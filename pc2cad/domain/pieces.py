@@ -77,8 +77,8 @@ class Pieces:
             side = substitute(trees, {name: x for name, x in at if (name, x) not in whole})
             # what one piece alone makes of a root or a quotient could not be seen before, nor
             # what a side makes of a root
-            new = not single and (roots := _roots(side)) and not roots <= _roots(trees)
-            self._sides[spans, at] = cancel(side) if single or new else side
+            new = single or _has_new_root(side, trees)
+            self._sides[spans, at] = cancel(side) if new else side
         return self._sides[spans, at]
 
     def degree(self, spans: _Spans, name: str) -> int | None:
@@ -111,7 +111,15 @@ def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
     return any(node.op == "pieces" for node in among_pieces)
 
 
+def _has_new_root(side: tuple[Expr, ...], trees: tuple[Expr, ...]) -> bool:
+    """Say whether trees hold a root of symbols that some others do not hold."""
+    # below a node of the others there is nothing new
+    known = _rooted(trees)
+    new = among(side, lambda n: "sqrt" in n.ops and bool(n.symbols) and n not in known)
+    return any([node.op == "sqrt" for node in new])
+
+
 @lru_cache(maxsize=64)  # the sides of one piece are compared with the same trees
-def _roots(trees: tuple[Expr, ...]) -> frozenset[Expr]:
-    nodes = among(trees, lambda n: "sqrt" in n.ops and bool(n.symbols))
-    return frozenset([node for node in nodes if node.op == "sqrt"])
+def _rooted(trees: tuple[Expr, ...]) -> frozenset[Expr]:
+    """Return the nodes that depend on symbols and hold a root."""
+    return frozenset(among(trees, lambda n: "sqrt" in n.ops and bool(n.symbols)))

@@ -12,7 +12,11 @@ from pc2cad.expression.tree import (
     ONE,
     ZERO,
     Expr,
+    add,
     call,
+    div,
+    mul,
+    neg,
     number,
     piece_rows,
     pieces,
@@ -41,13 +45,13 @@ def _derivative(node: Expr, done: dict[Expr, Expr]) -> Expr:
     if op == "symbol":
         return ONE
     if op == "add":
-        return done[args[0]] + done[args[1]]
+        return add(done[args[0]], done[args[1]])
     if op == "neg":
-        return -done[args[0]]
+        return neg(done[args[0]])
     if op == "mul":
-        return done[args[0]] * args[1] + args[0] * done[args[1]]
+        return add(mul(done[args[0]], args[1]), mul(args[0], done[args[1]]))
     if op == "div":
-        return (done[args[0]] - node * done[args[1]]) / args[1]
+        return div(add(done[args[0]], neg(mul(node, done[args[1]]))), args[1])
     if op == "pow":
         return _power_derivative(node, done)
     if op == "pieces":

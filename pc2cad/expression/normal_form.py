@@ -20,6 +20,7 @@ from pc2cad.expression.tree import (
     PI,
     ZERO,
     Expr,
+    add,
     call,
     div,
     mul,
@@ -112,8 +113,8 @@ def tree_of(form: NormalForm) -> Expr:
     for monomial, coefficient in form.items():
         term = number(coefficient)
         for atom, exponent in monomial:
-            term = term * power(atom, number(exponent))
-        total = total + term
+            term = mul(term, power(atom, number(exponent)))
+        total = add(total, term)
     return total
 
 

@@ -12,11 +12,12 @@ from fractions import Fraction
 from typing import Final
 
 from pc2cad.expression.normal_form import ordered
-from pc2cad.expression.tree import ONE, ZERO, Expr, div, number, power, walk
+from pc2cad.expression.tree import ONE, ZERO, Expr, add, div, mul, number, power, walk
 
 #: a product of whole powers of trees in the other parameters, in a fixed order
 Factors = tuple[tuple[Expr, int], ...]
 _TWO: Final = number(2)
+_UNIT: Final = Fraction(1)
 #: sums with more terms than this are given up
 MOST_TERMS = 24
 
@@ -117,10 +118,10 @@ def _number_and_rest(product: Expr) -> tuple[Fraction, Expr]:
         if node.op == "number":
             found[node] = node.payload, ONE
         elif not known:
-            found[node] = Fraction(1), node
+            found[node] = _UNIT, node
         elif node.op == "mul":
             (p, a), (q, b) = known
-            found[node] = p * q, a * b
+            found[node] = q if p is _UNIT else p if q is _UNIT else p * q, mul(a, b)
         else:
             ((p, a),) = known
             found[node] = (-p, a) if node.op == "neg" else (p * p, power(a, _TWO))
@@ -149,7 +150,7 @@ def _joined(
     if node.op == "add":
         result = dict(forms[node.args[0]])
         for factors, coefficient in forms[node.args[1]].items():
-            result[factors] = result.get(factors, ZERO) + coefficient
+            result[factors] = add(result.get(factors, ZERO), coefficient)
         return {f: c for f, c in result.items() if c is not ZERO}
     if node.op == "neg":
         return {f: -c for f, c in forms[node.args[0]].items()}
@@ -170,9 +171,12 @@ def _product(a: dict[Factors, Expr], b: dict[Factors, Expr]) -> dict[Factors, Ex
     result: dict[Factors, Expr] = {}
     for left, p in a.items():
         for right, q in b.items():
-            powers = dict(left)
-            for atom, exponent in right:
-                powers[atom] = powers.get(atom, 0) + exponent
-            factors = ordered(powers)
-            result[factors] = result.get(factors, ZERO) + p * q
+            factors = left or right
+            if left and right:
+                powers = dict(left)
+                for atom, exponent in right:
+                    powers[atom] = powers.get(atom, 0) + exponent
+                factors = ordered(powers)
+            term = mul(p, q)
+            result[factors] = add(result[factors], term) if factors in result else term
     return {f: c for f, c in result.items() if c is not ZERO}

@@ -44,7 +44,7 @@ def substituted(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr,
     def find(node: Expr, done: dict[Expr, Expr]) -> Expr:
         if node.op == "symbol":
             return values[node.payload]
-        if node in chosen:
+        if chosen and node in chosen:
             row, local = chosen[node]
             return polynomial(tuple([done[c] for c in row]), number(local))
         return rebuild(node, tuple([done[arg] for arg in node.args]))
