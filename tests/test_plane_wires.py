@@ -11,17 +11,18 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVerte
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.Geom import Geom_Plane
-from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt, gp_Vec
+from OCP.Geom2d import Geom2d_Line
+from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d, gp_Vec
 from OCP.TopAbs import TopAbs_Orientation
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Wire
 
 import pc2cad as pc
 from pc2cad.brep import checker
 from pc2cad.brep.checker import is_valid
-from pc2cad.brep.kernel import children
-from pc2cad.brep.plane_wires import outer_wire
+from pc2cad.brep.kernel import as_edge, children
+from pc2cad.brep.plane_wires import is_in_order, outer_wire
 from pc2cad.brep.spline_numbers import spline_curve
-from pc2cad.geometry.plane_chains import outer_chain
+from pc2cad.geometry.plane_chains import outer_chain, turn_of
 
 #: a plane that is not along the axes
 PLANE = gp_Ax3(gp_Pnt(1, 2, 3), gp_Dir(1, 2, 2), gp_Dir(2, 1, -2))
@@ -130,6 +131,41 @@ def test_a_hole_that_is_not_turned_is_refused(kind):
     solid = extruded(face)
     assert is_valid(solid) == bool(BRepCheck_Analyzer(solid).IsValid())
     assert not is_valid(solid)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_faces_whose_wires_are_turned_wrong_are_not_in_order(kind):
+    make = KINDS[kind]
+    ways = [(make(around(80, 2)), make(around(60)))]
+    ways += [(outer.Reversed(), hole) for outer, hole in ways]
+    ways += [(outer, hole.Reversed()) for outer, hole in ways]
+    found = []
+    for outer, hole in ways:
+        face = face_of(outer, hole)
+        assert outer_wire(face, children(face)) == 0
+        found.append(is_in_order(face, children(face)))
+        assert found[-1] == bool(BRepCheck_Analyzer(face).IsValid())
+    assert found == [True, False, False, False]
+
+
+def test_edges_that_have_vertices_of_their_own_are_not_joined():
+    points = in_space(around(80))
+    edges = [
+        BRepBuilderAPI_MakeEdge(gp_Pnt(*one), gp_Pnt(*other)).Edge()
+        for one, other in zip(points.tolist(), np.roll(points, -1, axis=0).tolist(), strict=True)
+    ]
+    face = face_of(wire_of(edges))
+    assert outer_wire(face, children(face)) == 0
+    assert not is_in_order(face, children(face))
+    assert not BRepCheck_Analyzer(face).IsValid()
+
+
+def test_edges_with_curves_on_the_plane_are_left_to_the_kernel():
+    face = face_of(polygon(around(80)))
+    assert is_in_order(face, children(face))
+    edge, line = as_edge(children(children(face)[0])[7]), Geom2d_Line(gp_Pnt2d(), gp_Dir2d(1, 0))
+    BRep_Builder().UpdateEdge(edge, line, face, 1e-7)
+    assert not is_in_order(face, children(face))
 
 
 def test_edges_off_the_plane_are_left_to_the_kernel():
@@ -242,3 +278,13 @@ def test_curves_are_parted_by_their_control_points():
         corners = np.array([[size, 0], [0, size], [-size, 0], [0, -size]])
         lines = np.linspace(corners, np.roll(corners, -1, axis=0), 4, axis=1)
         assert outer_chain([lines, np.array(circle)], 1e-6) == (1 if inside else None)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 5])
+def test_which_way_a_chain_runs(degree):
+    corners = np.array([[0, 0], [3, 0], [3, 1], [1, 2], [0, 1]], float) + 1e3
+    nets = np.linspace(corners, np.roll(corners, -1, axis=0), degree + 1, axis=1)
+    assert turn_of(nets) == 1
+    assert turn_of(nets[::-1, ::-1]) == -1
+    flat = np.linspace(corners[:2], corners[1::-1], degree + 1, axis=1)
+    assert turn_of(flat) == 0

@@ -17,7 +17,7 @@ from OCP.Geom import (
     Geom_ElementarySurface,
     Geom_Surface,
 )
-from OCP.Geom2d import Geom2d_Curve
+from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face
@@ -91,8 +91,10 @@ def is_whole(surface: Geom_BSplineSurface, face: TopoDS_Face) -> bool:
     sides = [(0, u), (0, last_u), (1, v), (1, last_v)]
     reach = 1e-9 * (last_u - u), 1e-9 * (last_v - v)
     for curve, (first, last), _ in _pcurves(face):
-        step = (last - first) / 4
-        places = [curve.Value(first + k * step).Coord() for k in range(5)]
+        # of a line its ends tell all
+        count = 1 if isinstance(curve, Geom2d_Line) else 4
+        step = (last - first) / count
+        places = [curve.Value(first + k * step).Coord() for k in range(count + 1)]
         if not any(all(abs(p[d] - at) <= reach[d] for p in places) for d, at in sides):
             return False
     return True
