@@ -26,6 +26,8 @@ def test_edges_and_corners_in_one_row(name: str, times: int) -> None:
     ]
     ends = [(RestrictedMap(analysis, corner), ()) for corner in corners]
     look_along([*asked, *ends])
+    assert len(asked) > 0
+    assert len(ends) > 0
     for cell, arrays in [*asked, *ends]:
         alone = RestrictedMap(analysis, cell.cell)
         for local in [(places,) for places in arrays] or [()]:

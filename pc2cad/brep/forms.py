@@ -17,8 +17,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 class Form:
     """Integrands r·n, |n| and r_i² n_i, then what else is asked for.
 
-    `more` takes places and normals, (n, 3) each, and is linear in the normals, which are as long as
-    the area element.
+    `more` takes places and normals, (n, 3) each; these are as long as the area element.
     """
 
     more: Callable[[Array, Array], Array] | None = None
@@ -37,6 +36,11 @@ class Form:
             return first
         more = self.more(points.reshape(3, -1).T, normals.reshape(3, -1).T).T
         return np.concatenate((first, more.reshape(-1, *first.shape[1:])))
+
+    def turned(self) -> Form:
+        """Return the form whose further columns take the normals the other way round."""
+        more = self.more
+        return self if more is None else Form(lambda at, normals: more(at, -normals), self.most)
 
     def worth(self, area: float, reach: float) -> Array:
         """Return what each integral over an area may be at most, (5 + k,)."""

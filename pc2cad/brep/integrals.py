@@ -134,9 +134,9 @@ def second_moments(solid: TopoDS_Shape, about: Array) -> Array:
 
 def face_integrals(face: TopoDS_Face, origin: Array, form: Form) -> Array:
     """Return the integrals of a form over a face with its outward normal, from `origin`."""
-    row, turn = _face_rows([face], origin, form)[0], _turn(face)
-    # all but the area are linear in the normal
-    return np.concatenate((turn * row[:5], turn[0] * row[5:]))
+    turn = _turn(face)
+    row = _face_rows([face], origin, form if turn is _FORWARD else form.turned())[0]
+    return np.concatenate((turn * row[:5], row[5:]))
 
 
 def _face_rows(faces: Sequence[TopoDS_Face], origin: Array, form: Form = FLUX) -> list[Array]:
