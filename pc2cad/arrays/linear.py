@@ -192,6 +192,8 @@ def solve(matrix: Array, right: Array) -> Array:
 
 def inverse(matrix: Array) -> Array:
     """Return the inverse; numpy.linalg.LinAlgError where there is none."""
+    if len(matrix) <= _SMALL:
+        return np.asarray(np.linalg.inv(matrix))  # the same call of LAPACK, without the wrapping
     return solve(matrix, np.eye(len(matrix)))
 
 

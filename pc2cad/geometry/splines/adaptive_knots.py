@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +21,6 @@ from pc2cad.expression.breaks import Break
 from pc2cad.geometry.splines.portrait import (
     FINEST_INTERVAL,
     MOST_INTERVALS,
-    PLACES,
     Portrait,
     Sampler,
     longest,
@@ -62,7 +62,7 @@ class DirectionRules:
         seam = multiplicity.get(0.0, 1) if self.periodic else None
         return SplineSpace(degree, points, inner, seam)
 
-    @property
+    @cached_property
     def pieces(self) -> Array:
         """Ascending limits of the smooth pieces: 0, inner breaks, 1."""
         inner = {b.position for b in self.breaks if 0 < b.position < 1}
@@ -87,13 +87,14 @@ def adapt(
     plans = []
     for degree in rules.degrees:
         distances = _distances_of(portrait, degree, target, rules)
-        plans.append((rules.space(degree, distances.knots(rules)).size, degree, distances))
+        space = rules.space(degree, distances.knots(rules))
+        plans.append((space.size, degree, space, distances))
     best: SplineSpace | None = None
-    for size, degree, distances in sorted(plans, key=lambda plan: plan[:2]):
+    for size, degree, first, distances in sorted(plans, key=lambda plan: plan[:2]):
         if best is None or size <= _DOUBT * best.size:
-            space = _settle(portrait, rules, degree, distances, target, best)
-            if space and (best is None or (space.size, degree) < (best.size, best.degree)):
-                best = space
+            found = _settle(portrait, rules, first, distances, target, best)
+            if found and (best is None or (found.size, degree) < (best.size, best.degree)):
+                best = found
     assert best is not None
     return best
 
@@ -123,14 +124,16 @@ class _Distances:
 
     def knots(self, rules: DirectionRules) -> Array:
         """Return points that are nowhere further apart, in equal shares between breaks."""
-        widths = np.diff(self.edges)
-        count = np.concatenate(([0.0], np.cumsum(widths / self.h)))
+        widths = self.edges[1:] - self.edges[:-1]  # np.diff takes eight times as long
+        count = np.concatenate(([0.0], (widths / self.h).cumsum()))
         result = [np.zeros(1)]
         pieces = rules.pieces
         for low, high in pairwise(pieces):
             first, last = np.interp((low, high), self.edges, count)
             number = max(1, int(np.ceil(last - first - 0.02)))
-            inner = np.interp(np.linspace(first, last, number + 1)[1:-1], count, self.edges)
+            # the inner places of np.linspace
+            shares = np.arange(1, number) * ((last - first) / number) + first
+            inner = np.interp(shares, count, self.edges)
             result += [inner, np.array([high])]
         points = np.concatenate(result)
         return (points + 1 - points[::-1]) / 2 if rules.symmetric else points
@@ -146,7 +149,7 @@ class _Distances:
         t, h = self.places, self.h
         if rules.periodic:
             t = np.concatenate((t - 1, t, t + 1))
-            h = np.tile(h, 3)
+            h = np.concatenate((h, h, h))
         rate = _GROWTH
         h = np.minimum(
             np.minimum.accumulate(h - rate * t) + rate * t,
@@ -168,11 +171,7 @@ def _distances_of(
     1/(1 - ωh/2π)^(p+1) times that for larger ones. So the distance that suits small ones is divided
     by 1 + ωh/2π.
     """
-    order, limits = degree + 1, portrait.limits
-    lengths = np.diff(limits)
-    edges = np.append(
-        (limits[:-1, None] + lengths[:, None] * np.arange(PLACES) / PLACES).ravel(), 1.0
-    )
+    order = degree + 1
     largest, mean = portrait.derivative(order)
     _, before = portrait.derivative(order - 2)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -180,7 +179,7 @@ def _distances_of(
         waves = np.sqrt(mean / before)[:, None] * h / (2 * np.pi)
     waves[np.isnan(waves)] = 0.0
     h = h / (1 + _MIXED * np.minimum(waves, 1.0))
-    return _Distances(edges, h.ravel()).regular(rules)
+    return _Distances(portrait.edges, h.ravel()).regular(rules)
 
 
 # -- spaces, measured ------------------------------------------------------------------------------
@@ -210,27 +209,27 @@ def _at_best(errors: Array, degree: int) -> float:
 def _settle(
     portrait: Portrait,
     rules: DirectionRules,
-    degree: int,
+    space: SplineSpace,
     distances: _Distances,
     target: float,
     rival: SplineSpace | None = None,
 ) -> SplineSpace | None:
     """Return the smallest space of a degree that a few corrections of its knots lead to.
 
-    None as soon as it is seen not to become smaller than that of a `rival`.
+    `space` is the first, that of the `distances`. None as soon as it is seen not to become smaller
+    than that of a `rival`.
     """
     best: SplineSpace | None = None
-    rounds = 0
+    rounds, degree = 0, space.degree
     measured, largest = np.zeros(0), np.inf
     raw = errors = np.zeros(0)
     while best is None or rounds < _ROUNDS:
-        points = distances.knots(rules)
-        nearest = int(np.argmin(np.diff(points)))
+        points = space.points
+        nearest = int((points[1:] - points[:-1]).argmin())
         if len(points) > MOST_INTERVALS or points[nearest + 1] - points[nearest] < FINEST_INTERVAL:
             if best is None and rival is None:
                 raise not_reached(len(points) - 1, target, points[nearest])
             break
-        space = rules.space(degree, points)
         if best is not None and space.size >= best.size:
             break
         # the first knots are guesses, later ones are not
@@ -251,5 +250,6 @@ def _settle(
         # from the third round on the worst interval speaks for all
         limit = factors.min() if rounds > 1 and best is None else 1.5
         distances = distances.scaled(points, np.clip(factors, 0.5, max(limit, 0.5)), rules)
+        space = rules.space(degree, distances.knots(rules))
         rounds += 1
     return best

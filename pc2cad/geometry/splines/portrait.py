@@ -44,14 +44,14 @@ class Portrait:
 
     def __call__(self, *ascending: Array) -> list[Array]:
         """Return the values at each of several arrays of ascending t, (len(t), 3 columns)."""
-        inner, lengths = self.limits[1:-1], np.diff(self.limits)
+        inner, lengths = self.limits[1:-1], self.lengths
         t = np.concatenate(ascending)
-        piece = np.searchsorted(inner, t, side="right")
+        piece = inner.searchsorted(t, side="right")
         x = 2 * (t - self.limits[piece]) / lengths[piece] - 1
         values, start, results = _chebyshev(x, self.coefficients.shape[1]), 0, []
         for places in ascending:
             own = values[start : start + len(places)]
-            cuts = [0, *np.searchsorted(places, inner).tolist(), len(places)]
+            cuts = [0, *places.searchsorted(inner).tolist(), len(places)]
             result = np.empty((len(places), self._flat[0].shape[1]))
             for first, last, flat in zip(cuts, cuts[1:], self._flat, strict=False):
                 if first < last:
@@ -59,6 +59,17 @@ class Portrait:
             start += len(places)
             results.append(result)
         return results
+
+    @cached_property
+    def lengths(self) -> Array:
+        """The lengths of the pieces, (n,)."""
+        return np.asarray(self.limits[1:] - self.limits[:-1])
+
+    @cached_property
+    def edges(self) -> Array:
+        """The limits of PLACES equal parts of every piece, (PLACES n + 1,)."""
+        parts = self.lengths[:, None] * np.arange(PLACES) / PLACES
+        return np.append((self.limits[:-1, None] + parts).ravel(), 1.0)
 
     @cached_property
     def _flat(self) -> list[Array]:
@@ -82,7 +93,7 @@ class Portrait:
         flat = self.coefficients.transpose(1, 0, 2, 3).reshape(count, -1)
         values = product(_derivatives(order, count), flat).reshape(PLACES, n, columns, 3)
         sizes = np.sqrt(squares(values)).transpose(1, 0, 2)
-        return np.asarray(sizes * (2 / np.diff(self.limits)[:, None, None]) ** order)
+        return np.asarray(sizes * (2 / self.lengths[:, None, None]) ** order)
 
 
 def _chebyshev(x: Array, count: int) -> Array:

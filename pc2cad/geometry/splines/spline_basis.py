@@ -66,16 +66,21 @@ class SparseRows:
         for start in range(0, len(self.index), _BLOCK):
             rows = slice(start, start + _BLOCK)
             index = self.index[rows]
-            low, high = int(index.min()), int(index.max()) + 1
-            full = SparseRows(index - low, self.values[rows], high - low).toarray()
-            found.append((rows, low, high, full))
+            low = int(np.minimum.reduce(index, axis=None))
+            size = int(np.maximum.reduce(index, axis=None)) + 1 - low
+            full = _full(index - low, self.values[rows], size)
+            found.append((rows, low, low + size, full))
         return found
 
     def toarray(self) -> Array:
         """Return the full matrix."""
-        flat = self.index + self.size * np.arange(len(self.index))[:, None]
-        full = np.bincount(flat.ravel(), self.values.ravel(), minlength=len(flat) * self.size)
-        return np.asarray(full.reshape(self.shape), dtype=float)
+        return _full(self.index, self.values, self.size)
+
+
+def _full(index: Integers, values: Array, size: int) -> Array:
+    flat = index + size * np.arange(len(index))[:, None]
+    full = np.bincount(flat.ravel(), values.ravel(), minlength=len(flat) * size)
+    return np.asarray(full.reshape(len(index), size), dtype=float)
 
 
 def local_basis(knots: Array, degree: int, t: Array) -> tuple[Integers, Array]:
@@ -113,7 +118,7 @@ def local_basis_of_two(
 
 def _spans(knots: Array, degree: int, t: Array) -> Integers:
     """Return the number of the knot that each t follows."""
-    span = np.searchsorted(knots, t, side="right") - 1
+    span = knots.searchsorted(t, side="right") - 1
     return np.minimum(np.maximum(span, degree), len(knots) - degree - 2)
 
 

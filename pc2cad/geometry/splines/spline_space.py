@@ -78,10 +78,14 @@ class SplineSpace:
         return _pattern(self.degree, self.multiplicities.tobytes(), self.seam)
 
     @cached_property
+    def _lengths(self) -> Array:
+        return np.asarray(self.points[1:] - self.points[:-1])
+
+    @cached_property
     def _rule(self) -> tuple[Array, Array]:
         """Sites, and their weights in the fit: 0 at the limits, which are met exactly."""
         interval, places, shares = self._pattern.rule
-        length = np.diff(self.points)[interval]
+        length = self._lengths[interval]
         sites = self.points[interval] + length * places
         if not self.periodic:
             sites[-1] = 1.0
@@ -96,7 +100,7 @@ class SplineSpace:
         They are the knots and several between.
         """
         interval, shares, starts = self._pattern.checks
-        places = self.points[interval] + np.diff(self.points)[interval] * shares
+        places = self.points[interval] + self._lengths[interval] * shares
         places[-1] = 1.0
         return places, starts
 
@@ -181,8 +185,8 @@ class SplineSpace:
         (knots, owner), p = self._unclamped, self.degree
         poles, backwards = cyclic[owner], 1.0 - knots[::-1]
         if len(poles) > 2 * p + 1:
-            ends = np.stack((poles[: p + 1], poles[: -p - 2 : -1]))
-            _clamp_start(np.stack((knots, backwards)), ends, p)
+            ends = np.array((poles[: p + 1], poles[: -p - 2 : -1]))
+            _clamp_start(np.array((knots, backwards)), ends, p)
             poles[: p + 1], poles[: -p - 2 : -1] = ends
             return poles
         # the ends of a short cycle reach into one another
