@@ -88,11 +88,10 @@ def write_atomically(
     path: str | os.PathLike[str], data: bytes, *, owned: bool = False, new: bool = False
 ) -> None:
     """Write `data` to `path` in one step: see `replacing`."""
-    with (
-        replacing(path, owned=owned, new=new) as temporary,
-        open(temporary, "wb") as stream,
-    ):
-        stream.write(data)
+    with _replacing(path, owned, new) as (descriptor, _):
+        rest = memoryview(data)
+        while rest:
+            rest = rest[os.write(descriptor, rest) :]
 
 
 @contextmanager
@@ -117,6 +116,13 @@ def replacing(
             file is left.
 
     """
+    with _replacing(path, owned, new) as (_, temporary):
+        yield Path(temporary)
+
+
+@contextmanager
+def _replacing(path: str | os.PathLike[str], owned: bool, new: bool) -> Iterator[tuple[int, str]]:
+    """Give the open file that `replacing` gives the name of, and its name."""
     target = _unlinked(path) if owned or new else _resolve(path)
     mode = None if new else _mode_of_existing(path, target)
     if not owned:
@@ -127,7 +133,7 @@ def replacing(
             try:
                 if mode is not None:
                     os.fchmod(descriptor, mode)
-                yield Path(temporary)
+                yield descriptor, temporary
                 os.fsync(descriptor)
                 if fcntl is not None:  # under its lock; elsewhere an open file cannot be moved
                     _move(temporary, target, new)
@@ -200,16 +206,12 @@ def _move(temporary: str, target: Path, new: bool) -> None:
 def _unlinked(path: str | os.PathLike[str]) -> Path:
     """Return the file behind `path` where only its folder is reached by links."""
     resolved = _resolve(path)  # says what is wrong with a name that cannot be
-    folder, name = os.path.split(os.fspath(path))
-    if not name:
-        return resolved
-    target = _resolve(folder or ".") / name
-    if os.path.islink(target):
+    if os.path.islink(path):
         raise FileNotWrittenError(
             f"cannot write {_shown(path)}: a symbolic link has that name, which is neither "
             "followed nor replaced; remove it"
         )
-    return target
+    return resolved
 
 
 def _resolve(path: str | os.PathLike[str]) -> Path:

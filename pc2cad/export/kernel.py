@@ -82,14 +82,15 @@ def kernel_parameters(parameters: Mapping[str, int | str]) -> Iterator[None]:
         else Interface_Static.CVal_s(name)
         for name, value in parameters.items()
     }
+    others = {name: value for name, value in parameters.items() if value != before[name]}
     try:
-        for name, value in parameters.items():
+        for name, value in others.items():
             if not _set_parameter(name, value):
                 raise KernelError(f"the kernel refused the parameter {name} = {value}")
         yield
     finally:
-        for name, value in before.items():
-            _set_parameter(name, value)
+        for name in others:
+            _set_parameter(name, before[name])
 
 
 def _set_parameter(name: str, value: int | str) -> bool:

@@ -128,6 +128,9 @@ FORMATS: tuple[Format, ...] = (
 )
 
 
+_BY_ENDING = {extension: entry for entry in FORMATS for extension in entry.extensions}
+
+
 def format_for(path: str | os.PathLike[str]) -> Format:
     """Return the format that the ending of `path` stands for.
 
@@ -135,8 +138,7 @@ def format_for(path: str | os.PathLike[str]) -> Format:
         InputError: no format has that ending.
 
     """
-    table = {extension: entry for entry in FORMATS for extension in entry.extensions}
-    return by_ending(path, table, "file name")
+    return by_ending(path, _BY_ENDING, "file name")
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

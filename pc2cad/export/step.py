@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import io
 import threading
+from typing import Any
 
 from OCP.DE import DE_ShapeFixParameters
 from OCP.IFSelect import IFSelect_ReturnStatus
@@ -80,6 +81,8 @@ class _Sessions:
     def __init__(self) -> None:
         self.writing, self.reading = XSControl_WorkSession(), XSControl_WorkSession()
         self._writer = STEPCAFControl_Writer(self.writing, True)
+        #: what a reader mends, by whether it reads one shell
+        self.mending: dict[bool, Any] = {}
 
     def writer(self, exportable: Exportable) -> STEPCAFControl_Writer:
         """Return a writer without a model; what it knows of styles it would keep, so these not."""
@@ -226,10 +229,13 @@ def _leave_to_the_checker(reader: STEPControl_Reader, one_shell: bool) -> None:
     Whether a single shell is closed the checker tells as well, and whether it is inside out
     `inside_out` asks with less effort; of several the reader makes solids in its own way.
     """
-    reader.SetShapeFixParameters(DE_ShapeFixParameters())
-    parameters = reader.GetShapeFixParameters()
-    off = TCollection_AsciiString("0")
-    steps = ["FixSelfIntersectingEdge", "FixIntersectingWires", "FixSameParameter"]
-    for step in steps + ["FixShellOrientation"] * one_shell:
-        parameters.Bind(TCollection_AsciiString(f"FixShape.{step}Mode"), off)
-    reader.SetShapeFixParameters(parameters)
+    kept = _Sessions.mine().mending
+    if one_shell not in kept:
+        reader.SetShapeFixParameters(DE_ShapeFixParameters())
+        parameters = reader.GetShapeFixParameters()
+        off = TCollection_AsciiString("0")
+        steps = ["FixSelfIntersectingEdge", "FixIntersectingWires", "FixSameParameter"]
+        for step in steps + ["FixShellOrientation"] * one_shell:
+            parameters.Bind(TCollection_AsciiString(f"FixShape.{step}Mode"), off)
+        kept[one_shell] = type(parameters)(parameters)
+    reader.SetShapeFixParameters(kept[one_shell])

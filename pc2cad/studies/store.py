@@ -46,7 +46,8 @@ class FolderStore:
     def write(self, name: str, data: bytes) -> None:
         """Write a file in one step."""
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            if not os.path.isdir(self._folder):
+                self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileNotWrittenError(
                 f"the folder {self._folder} cannot be made: {error.strerror}"
