@@ -63,27 +63,32 @@ def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
 
 def _terms_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
     """Return the linear form of a tree as it is; `terms` holds those found before."""
-    found = terms.get(node)
-    if found is not None:
-        return found
-    if not _summed(node):
-        return _form_of(node, terms)
+    if _is_known(node, terms):
+        return terms[node]
 
     def below(inner: Expr) -> tuple[Expr, ...]:
-        if inner in terms:
-            return ()
-        found = _forms.get(inner)
-        if found is None:
-            return _summed(inner)
-        terms[inner] = found
-        return ()
+        return () if _is_known(inner, terms) else _summed(inner)
 
-    for inner in walk((node,), below):
+    # of most sums the operands were met before
+    missing = tuple([arg for arg in _summed(node) if not _is_known(arg, terms)])
+    for inner in (*walk(missing, below), node) if missing else (node,):
         if inner not in terms:
             terms[inner] = _form_of(inner, terms)
-            if len(terms[inner]) <= MOST_TERMS and _summed(inner):
+            if len(terms[inner]) <= MOST_TERMS:
                 _forms.keep(inner, terms[inner])
     return terms[node]
+
+
+def _is_known(node: Expr, terms: dict[Expr, _Terms]) -> bool:
+    """Say whether a node has its form in `terms`, which those of atoms and remembered ones join."""
+    if node not in terms:
+        found = _forms.get(node)
+        if found is None and not _summed(node):
+            found = _form_of(node, terms)
+        if found is None:
+            return False
+        terms[node] = found
+    return True
 
 
 def _summed(node: Expr) -> tuple[Expr, ...]:
