@@ -125,7 +125,7 @@ def finish(kernel_text: bytes, strings: Mapping[str, str], header: Header) -> by
     processor = _PROCESSOR.search(kernel_text, 0, start)
     data = kernel_text[start:]
     # the plain searches are much faster, and nearly always all that is needed
-    suspects = holds(data, b"NAN", 1) or holds(data, b"INF", 2) or holds(data, b"E+", 0)
+    suspects = b"+" in data or holds(data, b"NAN", 1) or holds(data, b"INF", 2)
     if suspects and _NOT_FINITE.search(data):
         raise KernelError("the solid has coordinates that are not finite; nothing was written")
     data = _name(_shorten(data), strings)
