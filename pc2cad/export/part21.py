@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pc2cad.errors import KernelError
 from pc2cad.export.shortest import holds, shorten, shortest
@@ -72,6 +73,7 @@ def lines(text: str) -> list[str]:
     return found or [""]
 
 
+@lru_cache(maxsize=512)
 def string(text: str) -> bytes:
     r"""Return `text` as a quoted string, pure ASCII, that no reader can misunderstand.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 
 from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import CurveCarrier, Evidence, PCurve, SurfaceCarrier
@@ -119,7 +120,11 @@ class BoundaryModel:
 
     def creases(self) -> set[int]:
         """Return the edges between two different faces (seams are left out)."""
-        return set().union(*(face.border for face in self.faces))
+        return self._creases
+
+    @cached_property
+    def _creases(self) -> set[int]:
+        return set().union(*[face.border for face in self.faces])
 
     def crease_vertices(self) -> set[int]:
         """Return the vertices at which edges between different faces begin or end."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Any, Final, Protocol, TypeVar
 
@@ -148,7 +148,7 @@ class SideKey:
         u, v, w = (None if p is None or p % 2 else p for p in self.cell)
         return replace(self, cell=(u, v, w))
 
-    @property
+    @cached_property
     def label(self) -> str:
         """A name such as ``u=0``, ``v=1, w=0`` or, with breaks, ``w=1 (piece 2 of v)``.
 
@@ -164,9 +164,15 @@ class SideKey:
         return f"{self.body}:{side}" if self.body else side
 
 
+@_kept
+def side_key(cell: Cell, labels: Labels) -> SideKey:
+    """Return what tells a cell from others, whatever it is called."""
+    return SideKey.of(cell, labels)
+
+
 def cell_name(cell: Cell, labels: Labels) -> str:
     """Return the printed name of a cell; see `SideKey.label`."""
-    return SideKey.of(cell, labels).label
+    return side_key(cell, labels).label
 
 
 class _Table(Protocol):

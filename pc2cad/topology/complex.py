@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Literal
 
 from pc2cad.expression.identity import Verdict
-from pc2cad.topology.cells import Cell, Labels, SideKey, Symmetry
+from pc2cad.topology.cells import Cell, Labels, SideKey, Symmetry, side_key
 
 Fate = Literal["face", "curve", "point", "interface"]
 
@@ -111,7 +111,7 @@ class BoundaryComplex:
 
     def key(self, cell: Cell) -> SideKey:
         """Return what tells a cell from others, whatever it is called."""
-        return SideKey.of(cell, self.labels)
+        return side_key(cell, self.labels)
 
     def faces_beside(self, patch: Cell, directions: Iterable[int]) -> int:
         """Return how many faces have the positions of a patch in some directions."""
