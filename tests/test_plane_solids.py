@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from OCP.BRep import BRep_Builder
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeWedge
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
+from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 
 from pc2cad import compile_equation, read_template
+from pc2cad.brep.inspect import inspect
 from pc2cad.brep.integrals import KnownFaces, faces_of, solid_integrals
-from pc2cad.brep.kernel import as_solid
+from pc2cad.brep.kernel import as_edge, as_solid, children, compound
 from pc2cad.brep.plane_solids import plane_solid
 from pc2cad.brep.same_numbers import same_numbers
 
@@ -72,6 +76,32 @@ def test_integrals_are_those_of_the_faces_one_by_one(name, turned):
     assert together.volume == pytest.approx(alone.volume, rel=1e-13)
     assert together.face_areas == pytest.approx(alone.face_areas, rel=1e-13)
     assert together.centroid == pytest.approx(alone.centroid, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_the_numbers_tell_what_the_kernel_counts(name):
+    solid = placed(SOLIDS[name][0]())
+    edge = as_edge(TopExp_Explorer(solid, TopAbs_ShapeEnum.TopAbs_EDGE).Current())
+    BRep_Builder().UpdateEdge(edge, 3e-5)
+    plain = plane_solid(solid)
+    assert plain.tolerance == ShapeAnalysis_ShapeTolerance().Tolerance(solid, 1) == 3e-5
+    assert inspect(solid, plain) == inspect(solid)
+
+
+def test_open_solids_are_counted_alike():
+    solid, builder = BRepPrimAPI_MakeBox(2.0, 3.0, 4.0).Solid(), BRep_Builder()
+    shell, body = TopoDS_Shell(), TopoDS_Solid()
+    builder.MakeShell(shell)
+    builder.MakeSolid(body)
+    for face in children(children(solid)[0])[1:]:
+        builder.Add(shell, face)
+    builder.Add(body, shell)
+    body = placed(body)
+    found = inspect(body, plane_solid(body))
+    assert found == inspect(body)
+    assert (found.valid, found.faces, found.free_edges) == (False, 5, 4)
+    both = compound([solid, body])
+    assert plane_solid(both) is None or inspect(both, plane_solid(both)) == inspect(both)
 
 
 def test_a_face_that_is_turned_counts_as_it_is_turned():
