@@ -16,9 +16,11 @@ from shipped import checked_of
 
 import pc2cad as pc
 from pc2cad.arrays import linear
+from pc2cad.bounds import taylor_evaluation
 from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
 from pc2cad.bounds.taylor_evaluation import enclose
-from pc2cad.bounds.taylor_models import MOST_GATHERED, Place, product
+from pc2cad.bounds.taylor_models import Place
+from pc2cad.bounds.taylor_products import MOST_GATHERED, product
 from pc2cad.checked import CheckedMap
 from pc2cad.compiler import compile_part
 from pc2cad.domain.restrictions import RestrictedMap
@@ -314,6 +316,19 @@ def test_models_on_pairs_of_boxes_are_those_of_their_product():
     np.testing.assert_allclose(model.terms[..., 0], product.terms[..., each, each], atol=1e-15)
     np.testing.assert_allclose(model.radius[:, 0], product.radius[each, each], rtol=1e-9)
     assert np.isfinite(model.radius).tolist() == [[True], [True], [True], [False]]
+
+
+def test_products_at_once_have_the_models_that_they_have_alone(monkeypatch):
+    place = Place(np.array([0.1, 0.4, 0.9]), np.full(3, 0.02), np.full(3, 0.05))
+    sine, cosine, growing = call("sin", U), call("cos", U), call("exp", U * U)
+    rows = sine * cosine, cosine * growing, growing**2, sine**2, sine**3, U * growing, 3 * sine
+    trees = *rows, rows[0] * rows[1] + rows[2] * rows[3], rows[1] * rows[4]
+    together = enclose(trees, ["u"], [place], 4)
+    monkeypatch.setattr(taylor_evaluation, "MOST_BESIDE", 0)
+    for model, alone in zip(together, enclose(trees, ["u"], [place], 4), strict=True):
+        np.testing.assert_allclose(model.terms, alone.terms, rtol=1e-14, atol=1e-16)
+        np.testing.assert_allclose(model.radius, alone.radius, rtol=1e-12)
+        np.testing.assert_allclose(model.error, alone.error, rtol=1e-12)
 
 
 def test_what_is_divided_by_a_root_is_within_its_model():

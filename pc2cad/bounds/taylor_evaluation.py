@@ -29,21 +29,28 @@ from pc2cad.bounds.taylor_models import (
     Model,
     Place,
     add,
+    apart,
+    beside,
     constant,
     known,
     mul,
     neg,
     pad,
     parameter,
+    parts,
     shift,
 )
 from pc2cad.bounds.taylor_waves import model_of
 from pc2cad.expression.carried import Carried, earlier_trees, meet
-from pc2cad.expression.tree import Expr, walk
+from pc2cad.expression.tree import Expr, number, walk
 
 #: models of two parameters by the places that they hold for, as many of them as are kept; and the
 #: boxes up to which they are: models on more would fill the memory
 MOST_GRIDS, MOST_BOXES = 6, 512
+
+#: boxes of a model up to which it is taken beside others: of more it costs what work on them costs
+MOST_BESIDE: Final = 256
+_TWO: Final = number(2)
 
 #: bytes of models that are carried from one build to the next, and how much of a model is found out
 #: besides its terms, radius and error when it is asked for
@@ -52,6 +59,8 @@ MOST_CARRIED, SIZES = 1 << 25, 2
 _Key = tuple[object, ...]
 #: models of one kind of trees, by tree
 _Store = dict[Expr, Model]
+#: nodes, and what models are needed of for each
+_Level = list[tuple[Expr, tuple[Expr, ...]]]
 _carried: Final[Carried[Model]] = Carried(MOST_CARRIED)
 
 
@@ -110,12 +119,22 @@ class Models:
         # a constant is one of any parameter
         return self.alone.get(next(iter(node.symbols or self.alone)), self.grid)
 
-    def known(self, node: Expr) -> Model | None:
-        """Return the model of a tree, from an earlier build too; None where there is none yet."""
-        model = self.of(node).get(node)
-        if model is None and node in earlier_trees():
-            model = _carried.get((node, self.places.get(node.symbols)))
-        return model
+    def stored(self, node: Expr) -> Model | None:
+        """Return the model of a tree, None where there is none yet."""
+        return self.of(node).get(node)
+
+    def carried(self, node: Expr) -> Model | None:
+        """Return the model of a tree of an earlier build, None where it has been lost."""
+        return _carried.get((node, self.places.get(node.symbols)))
+
+    def store(self, found: _Store) -> None:
+        """Take models in."""
+        if len(self.alone) == 1:
+            ((_, store),) = self.alone.items()
+            store |= found
+            return
+        for node, model in found.items():
+            self.of(node)[node] = model
 
     def carry(self, roots: Sequence[Expr], found: _Store, fresh: Sequence[Expr]) -> None:
         """Leave to later builds what occurred in an earlier one and new trees are made of.
@@ -131,7 +150,7 @@ class Models:
             if place is not None and node.op != "symbol":
                 model = found[node]
                 size = model.terms.nbytes + model.radius.nbytes + model.error.nbytes
-                _carried.keep((node, place), model, SIZES * size)
+                _carried.keep((node, place), apart(model), SIZES * size)
         meet([node for node in fresh if node.symbols])
 
 
@@ -152,30 +171,101 @@ def enclose(
     where = dict(zip(names, places, strict=True))
     models = (known_models or Known()).at(names, places, order)
     found: _Store = {}
-    fresh: list[Expr] = []
+    levels = _levels(tuple(roots), models, found)
+    fresh: _Store = {}
+    with np.errstate(all="ignore"):
+        for level in levels:
+            for node, operands in _without_products(level, found, fresh, order):
+                args = tuple([found[arg] for arg in operands])
+                if node.op == "neg":
+                    model = neg(args[0])
+                elif node.op == "symbol":
+                    axis = names.index(node.payload)
+                    model = parameter(places[axis], axis)
+                else:
+                    model = known(_step(node, args, where, order))
+                found[node] = fresh[node] = model
+    models.store(fresh)
+    if models.places:
+        models.carry(roots, found, list(fresh))
+    return tuple([found[root] for root in roots])
+
+
+def _levels(roots: tuple[Expr, ...], models: Models, found: _Store) -> list[_Level]:
+    """Return nodes without models: each needs none of its own level, nor of later ones.
+
+    Models that there are of the nodes below these become `found`.
+    """
+    earlier = earlier_trees()
+    # all that is asked for has the one parameter, or none
+    stored = next(iter(models.alone.values())).get if len(models.alone) == 1 else models.stored
+    needed: dict[Expr, tuple[Expr, ...]] = {}
 
     def below(node: Expr) -> tuple[Expr, ...]:
-        model = models.known(node)
+        model = stored(node)
+        if model is None and node in earlier:
+            model = models.carried(node)
         if model is None:
-            return _operands(node)
+            needed[node] = operands = _operands(node)
+            return operands
         found[node] = model
         return ()
 
-    with np.errstate(all="ignore"):
-        for node in walk(tuple(roots), below):
-            if node in found:
-                continue
-            if node.op == "symbol":
-                axis = names.index(node.payload)
-                model = parameter(places[axis], axis)
-            else:
-                args = tuple([found[arg] for arg in _operands(node)])
-                model = known(_step(node, args, where, order))
-            found[node] = models.of(node)[node] = model
-            fresh.append(node)
-    if models.places:
-        models.carry(roots, found, fresh)
-    return tuple(found[root] for root in roots)
+    levels: list[_Level] = []
+    depth: dict[Expr, int] = {}
+    for node in walk(roots, below):
+        if node in found:
+            continue
+        operands, level = needed[node], 0
+        for arg in operands:
+            over = depth.get(arg, -1) + 1
+            if over > level:
+                level = over
+        depth[node] = level
+        if level == len(levels):
+            levels.append([])
+        levels[level].append((node, operands))
+    return levels
+
+
+def _without_products(level: _Level, found: _Store, fresh: _Store, order: int) -> _Level:
+    """Find those products of a level that are of one shape, at once; return what is left of it.
+
+    Models of few boxes cost what their calls cost, and boxes have nothing to do with one another:
+    those of several models may as well be those of one.
+    """
+    if len(level) < 2:
+        return level
+    alike: dict[tuple[int, ...], list[tuple[Expr, Model, Model]]] = {}
+    left: _Level = []
+    for step in level:
+        node, operands = step
+        if node.op == "mul":
+            x, y = found[operands[0]], found[operands[1]]
+        elif node.op == "pow" and node.args[1] is _TWO:
+            x = y = found[operands[0]]
+        else:
+            left.append(step)
+            continue
+        shape, boxes = x.terms.shape, x.radius.shape
+        if (
+            1 < x.radius.size <= MOST_BESIDE
+            and shape[2:] == boxes
+            and (boxes == y.terms.shape[2:] == y.radius.shape == x.error.shape == y.error.shape)
+        ):
+            alike.setdefault(shape + y.terms.shape[:2], []).append((node, x, y))
+        else:
+            left.append(step)
+    for rows in alike.values():
+        nodes, first, second = zip(*rows, strict=True)
+        if len(nodes) == 1:
+            left.append((nodes[0], _operands(nodes[0])))
+            continue
+        whole = known(mul(beside(first), beside(second), order))
+        new = dict(zip(nodes, parts(whole, len(nodes)), strict=True))
+        found |= new
+        fresh |= new
+    return left
 
 
 def _operands(node: Expr) -> tuple[Expr, ...]:

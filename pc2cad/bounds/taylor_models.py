@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from math import prod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array, Integers, linear
+from pc2cad.bounds.taylor_products import by_degree, collect, product
 
 #: unit of rounding of double precision
 UNIT = 2.0**-53
@@ -28,21 +28,37 @@ UNIT = 2.0**-53
 SLACK = 1 + 64 * UNIT
 LIBRARY = 8 * UNIT
 TINY = 1e-300
-#: products of two terms each, all boxes together, that are held at once
-MOST_GATHERED = 1 << 15
-#: entries of a matrix that adds up products of pairs
-MOST_SUMMED = 1 << 14
 
 
 class _Once:
-    """A property that is worked out once, without the lock of a `cached_property`."""
+    """A property that is worked out once, with others or alone, without a `cached_property`'s lock.
 
-    def __init__(self, work: Callable[[Model], Array]) -> None:
-        self._work, self._name = work, work.__name__
+    `work` puts it into a model's dictionary.
+    """
+
+    def __init__(self, work: Callable[[Model], None]) -> None:
+        self._work = work
+
+    def __set_name__(self, owner: type[Model], name: str) -> None:
+        self._name = name
 
     def __get__(self, model: Model, owner: type[Model]) -> Array:
-        found = model.__dict__[self._name] = self._work(model)
+        self._work(model)
+        found: Array = model.__dict__[self._name]
         return found
+
+
+def _measure(model: Model) -> None:
+    """Work out the sizes of a model, all of them: who asks for one asks for the others."""
+    moduli, known = np.abs(model.terms), model.__dict__
+    known["sizes"] = by_degree(moduli)
+    known["size"] = size = np.add.reduce(known["sizes"], axis=0)
+    known["largest"] = (size + model.radius + model.error) * (1 + 1e-12)
+
+
+def _reach(model: Model) -> None:
+    total = np.add.reduce(model.sizes[1:], axis=0)
+    model.__dict__["reach"] = (total * (1 + 1e-12) + model.radius + model.error) * SLACK
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,26 +81,14 @@ class Model:
         """The polynomial's value in the middle."""
         return np.asarray(self.terms[0, 0])
 
-    @_Once
-    def sizes(self) -> Array:
-        """Return the sums of |terms| by total degree, (degrees, n, m)."""
-        return by_degree(np.abs(self.terms))
-
-    @_Once
-    def size(self) -> Array:
-        """Return the sum of all |terms|."""
-        return _sum(self.sizes)
-
-    @_Once
-    def reach(self) -> Array:
-        """Return how far values, computed ones too, may be from `centre`."""
-        total = _sum(self.sizes[1:])
-        return np.asarray((total * (1 + 1e-12) + self.radius + self.error) * SLACK)
-
-    @_Once
-    def largest(self) -> Array:
-        """Return the largest modulus of any value, computed ones too."""
-        return np.asarray((self.size + self.radius + self.error) * (1 + 1e-12))
+    #: sums of |terms| by total degree, (degrees, n, m)
+    sizes: ClassVar = _Once(_measure)
+    #: the sum of all |terms|
+    size: ClassVar = _Once(_measure)
+    #: the largest modulus of any value, computed ones too
+    largest: ClassVar = _Once(_measure)
+    #: how far values, computed ones too, may be from `centre`
+    reach: ClassVar = _Once(_reach)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +131,32 @@ def parameter(place: Place, axis: int) -> Model:
     return Model(terms[:, None] if axis == 0 else terms[None], zero, zero + place.error)
 
 
+def beside(models: Sequence[Model]) -> Model:
+    """Return models of one shape as one, on the boxes of all: each model's after those before."""
+    return Model(
+        np.concatenate([model.terms for model in models], axis=2),
+        np.concatenate([model.radius for model in models]),
+        np.concatenate([model.error for model in models]),
+    )
+
+
+def parts(model: Model, count: int) -> list[Model]:
+    """Return the models of which one was made by `beside`."""
+    terms, radius, error = model.terms, model.radius, model.error
+    size = len(radius) // count
+    return [
+        Model(terms[:, :, i : i + size], radius[i : i + size], error[i : i + size])
+        for i in range(0, size * count, size)
+    ]
+
+
+def apart(model: Model) -> Model:
+    """Return the model in memory of its own."""
+    if model.terms.base is None:
+        return model
+    return Model(model.terms.copy(), model.radius.copy(), model.error.copy())
+
+
 def pad(terms: Array, shape: tuple[int, ...]) -> Array:
     """Return terms (i, j, …) up to other degrees, those that are missing 0."""
     a, b = shape[:2]
@@ -139,11 +169,13 @@ def pad(terms: Array, shape: tuple[int, ...]) -> Array:
 
 def add(x: Model, y: Model) -> Model:
     """Return x + y."""
-    (a, b), (c, d) = x.terms.shape[:2], y.terms.shape[:2]
-    shape = max(a, c), max(b, d)
-    total = pad(x.terms, shape) + pad(y.terms, shape)
-    size = _sum(np.abs(total).reshape(-1, *total.shape[2:]))
-    lost = size * UNIT + TINY
+    one, other = x.terms, y.terms
+    if one.shape[:2] != other.shape[:2]:
+        (a, b), (c, d) = one.shape[:2], other.shape[:2]
+        shape = max(a, c), max(b, d)
+        one, other = pad(one, shape), pad(other, shape)
+    total = one + other
+    lost = np.add.reduce(np.abs(total), axis=(0, 1)) * UNIT + TINY
     radius = (x.radius + y.radius + lost) * SLACK
     return Model(total, radius, (x.error + y.error + lost + UNIT * radius) * SLACK)
 
@@ -173,137 +205,23 @@ def mul(x: Model, y: Model, order: int) -> Model:
         # what the factors have from each degree on, the highest degree first
         rest = np.add.accumulate(by_y[::-1], axis=0)
         beyond = by_x[order + 2 - len(by_y) :]
-        radius = radius + _sum(beyond * rest[: len(beyond)])
+        radius = radius + np.add.reduce(beyond * rest[: len(beyond)], axis=0)
     error = x.largest * y.error + y.largest * (x.error + UNIT * x.largest)
     return Model(total, radius * (1 + 1e-14) + TINY, error * (1 + 1e-14) + TINY)
 
 
 def _scaled(x: Model, factor: Model) -> Model:
     """Return x times what does not vary."""
-    value, off, error = (row.item() for row in (factor.terms, factor.radius, factor.error))
+    value, off, error = factor.terms.item(), factor.radius.item(), factor.error.item()
     size = abs(value)
     most = (size + off + error) * (1 + 1e-12)
-    radius = x.size * (off + 2 * UNIT * size) + x.radius * (size + off)
-    errors = x.largest * (error + UNIT * most) + x.error * most
-    return Model(x.terms * value, radius * (1 + 1e-14) + TINY, errors * (1 + 1e-14) + TINY)
-
-
-def product(x: Array, y: Array, order: int) -> Array:
-    """Return the products of terms, up to a total degree of `order`."""
-    (a, b), (c, d) = x.shape[:2], y.shape[:2]
-    if (a == 1 and d == 1) or (b == 1 and c == 1) or a * b == 1 or c * d == 1:
-        # a factor does not vary, or one varies along s, the other along t: one product per term
-        return _up_to(order, x * y)
-    if b == d == 1 or a == c == 1:
-        return _along_one(x, y, order)
-    boxes = np.broadcast_shapes(x.shape[2:], y.shape[2:])
-    pairs = _pairs((a, b), (c, d), order)
-    if len(pairs.first) * prod(boxes) <= MOST_GATHERED:
-        return _gathered(x, y, pairs, boxes)
-    if a * b > c * d:
-        x, y, a, b, c, d = y, x, c, d, a, b
-    total = np.zeros((a + c - 1, b + d - 1, *boxes))
-    for i, j in np.ndindex(a, b):
-        if i + j <= order:
-            rows, columns = min(c, order + 1 - i - j), min(d, order + 1 - i - j)
-            total[i : i + rows, j : j + columns] += x[i, j] * y[:rows, :columns]
-    return _up_to(order, total[: order + 1, : order + 1])
-
-
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    """The pairs of terms of two factors whose products are of a degree that is kept.
-
-    Terms are numbered row by row; pairs with one product lie together.
-    """
-
-    first: Integers
-    second: Integers
-    #: where the pairs of each product begin, the product's term, and the shape (i, j) of all terms
-    starts: Integers
-    term: Integers
-    shape: tuple[int, int]
-
-    @cached_property
-    def sums(self) -> Array:
-        """The matrix that adds up the products of the pairs, (products, pairs)."""
-        which = np.repeat(np.arange(len(self.starts)), np.diff(self.starts, append=len(self.first)))
-        return np.asarray(np.arange(len(self.starts))[:, None] == which, dtype=float)
-
-
-@lru_cache(maxsize=256)
-def _pairs(first: tuple[int, int], second: tuple[int, int], order: int) -> _Pairs:
-    """Return the pairs of terms of two factors, of shapes (i, j) each."""
-    shape = tuple(min(p + q - 1, order + 1) for p, q in zip(first, second, strict=True))
-    i, j, k, m = (axis.ravel() for axis in np.indices((*first, *second)))
-    term = (i + k) * shape[1] + j + m
-    kept = np.flatnonzero(i + j + k + m <= order)
-    kept = kept[np.argsort(term[kept], kind="stable")]
-    starts = np.flatnonzero(np.diff(term[kept], prepend=-1))
-    rows = i * first[1] + j, k * second[1] + m
-    return _Pairs(rows[0][kept], rows[1][kept], starts, term[kept][starts], (shape[0], shape[1]))
-
-
-def _gathered(x: Array, y: Array, pairs: _Pairs, boxes: tuple[int, ...]) -> Array:
-    """Return the products of terms from all pairs side by side: few calls where boxes are few."""
-    # each factor has as many boxes as it varies over
-    first = x.reshape(-1, *x.shape[2:]).take(pairs.first, axis=0)
-    second = y.reshape(-1, *y.shape[2:]).take(pairs.second, axis=0)
-    whole = next((f for f in (first, second) if f.shape[1:] == boxes), None)
-    rows = np.multiply(first, second, out=whole).reshape(len(first), -1)
-    size = len(pairs.starts) * len(rows)
-    if size <= MOST_SUMMED and size * rows.shape[1] <= linear.ONE_THREAD:
-        sums = linear.product(pairs.sums, rows)
-    else:
-        sums = np.add.reduceat(rows, pairs.starts, axis=0)
-    total = np.zeros((prod(pairs.shape), rows.shape[1]))
-    total[pairs.term] = sums
-    return total.reshape(*pairs.shape, *boxes)
-
-
-def _along_one(x: Array, y: Array, order: int) -> Array:
-    """Return the product where both factors vary along the same axis, or none does."""
-    shape = x.shape[:2], y.shape[:2]
-    a, c = (p * q for p, q in shape)
-    outer = x.reshape(a, 1, *x.shape[2:]) * y.reshape(1, c, *y.shape[2:])
-    boxes = outer.shape[2:]
-    collect = _collect(a, c, order)
-    total = linear.product(collect, outer.reshape(a * c, -1)).reshape(len(collect), *boxes)
-    along_t = shape[0][1] > 1 or shape[1][1] > 1
-    return np.asarray(total[None] if along_t else total[:, None])
-
-
-@lru_cache(maxsize=256)
-def _collect(a: int, c: int, order: int) -> Array:
-    """Return the matrix that adds up products of terms (i, k) by their degree i + k."""
-    degree = np.add.outer(np.arange(a), np.arange(c)).ravel()
-    return np.asarray(np.arange(min(a + c - 1, order + 1))[:, None] == degree, dtype=float)
-
-
-def _up_to(order: int, terms: Array) -> Array:
-    """Return terms, those of a total degree above the order made 0 (in place)."""
-    a, b = terms.shape[:2]
-    if a + b - 2 > order:
-        terms *= _within(a, b, order)
-    return terms
-
-
-@lru_cache(maxsize=256)
-def _within(a: int, b: int, order: int) -> Array:
-    """Return 1 where the total degree is at most `order`, else 0."""
-    degree = np.add.outer(np.arange(a), np.arange(b))
-    return np.asarray(degree <= order, dtype=float)[:, :, None, None]
-
-
-def by_degree(sizes: Array) -> Array:
-    """Return the sums of |terms| by total degree, (degrees, n, m)."""
-    a, b = sizes.shape[:2]
-    if b == 1:
-        return np.asarray(sizes[:, 0])
-    if a == 1:
-        return np.asarray(sizes[0])
-    total = linear.product(_collect(a, b, a + b), sizes.reshape(a * b, -1))
-    return total.reshape(-1, *sizes.shape[2:])
+    # rounded up here: what is left to do rounds a few times
+    of_size, of_radius, of_largest, of_error = (
+        share * (1 + 1e-14)
+        for share in (off + 2 * UNIT * size, size + off, error + UNIT * most, most)
+    )
+    radius = x.size * of_size + x.radius * of_radius + TINY
+    return Model(x.terms * value, radius, x.largest * of_largest + x.error * of_error + TINY)
 
 
 def _sum(values: Array) -> Array:
@@ -366,10 +284,10 @@ def _horner(x: Model, coefficients: Array, moduli: Array) -> tuple[Array, Array]
             # g begins with degree 1: what is of a higher degree here ends beyond the order
             few = both[1 : degree + 1]
             pairs = terms[:, None] * few
-            collect = _collect(len(terms), len(few), degree - 1)
-            terms = np.empty((len(collect) + 1, rows.shape[1]))
+            adding = collect(len(terms), len(few), degree - 1)
+            terms = np.empty((len(adding) + 1, rows.shape[1]))
             terms[0] = rows[order - degree]
-            terms[1:] = linear.product(collect, pairs.reshape(-1, rows.shape[1]))
+            terms[1:] = linear.product(adding, pairs.reshape(-1, rows.shape[1]))
         half = rows.shape[1] // 2
         column = terms[:, :half].reshape(-1, *g.shape[2:])
         kept = _sum(terms[:, half:]).reshape(g.shape[2:])
@@ -390,7 +308,7 @@ def known(x: Model) -> Model:
     Radii grow with the sizes of all terms: where a term is not finite, no radius is.
     """
     fine = np.isfinite(x.radius + x.error)
-    if fine.all():
+    if np.count_nonzero(fine) == fine.size:
         return x
     return Model(
         np.where(fine, x.terms, 0.0),

@@ -14,7 +14,8 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import vectors
-from pc2cad.bounds.taylor_models import SLACK, TINY, UNIT, Model, product
+from pc2cad.bounds.taylor_models import SLACK, TINY, UNIT, Model
+from pc2cad.bounds.taylor_products import product
 from pc2cad.expression.wave_values import jet, moment, rounding, table_of
 from pc2cad.expression.waves import Waves
 
