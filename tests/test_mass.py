@@ -17,6 +17,7 @@ from pc2cad.channels.layers import depth
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.cli.main import main
 from pc2cad.domain.analysis import analyse
+from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import InputError
 from pc2cad.expression.tree import ONE, number, substitute
@@ -148,6 +149,18 @@ def test_axes_are_right_handed_and_diagonalise(entries: list[Fraction]) -> None:
 
 def test_a_balls_axes_are_x_y_and_z() -> None:
     assert np.array_equal(checked_of("ball").mass_properties().axes, np.eye(3))
+
+
+def test_a_proved_sign_of_det_j_changes_no_integral_and_is_not_looked_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A bent pipe: no node can show another sign than the proved one."""
+    analysis = analyse(pc.read_template("torus_tube").bind())
+    looked = integrate(analysis)
+    monkeypatch.setattr(JacobianWatch, "note", None)
+    assert integrate(analysis, proved=True) == looked
+    with pytest.raises(TypeError):
+        integrate(analysis)
 
 
 def test_what_is_no_density_is_refused() -> None:

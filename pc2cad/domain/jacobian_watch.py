@@ -58,10 +58,8 @@ class JacobianWatch:
     def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
         x, y, z = self.mapping.speeds
+        determinant, size, (a, b, c) = volumes(tangents)
         with np.errstate(all="ignore"):
-            determinant = _determinant(*tangents)
-            a, b, c = (_lengths(m) for m in tangents)
-            size = a * b * c
             rounding = ERROR * (x * b * c + a * y * c + a * b * z)
             sine = np.where(size > 0, determinant / (size + rounding / ROUNDING), 0.0)
         seen = np.where(np.isfinite(sine), sine, 0.0)
@@ -72,7 +70,7 @@ class JacobianWatch:
                 self._places[sign] = np.array(
                     [np.broadcast_to(p, seen.shape)[index] for p in places]
                 )
-        return np.asarray(determinant), np.asarray(size), np.asarray(sine)
+        return determinant, size, np.asarray(sine)
 
     def check(self) -> None:
         """Raise FlatMapError or FoldedMapError where what was seen shows one."""
@@ -146,6 +144,14 @@ class JacobianWatch:
                 (middle, high) if self.mapping.value(direction, middle) < limit else (low, middle)
             )
         return (low + high) / 2
+
+
+def volumes(tangents: list[Array]) -> tuple[Array, Array, tuple[Array, Array, Array]]:
+    """Return det J, |M_u||M_v||M_w| and its three factors, of tangents (…, 3)."""
+    with np.errstate(all="ignore"):
+        determinant = _determinant(*tangents)
+        a, b, c = (_lengths(m) for m in tangents)
+        return determinant, np.asarray(a * b * c), (a, b, c)
 
 
 def _determinant(a: Array, b: Array, c: Array) -> Array:

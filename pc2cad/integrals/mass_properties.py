@@ -2,7 +2,8 @@
 
 One rule per direction where the map is smooth all over its box (see `together`), else composite
 Gauss-Legendre rules, their panels and orders chosen on lines along it (see `quadrature`); the
-difference of two such rules is the error estimate. det J is watched at every node.
+difference of two such rules is the error estimate. det J is watched at every node, unless its sign
+is proved.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.jacobian_watch import JacobianWatch
+from pc2cad.domain.jacobian_watch import JacobianWatch, volumes
 from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.parameters import PARAMETERS
@@ -91,7 +92,8 @@ def integrate(analysis: Analysis, proved: bool = False) -> MassProperties:
         areas, errors = _areas(analysis, densities, exact, exact, closed, {})
         return _in_closed_form(closed, areas, _settled(errors))
     centre = _centre(analysis)
-    densities = _Densities(analysis, centre, watch)
+    # no node shows a fold where the sign is proved, and det J is nought on no more than a null set
+    densities = _Densities(analysis, centre, None if proved else watch)
     layers: list[Array] = []
     known: dict[Cell, tuple[float, float]] = {}
     if exact is not None:
@@ -107,7 +109,8 @@ def integrate(analysis: Analysis, proved: bool = False) -> MassProperties:
             found = settle(densities.volume, limits, partial(by_layer, analysis), densities.measure)
             whole, layers, error = found.rules, found.values, found.error
             moments = np.sum(layers, axis=0)
-    watch.check()
+    if not proved:
+        watch.check()
     if not (np.isfinite(moments).all() and np.isfinite(error)):
         raise NotIntegrableError(
             "the equation or a derivative has no finite value inside the box: look for a division "
@@ -215,12 +218,16 @@ class _Densities:
 
     analysis: Analysis
     centre: Array
-    watch: JacobianWatch
+    #: notes the sign of det J at all nodes, where that is not proved
+    watch: JacobianWatch | None
 
     def volume(self, u: Array, v: Array, w: Array) -> Samples:
-        """Return det J and (M - centre) det J; the sign of det J is noted on the way."""
+        """Return det J and (M - centre) det J; signs are noted on the way, if they are to be."""
         points, *tangents = self.analysis.map.frame(u, v, w)
-        determinant, size, _ = self.watch.note(tangents, (u, v, w))
+        if self.watch is None:
+            determinant, size, _ = volumes(tangents)
+        else:
+            determinant, size, _ = self.watch.note(tangents, (u, v, w))
         values = np.empty((4, *determinant.shape))
         values[0] = determinant
         with np.errstate(all="ignore"):
