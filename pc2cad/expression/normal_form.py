@@ -70,7 +70,7 @@ def normal_form(
         return _inner(node)
 
     try:
-        for node in walk((root,), below):
+        for node in walk((root,), _inner if whole is None and known is None else below):
             if node not in forms:
                 forms[node] = _form_of(node, forms, largest)
     except _TooLargeError:
@@ -147,11 +147,11 @@ def _ranks(term: tuple[Monomial, Fraction]) -> list[tuple[int, int]]:
 
 def _inner(node: Expr) -> tuple[Expr, ...]:
     """Return the operands that the form is made of: none for an atom."""
-    if node.op in ("add", "neg", "mul"):
+    op = node.op
+    if op in ("add", "neg", "mul"):
         return node.args
-    if node.op == "within":  # equal to its argument wherever it has a value
-        return node.args[:1]
-    if node.op == "div" or (node.op == "pow" and _is_repeated(node.args[1])):
+    # what is within limits is equal to its argument wherever it has a value
+    if op in ("within", "div") or (op == "pow" and _is_repeated(node.args[1])):
         return node.args[:1]
     return ()
 
