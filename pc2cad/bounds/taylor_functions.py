@@ -8,6 +8,7 @@ the function has a singularity that near.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
@@ -76,15 +77,33 @@ def _power_series(x: Model, a: float, order: int, first: Array, own: float) -> M
     """Return x**a, `first` being its value at the centre: binomial coefficients over c^k."""
     c, r = x.centre, x.reach
     q = _below_one(r / np.abs(c))
-    ratios = [(a - k + 1) / k for k in range(1, order + 2)]
-    *binomials, binomial = np.cumprod([1.0, *ratios]).tolist()
-    series = np.array(binomials)[:, None, None] * powers(1 / c, order) * first
+    binomials, binomial = _binomials(a, order)
+    series = binomials * powers(1 / c, order) * first
     # the quotient of successive coefficients falls towards 1 from |a - k|/(k + 1) at k = order + 1
     growth = max(1.0, abs(a - order - 1) / (order + 2))
     room = _below_one(growth * q)
     tail = abs(binomial) * np.abs(first) * q ** (order + 1) / (1 - room)
     slope = abs(a) * np.abs(first / c) * np.where(a < 1, 1 - q, 1 + q) ** (a - 1)
     return compose(x, series, tail, slope * (1 + 1e-12), order, own)
+
+
+@lru_cache(maxsize=64)
+def _binomials(a: float, order: int) -> tuple[Array, float]:
+    """Return the binomial coefficients of a up to an order, (order + 1, 1, 1), and the next."""
+    ratios = [(a - k + 1) / k for k in range(1, order + 2)]
+    *binomials, binomial = np.cumprod([1.0, *ratios]).tolist()
+    return np.array(binomials)[:, None, None], binomial
+
+
+@lru_cache(maxsize=64)
+def _factorials(order: int) -> Array:
+    return np.array([float(factorial(k)) for k in range(order + 1)])[:, None, None]
+
+
+def _cyclic(cycle: tuple[Array, ...], order: int) -> Array:
+    """Return the Taylor coefficients of a function whose derivatives come again and again."""
+    turns = -(-(order + 1) // len(cycle))
+    return np.asarray(np.array(cycle * turns)[: order + 1] / _factorials(order))
 
 
 def _below_one(q: Array) -> Array:
@@ -95,7 +114,7 @@ def _below_one(q: Array) -> Array:
 def exponential(x: Model, order: int) -> Model:
     """Return exp(x)."""
     first, r = np.exp(x.centre), x.reach
-    series = [first / factorial(k) for k in range(order + 1)]
+    series = first / _factorials(order)
     tail = _factorial_tail(first, r, order)
     model = compose(x, series, tail, first * np.exp(r), order, LIBRARY)
     # far below 0 it is 0 to within exp(Re x), on discs of any size
@@ -131,7 +150,7 @@ def cosine(x: Model, order: int) -> Model:
 
 
 def _turning(x: Model, cycle: tuple[Array, ...], order: int) -> Model:
-    series = [cycle[k % 4] / factorial(k) for k in range(order + 1)]
+    series = _cyclic(cycle, order)
     one = np.ones_like(x.centre)
     # slope and value are 1 at most at real places
     model = compose(x, series, _factorial_tail(one, x.reach, order), one, order, 0.0)
@@ -152,7 +171,7 @@ def hyperbolic_cosine(x: Model, order: int) -> Model:
 
 
 def _growing(x: Model, cycle: tuple[Array, Array], size: Array, order: int) -> Model:
-    series = [cycle[k % 2] / factorial(k) for k in range(order + 1)]
+    series = _cyclic(cycle, order)
     r = x.reach
     return compose(x, series, _factorial_tail(size, r, order), size * np.exp(r), order, LIBRARY)
 

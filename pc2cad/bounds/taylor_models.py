@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -237,12 +238,12 @@ def compose(
     `series` has `order` + 1 of them, `tail` bounds what the others add within x's reach (nan or inf
     where that is unknown), `slope` the derivative there, `own` the relative error of computing f.
     """
-    coefficients = np.array(series)
-    moduli, degrees = np.abs(coefficients), np.arange(order + 1).reshape(-1, 1, 1)
+    coefficients = np.asarray(series)
+    moduli = np.abs(coefficients)
     reach = powers(x.reach, order)
     # sums of |f_k| r^k and, for the radius of the argument, of k |f_k| r^(k-1)
     whole = _sum(moduli * reach)
-    spread = _sum((degrees * moduli)[1:] * reach[:-1])
+    spread = _sum(_degrees(order) * moduli[1:] * reach[:-1])
     lost: Array | float = 0.0
     if x.terms.shape[0] * x.terms.shape[1] == 2:
         # an argument of degree 1: powers of one term, none of which is lost
@@ -255,9 +256,14 @@ def compose(
     # coefficients come from a few library calls and products each
     rounding = ((order + 8) * LIBRARY + 8 * (order + 2) ** 2 * UNIT) * whole
     radius = (spread * x.radius + lost + tail + rounding) * (1 + 1e-12) + TINY
-    value = np.abs(terms).sum(axis=(0, 1)) + radius
+    value = np.add.reduce(np.abs(terms), axis=(0, 1)) + radius
     error = (slope * x.error + own * value) * (1 + 1e-12) + TINY
     return Model(terms, radius, error)
+
+
+@lru_cache(maxsize=64)
+def _degrees(order: int) -> Array:
+    return np.arange(1.0, order + 1)[:, None, None]
 
 
 def powers(x: Array, order: int) -> Array:
