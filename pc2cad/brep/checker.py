@@ -16,6 +16,7 @@ from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
+from pc2cad.brep.convex_faces import is_convex
 from pc2cad.brep.kernel import (
     IndexedMapOfShape,
     as_edge,
@@ -23,6 +24,7 @@ from pc2cad.brep.kernel import (
     children,
     compound,
 )
+from pc2cad.brep.plane_solids import PlaneSolid
 from pc2cad.brep.plane_wires import WORTH_WHILE, is_in_order, samples
 
 #: edges of a solid from which on its faces are looked at one by one, whatever curves they are
@@ -30,12 +32,15 @@ FEW = 40
 _ORIENTED = {TopAbs_Orientation.TopAbs_FORWARD, TopAbs_Orientation.TopAbs_REVERSED}
 
 
-def is_valid(solid: TopoDS_Shape, straight: int = FEW) -> bool:
+def is_valid(solid: TopoDS_Shape, plain: PlaneSolid | None = None) -> bool:
     """Return whether the kernel's checker finds a solid valid.
 
-    Where it is known to have no other edges, `straight` says how many: a few are worth no proof.
+    `plain` are its numbers where all faces are plane and all edges straight: they may prove it, and
+    a few edges are worth no other proof.
     """
-    known = straight >= FEW and _known_valid(solid)
+    if plain is not None and is_convex(plain):
+        return True
+    known = (plain is None or len(plain.lines) >= FEW) and _known_valid(solid)
     return known or bool(BRepCheck_Analyzer(solid).IsValid())
 
 

@@ -77,7 +77,7 @@ def _counted(solid: TopoDS_Shape, plain: PlaneSolid | None) -> KernelFindings | 
     vertices, edges, faces = len(plain.points), len(uses), len(plain.planes)
     wires = plain.count(WIRE)
     return KernelFindings(
-        is_valid(solid, edges), 1, faces, edges, vertices, edges - uses.count(2),
+        is_valid(solid, plain), 1, faces, edges, vertices, edges - uses.count(2),
         vertices - edges + faces - (wires - faces), plain.tolerance,
     )  # fmt: skip
 

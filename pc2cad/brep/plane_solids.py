@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import re
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 from OCP.BinTools import BinTools
@@ -30,28 +30,29 @@ _SHAPES = re.compile(rb"Triangulations 0\n\s*TShapes (\d+)\n")
 _LINE, _PLANE = (np.dtype([("kind", "u1"), ("numbers", "<f8", count)]) for count in (6, 12))
 #: orientation, number and location of what a shape is made of
 _PARTS = rb"((?:[\x00-\x03].{4}\x00{4})*)\*"
-#: vertex, edge that is not degenerated (and between which faces it is smooth), face, all others;
-#: tolerances, numbers of curve and surface, and parts; flags are passed over
+#: vertex, edge whose curves are said to run alike and that is not degenerated (and between which
+#: faces it is smooth), face, all others; tolerances, numbers of curve and surface, and parts; flags
+#: are passed over
 _SHAPE = re.compile(
     rb"(\x07(.{8})(.{24})\x00.{7}\*"
-    rb"|\x06(.{8})..\x00\x01(.{4})\x00{4}(.{16})(?:\x04.{17})*\x00.{7}" + _PARTS +
+    rb"|\x06(.{8})\x01\x01\x00\x01(.{4})\x00{4}(.{16})(?:\x04.{17})*\x00.{7}" + _PARTS +
     rb"|\x04.(.{8})(.{4})\x00{4}\x01.{7}" + _PARTS +
     rb"|([\x01-\x03\x05]).{7}" + _PARTS + rb")",
     re.DOTALL,
 )  # fmt: skip
-_USE = np.dtype([("turn", "u1"), ("part", "<i4"), ("place", "<i4")])
-_SOLID, SHELL, WIRE = (bytes([kind]) for kind in (2, 3, 5))
+USE = np.dtype([("turn", "u1"), ("part", "<i4"), ("place", "<i4")])
+SOLID, SHELL, WIRE = (bytes([kind]) for kind in (2, 3, 5))
+
+#: which parts each part is made of, and how turned: of edges, faces and others, whose kinds are the
+#: third; the last is the shape itself
+Topology = tuple[tuple[bytes, ...], tuple[bytes, ...], tuple[bytes, ...], tuple[bytes, ...], bytes]
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneSolid:
     """A solid of plane faces and straight edges, in the kernel's order of its parts."""
 
-    #: which parts each part is made of, and how turned: of edges, faces and others, whose kinds are
-    #: the third; the last is the shape itself
-    topology: tuple[
-        tuple[bytes, ...], tuple[bytes, ...], tuple[bytes, ...], tuple[bytes, ...], bytes
-    ]
+    topology: Topology
     #: of the vertices (n, 3)
     points: Array
     #: parameters of the ends of the edges (m, 2)
@@ -72,44 +73,51 @@ class PlaneSolid:
         """Return how many shells or wires there are."""
         return self.topology[2].count(kind)
 
-    @cached_property
+    @property
     def walks(self) -> tuple[Integers, Integers, Array] | None:
         """The edges along which faces are bounded, whose, and 1 or -1: how they are walked.
 
         Faces in the order that they have in their shell; edges in that of `lines`. None of shapes
         that are no solids of one shell.
         """
-        ends, wires, kinds, parts, whole = self.topology
-        count = len(kinds)
-        if kinds[-2:] != (SHELL, _SOLID) or kinds.count(SHELL) != 1 or whole[0] > 1:
-            return None
-        lists = [
-            one or other or third for one, other, third in zip(ends, wires, parts, strict=True)
-        ]
-        table = np.frombuffer(b"".join(lists), _USE)
-        owner = np.repeat(np.arange(count), [len(each) // _USE.itemsize for each in lists])
-        # the kernel counts from the last
-        child, turn = count - table["part"], table["turn"].astype(np.int64)
-        turned, above = np.zeros((2, count), np.int64)
-        turned[-1] = whole[0]
-        is_face, is_edge = (np.array([bool(each) for each in of]) for of in (wires, ends))
-        is_wire = np.array([kind == WIRE for kind in kinds])
-        for one in (owner == count - 1, owner == count - 2, is_face[owner]):
-            turned[child[one]] = turned[owner[one]] ^ turn[one]
-            above[child[one]] = owner[one]
-        faces, wired = child[owner == count - 2], child[is_face[owner]]
-        if (
-            (turn > 1).any()
-            # each face once and in the order of the planes, each wire in one face
-            or len(faces) != is_face.sum()
-            or (np.diff(faces) <= 0).any()
-            or not np.array_equal(np.sort(wired), np.flatnonzero(is_wire))
-        ):
-            return None
-        uses = np.flatnonzero(is_wire[owner])
-        edge, face = (np.cumsum(of) - 1 for of in (is_edge, is_face))
-        signs = 1.0 - 2.0 * (turned[owner[uses]] ^ turn[uses])
-        return edge[child[uses]], face[above[owner[uses]]], np.asarray(signs, float)
+        return _walks(self.topology)
+
+
+@lru_cache(maxsize=16)
+def _walks(topology: Topology) -> tuple[Integers, Integers, Array] | None:
+    """Return what `PlaneSolid.walks` does; what is read back has the same, and so have variants."""
+    ends, wires, kinds, parts, whole = topology
+    count = len(kinds)
+    if kinds[-2:] != (SHELL, SOLID) or kinds.count(SHELL) != 1 or whole[0] > 1:
+        return None
+    lists = [one or other or third for one, other, third in zip(ends, wires, parts, strict=True)]
+    table = np.frombuffer(b"".join(lists), USE)
+    owner = np.repeat(np.arange(count), [len(each) // USE.itemsize for each in lists])
+    # the kernel counts from the last
+    child, turn = count - table["part"], table["turn"].astype(np.int64)
+    turned, above = np.zeros((2, count), np.int64)
+    turned[-1] = whole[0]
+    is_face, is_edge = (np.array([bool(each) for each in of]) for of in (wires, ends))
+    is_wire = np.array([kind == WIRE for kind in kinds])
+    for one in (owner == count - 1, owner == count - 2, is_face[owner]):
+        turned[child[one]] = turned[owner[one]] ^ turn[one]
+        above[child[one]] = owner[one]
+    faces, wired = child[owner == count - 2], child[is_face[owner]]
+    if (
+        (turn > 1).any()
+        # each face once and in the order of the planes, each wire in one face
+        or len(faces) != is_face.sum()
+        or (np.diff(faces) <= 0).any()
+        or not np.array_equal(np.sort(wired), np.flatnonzero(is_wire))
+    ):
+        return None
+    uses = np.flatnonzero(is_wire[owner])
+    edge, face = (np.cumsum(of) - 1 for of in (is_edge, is_face))
+    signs = 1.0 - 2.0 * (turned[owner[uses]] ^ turn[uses])
+    found = edge[child[uses]], face[above[owner[uses]]], np.asarray(signs, float)
+    for each in found:
+        each.setflags(write=False)
+    return found
 
 
 def plane_solid(shape: TopoDS_Shape) -> PlaneSolid | None:

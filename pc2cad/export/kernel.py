@@ -210,7 +210,7 @@ def check_read_back(shape: Any, originals: list[Census], what: str) -> None:
 def _check_solid_read_back(solid: Any, original: Census, what: str) -> None:
     check_solid(solid)
     found = _census(solid)
-    if not (is_valid(solid, len(found.plain.lines)) if found.plain else is_valid(solid)):
+    if not is_valid(solid, found.plain):
         raise KernelError(f"the {what} reads back as a solid that is not valid")
     if (found.faces, found.shells) != (original.faces, original.shells):
         raise KernelError(

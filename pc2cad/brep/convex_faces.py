@@ -1,0 +1,187 @@
+"""Whether a solid of convex polygons is what the kernel's checker wants, proved from its numbers.
+
+What the checker (``BRepCheck_Analyzer``, OCCT 7.9 and 8.0) asks of a solid whose faces are planes
+with one wire of straight edges without curves on them, and what answers it here:
+
+- edges run forward along their line, and end at their vertices: their numbers;
+- edges lie on the planes, as far as their projections: both ends do, and lines lean by nothing;
+- wires are closed, each edge once: topology, each vertex of a face begins one edge and ends one;
+- no edges of a face cross or touch but at their common vertex, and the face is to their left: all
+  other vertices of the face are to the left of each edge, and away from its line. Each edge is then
+  one of the convex hull's, and these make one wire, run through counterclockwise;
+- neighbours meet at their vertex: where they are off by little, and turn by enough;
+- the shell is closed and oriented: each edge is used twice, once either way, and faces hang
+  together.
+
+What is not proved is left to the kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from operator import itemgetter
+
+import numpy as np
+
+from pc2cad.arrays import Array, Integers
+from pc2cad.brep.plane_solids import SHELL, SOLID, USE, WIRE, PlaneSolid, Topology
+
+#: corners of a face beyond which pairs of them are too many
+MOST_CORNERS = 12
+#: a tenth of the least tolerance that the kernel knows (``Precision::Confusion``)
+_NEAR = 1e-8
+#: to which the kernel finds where edges meet (``BRepCheck_Wire::SelfIntersect``)
+_MEETING = 1e-10
+#: how many of its tolerances a vertex must be away from the edges that are not its own
+_AWAY = 100.0
+
+
+def is_convex(solid: PlaneSolid) -> bool:
+    """Return whether a solid is proved to be what the kernel's checker finds valid."""
+    found = _corners(solid.topology)
+    if found is None:
+        return False
+    ends = solid.lines[:, None, :3] + solid.ranges[..., None] * solid.lines[:, None, 3:]
+    frames, begin = solid.planes[found.face], solid.points[found.first]
+    ways = solid.lines[found.edge, 3:] * found.turn
+    leans, along, up = np.matmul(frames[:, 3:].reshape(-1, 3, 3), ways[..., None])[..., 0].T
+    left = along[:, None] * frames[:, 9:] - up[:, None] * frames[:, 6:9]
+    height = ((begin - frames[:, :3]) * frames[:, 3:6]).sum(axis=1)
+    turns = (left * ways[found.after]).sum(axis=1)
+    away = (left[found.side] * (solid.points[found.other] - begin[found.side])).sum(axis=1)
+    gap = 2 * float(np.abs(ends - solid.points[found.ends]).max())
+    lean, turn = float(np.abs(leans).max()), float(turns.min())
+    return bool(
+        (solid.ranges[:, 0] < solid.ranges[:, 1]).all()
+        and gap + float(np.abs(height).max()) <= _NEAR
+        # a projection is as much shorter, from where the line's numbers begin
+        and lean * lean * float(np.abs(solid.ranges).max()) <= _NEAR
+        and gap + _MEETING <= _NEAR * turn
+        and away.min() >= _AWAY * solid.tolerance
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Corners:
+    """How the sides of faces follow each other, each walked around its plane's normal."""
+
+    #: the vertices at which each edge begins and ends (m, 2)
+    ends: Integers
+    #: of each side its edge and its face, 1 or -1 as it is walked (n, 1), the vertex where it
+    #: begins, and the side that follows
+    edge: Integers
+    face: Integers
+    turn: Array
+    first: Integers
+    after: Integers
+    #: sides, each with a vertex of its face that is none of its ends
+    side: Integers
+    other: Integers
+
+
+#: a part and how it is turned, 1 where it is reversed
+_Part = tuple[int, int]
+
+
+@lru_cache(maxsize=16)
+def _corners(topology: Topology) -> _Corners | None:
+    """Return how faces are bounded; None where they are not one closed shell of simple polygons.
+
+    The topology of a solid that is read back is the same, and so are those of most variants.
+    """
+    edges, faces, kinds, _, _ = topology
+    parts = _parts(topology)
+    sides = None if parts is None else _sides(parts, topology)
+    if parts is None or sides is None or not _is_closed(parts[-2], sides):
+        return None
+    numbers = [dict(zip(of, range(len(of)), strict=True)) for of in map(_where, (edges, faces))]
+    vertices = [not (e or f or k) for e, f, k in zip(edges, faces, kinds, strict=True)]
+    number = dict(zip(_where(vertices), range(len(vertices)), strict=False))
+    rows, pairs = list[tuple[int, ...]](), list[tuple[int, int]]()
+    for (face, _), polygon in zip(parts[-2], sides, strict=True):
+        first, count = len(rows), len(polygon)
+        corners = [number[parts[edge][back][0]] for edge, back in polygon]
+        for i, (edge, back) in enumerate(polygon):
+            after = first + (i + 1) % count
+            rows.append((numbers[0][edge], numbers[1][face], 1 - 2 * back, corners[i], after))
+            pairs += [(first + i, corners[(i + k) % count]) for k in range(2, count)]
+    ends = [[number[vertex] for vertex, _ in parts[edge]] for edge in numbers[0]]
+    edge_, face_, turn, begin, after_ = np.array(rows).T
+    return _Corners(
+        np.array(ends), edge_, face_, turn[:, None].astype(float), begin, after_, *np.array(pairs).T
+    )
+
+
+def _where(flags: Sequence[object]) -> list[int]:
+    return [i for i, flag in enumerate(flags) if flag]
+
+
+def _parts(topology: Topology) -> list[list[_Part]] | None:
+    """Return what each shape is made of, edges from where they begin.
+
+    None unless it is one solid of one shell, and nothing is internal.
+    """
+    *lists, whole = topology
+    kinds, count = lists[2], len(lists[2])
+    if kinds[-2:] != (SHELL, SOLID) or kinds.count(SHELL) != 1 or whole[0] > 1:
+        return None
+    result = []
+    for edge, face, _, other in zip(*lists, strict=True):
+        uses = np.frombuffer(edge or face or other, USE)
+        # the kernel counts from the last
+        found = list(zip((count - uses["part"]).tolist(), uses["turn"].tolist(), strict=True))
+        if any(turn > 1 for _, turn in found):
+            return None
+        result.append(sorted(found, key=itemgetter(1)) if edge else found)
+    return result if [part for part, _ in result[-1]] == [count - 2] else None
+
+
+def _sides(parts: list[list[_Part]], topology: Topology) -> list[list[_Part]] | None:
+    """Return the edges of each face as they are walked around its plane's normal.
+
+    None unless each has one wire, of edges that end at the vertex that the next one begins at, and
+    comes by no vertex twice.
+    """
+    edges, faces, kinds, _, _ = topology
+    result = []
+    for face, _ in parts[-2]:
+        if not faces[face] or len(parts[face]) != 1 or kinds[parts[face][0][0]] != WIRE:
+            return None
+        wire, about = parts[face][0]
+        sides = [(edge, back ^ about) for edge, back in parts[wire]]
+        if about:
+            sides.reverse()
+        if not 3 <= len(sides) <= MOST_CORNERS or not all(edges[edge] for edge, _ in sides):
+            return None
+        if any([turn for _, turn in parts[edge]] != [0, 1] for edge, _ in sides):
+            return None
+        begins = [parts[edge][back][0] for edge, back in sides]
+        ends = [parts[edge][1 - back][0] for edge, back in sides]
+        if ends != begins[1:] + begins[:1] or len(set(begins)) < len(begins):
+            return None
+        result.append(sides)
+    return result
+
+
+def _is_closed(faces: list[_Part], sides: list[list[_Part]]) -> bool:
+    """Return whether faces hang together, and each edge is used by two, once either way."""
+    if len({face for face, _ in faces}) < len(faces):
+        return False
+    uses = dict[int, list[_Part]]()
+    for place, ((_, turn), polygon) in enumerate(zip(faces, sides, strict=True)):
+        for edge, back in polygon:
+            uses.setdefault(edge, []).append((place, turn ^ back))
+    if any(sorted(back for _, back in of) != [0, 1] for of in uses.values()):
+        return False
+    beside = dict[int, set[int]]()
+    for (one, _), (other, _) in uses.values():
+        beside.setdefault(one, set()).add(other)
+        beside.setdefault(other, set()).add(one)
+    reached, new = {0}, [0]
+    while new:
+        found = beside[new.pop()] - reached
+        reached |= found
+        new += found
+    return len(reached) == len(faces)
