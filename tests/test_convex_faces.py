@@ -160,6 +160,7 @@ FAULTS = {
     "a wire turned": lambda made: made.wires.add(1),
     "a face and its wire turned": lambda made: (made.turned.add(1), made.wires.add(1)),
     "a face too few": lambda made: made.faces.pop(),
+    "no face at all": lambda made: made.faces.clear(),
     "a face twice": lambda made: made.faces.append(made.faces[0]),
     "edges of its own": lambda made: made.own.add(3),
     "a star": star,

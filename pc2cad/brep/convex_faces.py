@@ -167,7 +167,7 @@ def _sides(parts: list[list[_Part]], topology: Topology) -> list[list[_Part]] | 
 
 def _is_closed(faces: list[_Part], sides: list[list[_Part]]) -> bool:
     """Return whether faces hang together, and each edge is used by two, once either way."""
-    if len({face for face, _ in faces}) < len(faces):
+    if not faces or len({face for face, _ in faces}) < len(faces):
         return False
     uses = dict[int, list[_Part]]()
     for place, ((_, turn), polygon) in enumerate(zip(faces, sides, strict=True)):
