@@ -8,7 +8,8 @@ places that are looked at, however narrow it is. What changes everywhere tells n
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -18,13 +19,14 @@ from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.rewriting import among
-from pc2cad.expression.sign_changes import on_cells
+from pc2cad.expression.sign_changes import EVEN, even_cells, on_all_cells, on_cells
 from pc2cad.expression.tree import Expr
 
 #: a part is left alone where the values over it span no more than this share of all
 QUIET = 0.25
-#: halvings of the whole parameter: at first, in one step, before a place is narrow, and at most
-FIRST, STEP, NARROW, DEEPEST = 4, 2, 8, 30
+#: halvings of the whole parameter: in the parts that are looked at first, `EVEN` ones, in one step,
+#: before a place is narrow, and at most
+FIRST, STEP, NARROW, DEEPEST = 6, 2, 8, 30
 #: a function with more wide parts than this, where narrow ones begin, changes everywhere
 MOST_PARTS = 12
 #: functions whose changes follow from those of their arguments
@@ -68,25 +70,14 @@ def _limits(functions: frozenset[Expr], name: str) -> Array:
         return _NOWHERE
     nodes = tuple(functions)
     found: list[Array] = []
-    whole = Interval(np.array(0.0), np.array(1.0))
-    boxes = {p: whole for p in PARAMETERS if p != name}
-    ask = IntervalProgram(nodes, boxes.copy())
-
-    def over(low: Array, width: Array | float) -> tuple[Array, Array]:
-        values = [(v.lower + 0 * low, v.upper + 0 * low)
-                  for v in ask(boxes | {name: Interval(low, low + width)})]  # fmt: skip
-        lower, upper = (np.array([value[k] for value in values]) for k in (0, 1))
-        return lower, upper
-
-    # the first two steps at once: after these hardly a function is wide, and parts are enclosed
-    # within what they are parts of
-    counts = 2**FIRST, 2 ** (FIRST + STEP)
-    low = np.concatenate([np.arange(count) / count for count in counts])
-    lower, upper = over(low, np.repeat(np.divide(1, counts), counts))
+    over = _Parts(nodes, name)
+    # two steps at once: after these hardly a function is wide, and parts are enclosed within what
+    # they are parts of
+    low, lower, upper = even_cells()[0], *over.first()
     least, most = lower.min(axis=1), upper.max(axis=1)
     useful = np.isfinite(most - least)
-    (low, lower, upper), width = (x[..., counts[0] :] for x in (low, lower, upper)), 1 / counts[1]
-    for depth in range(FIRST + STEP, DEEPEST + 1, STEP):
+    (low, lower, upper), width = (x[..., EVEN[0] :] for x in (low, lower, upper)), 1 / EVEN[1]
+    for depth in range(FIRST, DEEPEST + 1, STEP):
         wide = _wide(lower, upper, (most - least)[:, None]) & useful[:, None]
         if depth >= NARROW:
             useful &= wide.sum(axis=1) <= MOST_PARTS
@@ -104,6 +95,39 @@ def _limits(functions: frozenset[Expr], name: str) -> Array:
     limits = np.asarray(limits[(limits > 0) & (limits < 1)])
     limits.flags.writeable = False
     return limits
+
+
+class _Parts:
+    """Enclosures (nodes, parts) of functions over parts of a parameter, whatever others are."""
+
+    def __init__(self, nodes: tuple[Expr, ...], name: str) -> None:
+        self._nodes, self._name = nodes, name
+        whole = Interval(np.array(0.0), np.array(1.0))
+        self._boxes = {p: whole for p in PARAMETERS if p != name}
+
+    @cached_property
+    def _program(self) -> IntervalProgram:
+        return IntervalProgram(self._nodes, self._boxes.copy())
+
+    def first(self) -> tuple[Array, Array]:
+        """Return the enclosures over the `EVEN` parts; of one parameter's they are known."""
+        if all([len(node.symbols) == 1 for node in self._nodes]):
+            values = [on_all_cells(node, self._name) for node in self._nodes]
+            return _rows(values, even_cells()[0])
+        low, high = even_cells()
+        return self(low, high - low)
+
+    def __call__(self, low: Array, width: Array | float) -> tuple[Array, Array]:
+        """Return the enclosures over parts of some widths."""
+        found = self._program(self._boxes | {self._name: Interval(low, low + width)})
+        return _rows(found, low)
+
+
+def _rows(values: Sequence[Interval], low: Array) -> tuple[Array, Array]:
+    """Return the limits of intervals, an array each, those of constants over all parts."""
+    still = 0 * low
+    lower = np.array([value.lower + still for value in values])
+    return lower, np.array([value.upper + still for value in values])
 
 
 def _wide(lower: Array, upper: Array, span: Array | float) -> Booleans:

@@ -16,6 +16,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from pc2cad.arrays import Array
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks, resolve_pieces
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.derivatives import derivatives
@@ -31,8 +32,9 @@ from pc2cad.expression.tree import Expr, number, pieces, substitute, symbol
 
 #: intervals that the search begins with, that it takes at once, and how narrow they get
 _FIRST, _MOST, _NARROW = 16, 2048, 2.0**-44
-#: cells over which a function is enclosed before its zeros are looked for
-_EVEN = 64
+#: even cells over which a function is enclosed at once: those that say whether it changes at short
+#: length (`narrow`), and those that are looked at before its zeros are looked for
+EVEN = 16, 64
 #: cells of each other parameter, and the places of it at which zeros are compared first
 _CELLS, _ASKED = 6, (0.37, 0.83)
 #: where between the ends of an interval a function is looked at
@@ -87,15 +89,30 @@ def sign_changes(tree: Expr, name: str | None = None) -> SignChanges | None:
 
 
 def on_cells(tree: Expr, name: str) -> Interval:
-    """Return the enclosures of a function of one parameter on even cells of [0, 1]."""
-    ends = np.arange(_EVEN + 1) / _EVEN
-    boxes = {name: interval(ends[:-1], ends[1:])}
+    """Return the enclosures of a function of one parameter on the last of the `EVEN` cells."""
+    both = on_all_cells(tree, name)
+    return Interval(both.lower[EVEN[0] :], both.upper[EVEN[0] :]) if both.lower.ndim else both
+
+
+def on_all_cells(tree: Expr, name: str) -> Interval:
+    """Return the enclosures of a function of one parameter on all `EVEN` cells of [0, 1].
+
+    More cells cost next to nothing: it is the operations that do.
+    """
+    boxes = {name: interval(*even_cells())}
 
     def find(node: Expr, known: dict[Expr, Interval]) -> Interval:
         return enclose(node, tuple([known[arg] for arg in operands(node)]), boxes)
 
     with np.errstate(all="ignore"):
         return _enclosed(name).of((tree,), find, lambda _: None, operands)[tree]
+
+
+@lru_cache(maxsize=1)
+def even_cells() -> tuple[Array, Array]:
+    """Return the lower and the upper ends of the `EVEN` cells."""
+    ends = [np.arange(count + 1) / count for count in EVEN]
+    return np.concatenate([x[:-1] for x in ends]), np.concatenate([x[1:] for x in ends])
 
 
 @lru_cache(maxsize=3)
