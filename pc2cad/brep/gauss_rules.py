@@ -21,16 +21,19 @@ def gauss_on(knots: Array, count: int) -> tuple[Array, Array]:
 
 def gauss(panels: Array, order: int) -> tuple[Array, Array]:
     """Return the nodes and weights of a Gauss rule on every panel (n, 2), panel by panel."""
-    x, weight = legendre(order)
-    half = (panels[:, 1] - panels[:, 0])[:, None] / 2
-    return (panels.mean(axis=1)[:, None] + half * x).ravel(), (half * weight).ravel()
+    nodes, weights = nodes_between(panels, order)
+    return nodes.ravel(), weights.ravel()
 
 
 def nodes_between(limits: Array, count: int) -> tuple[Array, Array]:
     """Return the nodes and weights of a Gauss rule between limits (k, 2): shape (k, count)."""
     x, weight = legendre(count)
-    half = (limits[:, 1:] - limits[:, :1]) / 2
-    return limits.mean(axis=1, keepdims=True) + half * x, half * weight
+    return between(limits, x), (limits[:, 1:] - limits[:, :1]) / 2 * weight
+
+
+def between(limits: Array, x: Array) -> Array:
+    """Return the places (k, n) between limits (k, 2) of those on [-1, 1]."""
+    return np.asarray(limits.mean(axis=1, keepdims=True) + (limits[:, 1:] - limits[:, :1]) / 2 * x)
 
 
 @lru_cache(maxsize=8)

@@ -11,7 +11,7 @@ from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.brep.forms import FLUX, Form
-from pc2cad.brep.gauss_rules import gauss, rules_together
+from pc2cad.brep.gauss_rules import between, gauss, rules_together
 from pc2cad.brep.spline_integrals import ALL, Patch, Stack, project
 from pc2cad.brep.spline_tables import Table, bases, part_of
 from pc2cad.errors import KernelError
@@ -102,9 +102,10 @@ class _Whole:
         self._reach = np.sqrt(far.reshape(len(far), -1).max(axis=1))
         self._panels = [np.stack((ends[:-1], ends[1:]), axis=1) for ends in limits]
         self._lines = [_lines(ends) for ends in limits]
+        nodes, _ = rules_together(_ORDERS)
         #: of each direction the tables on its lines and then at the nodes of all orders
         self._first = [
-            self._tables(d, np.concatenate((lines, _nodes(panels, rules_together(_ORDERS)[0]))))
+            self._tables(d, np.concatenate((lines, between(panels, nodes).ravel())))
             for d, (lines, panels) in enumerate(zip(self._lines, self._panels, strict=True))
         ]
 
@@ -236,7 +237,7 @@ class _Whole:
         if panels is None:
             panels, nodes = self._panels[direction], self._at_first(direction, orders)
         else:
-            nodes = self._tables(direction, _nodes(panels, x))
+            nodes = self._tables(direction, between(panels, x).ravel())
         half = (panels[:, 1] - panels[:, 0])[:, None] / 2
         both = (nodes, lines) if direction == 0 else (lines, nodes)
         values = FLUX.rows(*self._stack.on_tables(*both)(ALL))
@@ -246,12 +247,6 @@ class _Whole:
             return [sums[..., k, :] * half for k in range(len(orders))]
         sums = values.reshape(*values.shape[:2], -1, *shape) @ weights.T
         return [sums[..., k].swapaxes(2, 3) * half for k in range(len(orders))]
-
-
-def _nodes(panels: Array, x: Array) -> Array:
-    """Return the places of nodes on [-1, 1] on panels (n, 2), panel by panel."""
-    half = (panels[:, 1] - panels[:, 0])[:, None] / 2
-    return np.asarray((panels.mean(axis=1)[:, None] + half * x).ravel())
 
 
 @lru_cache(maxsize=8)

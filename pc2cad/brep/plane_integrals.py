@@ -25,7 +25,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import cross, product
 from pc2cad.brep.from_kernel import conic_terms, curve_function, frame
-from pc2cad.brep.gauss_rules import gauss_on, nodes_between, rules_together
+from pc2cad.brep.gauss_rules import between, gauss_on, nodes_between, rules_together
 from pc2cad.brep.kernel import as_wire
 from pc2cad.brep.settling import ORDERS, settled
 from pc2cad.brep.spline_integrals import differences, read_curve
@@ -233,7 +233,7 @@ def _along_curve(curve: Geom_Curve, first: float, last: float, origin: Array, ax
     def rules(cells: Array, orders: tuple[int, ...]) -> list[Array]:
         x, weights = rules_together(orders)
         half = np.diff(cells) / 2
-        t = cells.mean(axis=1, keepdims=True) + half * x
+        t = between(cells, x)
         points, slopes = basis.jet(t.ravel())
         values = _primitives(*(points @ axes.T).T) * (slopes @ axes[1])
         values = values.reshape(6, *t.shape)
