@@ -16,6 +16,7 @@ from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
+from pc2cad.brep.closed_shells import is_closed
 from pc2cad.brep.convex_faces import is_convex
 from pc2cad.brep.kernel import (
     IndexedMapOfShape,
@@ -25,11 +26,10 @@ from pc2cad.brep.kernel import (
     compound,
 )
 from pc2cad.brep.plane_solids import PlaneSolid
-from pc2cad.brep.plane_wires import WORTH_WHILE, is_in_order, samples
+from pc2cad.brep.plane_wires import TURNS, WORTH_WHILE, is_in_order, samples
 
 #: edges of a solid from which on its faces are looked at one by one, whatever curves they are
 FEW = 40
-_ORIENTED = {TopAbs_Orientation.TopAbs_FORWARD, TopAbs_Orientation.TopAbs_REVERSED}
 
 
 def is_valid(solid: TopoDS_Shape, plain: PlaneSolid | None = None) -> bool:
@@ -58,7 +58,7 @@ def _known_valid(solid: TopoDS_Shape) -> bool:
     if len(shells) != 1 or shells[0].ShapeType() != TopAbs_ShapeEnum.TopAbs_SHELL:
         return False
     faces = [as_face(face) for face in children(shells[0])]
-    if not all(face.Orientation() in _ORIENTED for face in faces):
+    if not all(face.Orientation() in TURNS for face in faces):
         return False
     proved, others = list[TopoDS_Shape](), list[TopoDS_Shape]()
     for face in faces:
@@ -71,16 +71,16 @@ def _known_valid(solid: TopoDS_Shape) -> bool:
         return False
     if others and not BRepCheck_Analyzer(compound(others)).IsValid():
         return False
-    return bool(BRepCheck_Analyzer(compound(proved), False).IsValid()) and _is_closed(faces)
+    alone = BRepCheck_Analyzer(compound(proved), False)
+    return bool(alone.IsValid()) and is_closed(len(faces), _uses(faces))
 
 
-def _is_closed(faces: list[TopoDS_Face]) -> bool:
-    """Return whether faces hang together, and each edge is used by two of them, once either way.
+def _uses(faces: list[TopoDS_Face]) -> list[list[tuple[int, int]]]:
+    """Return of each edge the faces that it bounds, and how it is walked, as `is_closed` asks.
 
-    That is what ``BRepCheck_Shell::InContext`` asks of a shell of a solid, one edge of a face after
-    another for each edge.
+    The kernel goes through one edge of a face after another for each edge.
     """
-    edges, uses = IndexedMapOfShape(), list[list[tuple[int, TopAbs_Orientation]]]()
+    edges, uses = IndexedMapOfShape(), list[list[tuple[int, int]]]()
     for number, face in enumerate(faces):
         walk = TopExp_Explorer(face, TopAbs_ShapeEnum.TopAbs_EDGE)
         while walk.More():
@@ -88,19 +88,6 @@ def _is_closed(faces: list[TopoDS_Face]) -> bool:
             index = edges.Add(edge)
             if index > len(uses):
                 uses.append([])
-            uses[index - 1].append((number, edge.Orientation()))
+            uses[index - 1].append((number, TURNS.get(edge.Orientation(), 0)))
             walk.Next()
-    group = list(range(len(faces)))
-    for sides in uses:
-        if {turn for _, turn in sides} != _ORIENTED or len(sides) != 2:
-            return False
-        one, other = (_first(group, number) for number, _ in sides)
-        group[max(one, other)] = min(one, other)
-    return all(_first(group, number) == 0 for number in range(len(faces)))
-
-
-def _first(group: list[int], number: int) -> int:
-    """Return the first of the faces that a face hangs together with, as far as it is known."""
-    while group[number] != number:
-        group[number] = number = group[group[number]]
-    return number
+    return uses

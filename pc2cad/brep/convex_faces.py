@@ -26,7 +26,8 @@ from operator import itemgetter
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.brep.plane_solids import SHELL, SOLID, USE, WIRE, PlaneSolid, Topology
+from pc2cad.brep.closed_shells import is_closed
+from pc2cad.brep.plane_solids import USE, WIRE, PlaneSolid, Topology, is_one_shell
 
 #: corners of a face beyond which pairs of them are too many
 MOST_CORNERS = 12
@@ -94,7 +95,7 @@ def _corners(topology: Topology) -> _Corners | None:
     edges, faces, kinds, _, _ = topology
     parts = _parts(topology)
     sides = None if parts is None else _sides(parts, topology)
-    if parts is None or sides is None or not _is_closed(parts[-2], sides):
+    if parts is None or sides is None or not is_closed(len(sides), _uses(parts[-2], sides)):
         return None
     numbers = [dict(zip(of, range(len(of)), strict=True)) for of in map(_where, (edges, faces))]
     vertices = [not (e or f or k) for e, f, k in zip(edges, faces, kinds, strict=True)]
@@ -123,11 +124,10 @@ def _parts(topology: Topology) -> list[list[_Part]] | None:
 
     None unless it is one solid of one shell, and nothing is internal.
     """
-    *lists, whole = topology
-    kinds, count = lists[2], len(lists[2])
-    if kinds[-2:] != (SHELL, SOLID) or kinds.count(SHELL) != 1 or whole[0] > 1:
+    if not is_one_shell(topology):
         return None
-    result = []
+    *lists, _ = topology
+    count, result = len(lists[2]), []
     for edge, face, _, other in zip(*lists, strict=True):
         uses = np.frombuffer(edge or face or other, USE)
         # the kernel counts from the last
@@ -141,10 +141,12 @@ def _parts(topology: Topology) -> list[list[_Part]] | None:
 def _sides(parts: list[list[_Part]], topology: Topology) -> list[list[_Part]] | None:
     """Return the edges of each face as they are walked around its plane's normal.
 
-    None unless each has one wire, of edges that end at the vertex that the next one begins at, and
-    comes by no vertex twice.
+    None unless there are faces, each once and with one wire, of edges that end at the vertex that
+    the next one begins at, and comes by no vertex twice.
     """
     edges, faces, kinds, _, _ = topology
+    if not parts[-2] or len({face for face, _ in parts[-2]}) < len(parts[-2]):
+        return None
     result = []
     for face, _ in parts[-2]:
         if not faces[face] or len(parts[face]) != 1 or kinds[parts[face][0][0]] != WIRE:
@@ -165,23 +167,10 @@ def _sides(parts: list[list[_Part]], topology: Topology) -> list[list[_Part]] | 
     return result
 
 
-def _is_closed(faces: list[_Part], sides: list[list[_Part]]) -> bool:
-    """Return whether faces hang together, and each edge is used by two, once either way."""
-    if not faces or len({face for face, _ in faces}) < len(faces):
-        return False
-    uses = dict[int, list[_Part]]()
-    for place, ((_, turn), polygon) in enumerate(zip(faces, sides, strict=True)):
+def _uses(faces: list[_Part], sides: list[list[_Part]]) -> list[list[tuple[int, int]]]:
+    """Return of each edge the faces that it bounds, and how it is walked, as `is_closed` asks."""
+    uses = dict[int, list[tuple[int, int]]]()
+    for number, ((_, turn), polygon) in enumerate(zip(faces, sides, strict=True)):
         for edge, back in polygon:
-            uses.setdefault(edge, []).append((place, turn ^ back))
-    if any(sorted(back for _, back in of) != [0, 1] for of in uses.values()):
-        return False
-    beside = dict[int, set[int]]()
-    for (one, _), (other, _) in uses.values():
-        beside.setdefault(one, set()).add(other)
-        beside.setdefault(other, set()).add(one)
-    reached, new = {0}, [0]
-    while new:
-        found = beside[new.pop()] - reached
-        reached |= found
-        new += found
-    return len(reached) == len(faces)
+            uses.setdefault(edge, []).append((number, 1 - 2 * (turn ^ back)))
+    return [*uses.values()]

@@ -41,7 +41,7 @@ _SHAPE = re.compile(
     re.DOTALL,
 )  # fmt: skip
 USE = np.dtype([("turn", "u1"), ("part", "<i4"), ("place", "<i4")])
-SOLID, SHELL, WIRE = (bytes([kind]) for kind in (2, 3, 5))
+_SOLID, SHELL, WIRE = (bytes([kind]) for kind in (2, 3, 5))
 
 #: which parts each part is made of, and how turned: of edges, faces and others, whose kinds are the
 #: third; the last is the shape itself
@@ -83,13 +83,19 @@ class PlaneSolid:
         return _walks(self.topology)
 
 
+def is_one_shell(topology: Topology) -> bool:
+    """Say whether a shape is one solid of one shell."""
+    _, _, kinds, _, whole = topology
+    return kinds[-2:] == (SHELL, _SOLID) and kinds.count(SHELL) == 1 and whole[0] <= 1
+
+
 @lru_cache(maxsize=16)
 def _walks(topology: Topology) -> tuple[Integers, Integers, Array] | None:
     """Return what `PlaneSolid.walks` does; what is read back has the same, and so have variants."""
+    if not is_one_shell(topology):
+        return None
     ends, wires, kinds, parts, whole = topology
     count = len(kinds)
-    if kinds[-2:] != (SHELL, SOLID) or kinds.count(SHELL) != 1 or whole[0] > 1:
-        return None
     lists = [one or other or third for one, other, third in zip(ends, wires, parts, strict=True)]
     table = np.frombuffer(b"".join(lists), USE)
     owner = np.repeat(np.arange(count), [len(each) // USE.itemsize for each in lists])

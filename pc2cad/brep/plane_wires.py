@@ -29,7 +29,8 @@ _MOST_SAMPLES = 300
 #: how far curves go on beside their vertices: a tenth of ``Precision::Confusion``
 _GAP = 1e-8
 _ORIGIN = np.zeros(3)
-_TURNS = {TopAbs_Orientation.TopAbs_FORWARD: 1, TopAbs_Orientation.TopAbs_REVERSED: -1}
+#: how what is oriented is walked; what is internal or external is not
+TURNS = {TopAbs_Orientation.TopAbs_FORWARD: 1, TopAbs_Orientation.TopAbs_REVERSED: -1}
 
 
 def samples(edge: TopoDS_Edge) -> int:
@@ -52,7 +53,7 @@ def is_in_order(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> bool:
         return False
     outer, senses, edges = found
     for i, (wire, sense) in enumerate(zip(wires, senses, strict=True)):
-        if sense * _TURNS.get(wire.Orientation(), 0) != (1 if i == outer else -1):
+        if sense * TURNS.get(wire.Orientation(), 0) != (1 if i == outer else -1):
             return False
     return all(map(_are_joined, edges)) and all(_is_plain(edge) for row in edges for edge in row)
 
@@ -121,7 +122,7 @@ def _is_plain(edge: TopoDS_Edge) -> bool:
     parts = [curves.First(), curves.Last()] if curves.Size() <= 2 else [*curves]
     vertices = TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)
     return (
-        edge.Orientation() in _TURNS
+        edge.Orientation() in TURNS
         and BRep_Tool.SameParameter_s(edge)
         and BRep_Tool.SameRange_s(edge)
         and not any(
