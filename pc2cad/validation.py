@@ -262,8 +262,8 @@ def _report(
             _face(model, face, sum(_areas(properties)[cell] for cell in face.cells))
             for face in model.faces
         ),
-        curves=tuple(_edge(model, index) for index in sorted(model.creases())),
-        edges=len(model.creases()),
+        curves=tuple(_edge(model, index) for index in sorted(model.creases)),
+        edges=len(model.creases),
         vertices=len(model.crease_vertices()),
         shells=len(model.shells),
         euler=model.complex.euler,

@@ -24,9 +24,9 @@ from pc2cad.expression.tree import Expr
 
 #: a part is left alone where the values over it span no more than this share of all
 QUIET = 0.25
-#: halvings of the whole parameter: in the parts that are looked at first, `EVEN` ones, in one step,
-#: before a place is narrow, and at most
-FIRST, STEP, NARROW, DEEPEST = 6, 2, 8, 30
+#: halvings of the whole parameter: in the last of the `EVEN` parts, which are looked at first, in
+#: one step, before a place is narrow, and at most
+FIRST, STEP, NARROW, DEEPEST = EVEN[-1].bit_length() - 1, 2, 8, 30
 #: a function with more wide parts than this, where narrow ones begin, changes everywhere
 MOST_PARTS = 12
 #: functions whose changes follow from those of their arguments

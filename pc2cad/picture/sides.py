@@ -117,7 +117,7 @@ class Sides:
         """Yield for every edge between different faces their numbers and a polyline, (k, 3)."""
         model = self.part.model
         along = np.linspace(0.0, 1.0, fineness)
-        for edge in sorted(model.creases()):
+        for edge in sorted(model.creases):
             owners = {i for i, face in enumerate(model.faces) if edge in face.border}
             cell = model.complex.edges[edge].cell
             yield owners, self._points(cell, dict.fromkeys(directions_of(cell), along))

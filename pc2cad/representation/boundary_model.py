@@ -118,14 +118,11 @@ class BoundaryModel:
         """The faces of the outer boundary: all but those between layers."""
         return tuple(sorted(face for shell in self.shells for face in shell))
 
-    def creases(self) -> set[int]:
-        """Return the edges between two different faces (seams are left out)."""
-        return self._creases
-
     @cached_property
-    def _creases(self) -> set[int]:
-        return set().union(*[face.border for face in self.faces])
+    def creases(self) -> frozenset[int]:
+        """The edges between two different faces (seams are left out)."""
+        return frozenset().union(*[face.border for face in self.faces])
 
     def crease_vertices(self) -> set[int]:
         """Return the vertices at which edges between different faces begin or end."""
-        return {v for e in self.creases() for v in (self.edges[e].start, self.edges[e].end)}
+        return {v for e in self.creases for v in (self.edges[e].start, self.edges[e].end)}

@@ -60,7 +60,7 @@ def roundness(model: BoundaryModel) -> Roundness | None:
     if model.layers:
         return None
     carriers = [face.carrier for face in model.faces]
-    rims = [model.edges[index].carrier for index in sorted(model.creases())]
+    rims = [model.edges[index].carrier for index in sorted(model.creases)]
     slack = ONE_AXIS * model.size
     if not rims and all(isinstance(carrier, Sphere) for carrier in carriers):
         centres = [carrier.frame.origin for carrier in carriers if isinstance(carrier, Sphere)]
