@@ -17,9 +17,11 @@ from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import PointCadError, ToleranceNotReachedError
 from pc2cad.solidity import solidity
+from pc2cad.solidity.cell_table import CellTable
 from pc2cad.solidity.continuity import is_continuous
 from pc2cad.solidity.face_mesh import cut
 from pc2cad.solidity.injectivity import OverlappingMapError, check_injective, material_shell
+from pc2cad.solidity.near_parts import told_number
 from pc2cad.solidity.orientation import find_orientation
 from pc2cad.solidity.self_intersection import Contact, find_contact
 from pc2cad.solidity.solidity import Question
@@ -159,10 +161,7 @@ def test_two_blocks_that_touch_along_a_curved_face():
 
 @pytest.mark.parametrize("wall", ["0.1", "0.001", "0.0001"])
 def test_a_thin_wall_is_no_contact(wall):
-    r = 10 + Fraction(wall) * W
-    ball = (r * pc.sin(pc.pi * V) * pc.cos(THETA), r * pc.sin(pc.pi * V) * pc.sin(THETA),
-            r * pc.cos(pc.pi * V))  # fmt: skip
-    assert contact(ball) is None
+    assert contact(ball(10, Fraction(wall))) is None
 
 
 @pytest.mark.parametrize("waves", [13, pytest.param(40, marks=pytest.mark.slow)])
@@ -254,6 +253,33 @@ def test_what_the_effort_leaves_open_is_said():
     found = check_injective(analysis, sign, cut(analysis), 1000)
     assert 1e-5 < found.apart < 0.1
     assert f"an overlap of up to {found.apart:.2g} mm is not excluded" in found.warning
+
+
+def ball(r, wall):
+    """A hollow ball whose wall is `wall` thick."""
+    rho = r + wall * W
+    return (rho * pc.sin(pc.pi * V) * pc.cos(THETA), rho * pc.sin(pc.pi * V) * pc.sin(THETA),
+            rho * pc.cos(pc.pi * V))  # fmt: skip
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-12, -1e-9, -1e-6, -1e-3])
+def test_cells_are_cut_until_a_place_is_told_from_the_boundary(depth: float) -> None:
+    analysis = analyse(point_equation(ball(1, 1)))
+    table = CellTable(cut(analysis), find_orientation(analysis.map).sign)
+    direction = np.array([0.36, 0.48, 0.8])
+    for radius, outside in ((2 - depth, 0), (1 + depth, 0)):
+        place = radius * direction
+        cells = table.near(place[None], np.full((1, 3), np.nan), 0)
+        expected = None if depth == 0 else 1 if depth > 0 else outside
+        assert told_number(table, place, cells, 0) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wall", [Fraction(1, 100), Fraction(1, 10**5)])
+def test_a_wall_thinner_than_the_finest_mesh_is_no_overlap(wall: Fraction) -> None:
+    analysis = analyse(point_equation(ball(1000, wall)))
+    sign = find_orientation(analysis.map).sign
+    assert check_injective(analysis, sign, cut(analysis)).images > 0
 
 
 # -- samples that are put off ----------------------------------------------------------------------

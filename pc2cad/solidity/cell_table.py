@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby, pairwise
 from typing import Final
@@ -10,12 +11,34 @@ from typing import Final
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
-from pc2cad.solidity.face_mesh import FaceMesh, corners_of, halves
+from pc2cad.solidity.face_mesh import FaceMesh, cells_between, corners_of, halves
 from pc2cad.solidity.winding_number import ray_frame
 from pc2cad.topology.cells import directions_of, outward_sign
 
 #: places that are evaluated together: more are of many pieces of functions
 TOGETHER: Final = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Equal parts of faces in both of their parameters."""
+
+    #: (n,)
+    face: Integers
+    #: number of each part along s and along t, and of how many, (n, 2) each
+    number: Integers
+    total: Integers
+
+    def chosen(self, which: slice | Booleans) -> Parts:
+        """Return some of them."""
+        return Parts(self.face[which], self.number[which], self.total[which])
+
+    def divided(self, count: int) -> Parts:
+        """Return the count² parts of each, s first."""
+        i, j = np.divmod(np.arange(count**2), count)
+        number = count * self.number[:, None] + np.column_stack((i, j))
+        total = np.repeat(count * self.total, count**2, axis=0)
+        return Parts(np.repeat(self.face, count**2), number.reshape(-1, 2), total)
 
 
 class CellTable:
@@ -40,6 +63,11 @@ class CellTable:
         """Largest distance seen between the mesh and the faces."""
         return max(mesh.error for mesh in self._meshes)
 
+    @cached_property
+    def reach(self) -> float:
+        """Largest coordinate of a corner of the mesh."""
+        return max(float(np.abs(mesh.samples).max()) for mesh in self._meshes)
+
     @property
     def cells(self) -> Array:
         """Return the corners of all cells, (cells, 2, 2, 3)."""
@@ -49,10 +77,9 @@ class CellTable:
     @cached_property
     def triangles(self) -> Array:
         """Two outward triangles of each cell, (2·cells, 3, 3)."""
-        triangles = halves(self.cells).reshape(2, -1, 3, 3)
-        turned = np.repeat(self._turned, np.diff(self._starts))
-        triangles[:, turned] = triangles[:, turned, ::-1]
-        return triangles.reshape(-1, 3, 3)
+        return self.outward(
+            self.cells, np.repeat(np.arange(len(self._meshes)), np.diff(self._starts))
+        )
 
     def near(self, points: Array, places: Array, seed: int) -> Integers:
         """Return the cells near the rays of points (n, 3).
@@ -105,32 +132,44 @@ class CellTable:
         found[(np.cumsum(counts) - counts)[face] + rows] = True
         return found
 
-    def refined(self, chosen: Integers, count: int) -> Array:
+    def parts(self, cells: Integers) -> Parts:
+        """Return cells as parts of themselves."""
+        face, i, j = self._place_of(cells)
+        return Parts(face, np.column_stack((i, j)), self._shapes[face])
+
+    def refined(self, cells: Integers, count: int) -> Array:
         """Return outward triangles of the count² parts of some cells, (2·cells·count², 3, 3)."""
-        face, i, j = self._place_of(chosen)
-        inner = np.linspace(0.0, 1.0, count + 1)
-        most = max(1, TOGETHER // len(inner) ** 2)
         result = []
-        # cells of faces that extend along the same directions follow one another
-        changes = np.flatnonzero((np.diff(self._directions[face], axis=0) != 0).any(axis=1)) + 1
-        for first, last in pairwise((0, *changes.tolist(), len(chosen))):
-            for start in range(first, last, most):
-                part = slice(start, min(start + most, last))
-                cells = self._parts(face[part], i[part], j[part], inner)
-                triangles = halves(cells).reshape(2, -1, count**2, 3, 3)
-                turned = self._turned[face[part]]
-                triangles[:, turned] = triangles[:, turned, :, ::-1]
-                result.append(triangles.reshape(-1, 3, 3))
+        for few, g in self.grids(self.parts(cells), count):
+            result.append(self.outward(cells_between(g), np.repeat(few.face, count**2)))
         return np.concatenate(result) if result else np.empty((0, 3, 3))
 
-    def _parts(self, face: Integers, i: Integers, j: Integers, inner: Array) -> Array:
-        """Return the corners of the parts of cells of faces that extend along two directions."""
-        (n, m), (s, t) = self._shapes[face].T, self._directions[face[0]]
+    def grids(self, parts: Parts, count: int) -> Iterator[tuple[Parts, Array]]:
+        """Yield some parts at a time, and points of a grid on each.
+
+        At count + 1 even places along both parameters, (parts, count+1, count+1, 3).
+        """
+        most = max(1, TOGETHER // (count + 1) ** 2)
+        # parts of faces that extend along the same directions follow one another
+        changed = (np.diff(self._directions[parts.face], axis=0) != 0).any(axis=1)
+        for first, last in pairwise((0, *(np.flatnonzero(changed) + 1).tolist(), len(parts.face))):
+            for start in range(first, last, most):
+                few = parts.chosen(slice(start, min(start + most, last)))
+                yield few, self._points(few, count)
+
+    def _points(self, parts: Parts, count: int) -> Array:
+        face, steps = parts.face, np.arange(count + 1)
+        s, t = self._directions[face[0]]
         places = list(self._low[face].T[:, :, None, None])
-        for d, k, total, shares in ((s, i, n, inner[:, None]), (t, j, m, inner)):
-            share = (k[:, None, None] + shares) / total[:, None, None]
+        for axis, d, along in ((0, s, steps[:, None]), (1, t, steps)):
+            at = (count * parts.number[:, axis])[:, None, None] + along
+            share = at / (count * parts.total[:, axis])[:, None, None]
             places[d] = places[d] + self._extent[face, d][:, None, None] * share
-        g = self._map.points(*places)
-        pairs = np.stack((np.stack((g[:, :-1, :-1], g[:, :-1, 1:]), 3),
-                          np.stack((g[:, 1:, :-1], g[:, 1:, 1:]), 3)), 3)  # fmt: skip
-        return pairs.reshape(-1, 2, 2, 3)
+        return self._map.points(*places)
+
+    def outward(self, cells: Array, face: Integers) -> Array:
+        """Return two outward triangles of each cell (n, 2, 2, 3) of a face, (2n, 3, 3)."""
+        triangles = halves(cells).reshape(2, -1, 3, 3)
+        turned = self._turned[face]
+        triangles[:, turned] = triangles[:, turned, ::-1]
+        return triangles.reshape(-1, 3, 3)

@@ -87,7 +87,11 @@ def by_shape(face_meshes: Sequence[FaceMesh]) -> list[list[int]]:
 
 def corners_of(samples: Array) -> Array:
     """Return the corners of all cells of samples (..., 2n+1, 2m+1, 3), (cells, 2, 2, 3)."""
-    g = samples[..., ::2, ::2, :]
+    return cells_between(samples[..., ::2, ::2, :])
+
+
+def cells_between(g: Array) -> Array:
+    """Return the corners of all cells of grids (..., n+1, m+1, 3), (cells, 2, 2, 3)."""
     pairs = np.stack((np.stack((g[..., :-1, :-1, :], g[..., :-1, 1:, :]), -2),
                       np.stack((g[..., 1:, :-1, :], g[..., 1:, 1:, :]), -2)), -3)  # fmt: skip
     return pairs.reshape(-1, 2, 2, 3)

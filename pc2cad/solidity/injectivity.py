@@ -30,6 +30,7 @@ from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
 from pc2cad.solidity.cell_table import CellTable
 from pc2cad.solidity.continuity import check_continuous
 from pc2cad.solidity.face_mesh import FaceMesh, cut
+from pc2cad.solidity.near_parts import told_number
 from pc2cad.solidity.overlap_depth import overlap_depth, told_depth
 from pc2cad.solidity.self_intersection import MOST_PAIRS, Clearance, Contact, find_contact
 from pc2cad.solidity.winding_number import winding_numbers
@@ -149,7 +150,7 @@ class _Mesh:
         """Return the first contradiction of rays of one direction.
 
         The cells that its ray may meet are refined, level by level, before that is believed; the
-        finer the level, the fewer points at a time.
+        finer the level, the fewer points at a time, at last until it is beyond their bows.
         """
         count, batch = REFINEMENTS[level]
         for start in range(0, len(points), batch):
@@ -161,7 +162,11 @@ class _Mesh:
             if len(left) == 0:
                 continue
             if level + 1 == len(REFINEMENTS):
-                return start + int(left[0]), int(numbers[left[0]])
+                for k in left.tolist():
+                    number = told_number(self.table, part[k], near, seed)
+                    if number not in (expected, None):
+                        return start + k, number
+                continue
             deeper = self._contradiction(part[left], places[rows][left], expected, seed, level + 1)
             if deeper is not None:
                 return start + int(left[deeper[0]]), deeper[1]
