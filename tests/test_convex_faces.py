@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from collections import Counter
 
 import numpy as np
 import pytest
+from OCP.BinTools import BinTools
 from OCP.BRep import BRep_Builder
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
@@ -23,8 +25,11 @@ from OCP.TopoDS import (
 
 from pc2cad.brep import checker
 from pc2cad.brep.checker import is_valid
-from pc2cad.brep.convex_faces import is_convex
+from pc2cad.brep.convex_faces import is_convex, is_convex_body
+from pc2cad.brep.inside_out import inside_out
 from pc2cad.brep.plane_solids import plane_solid
+from pc2cad.export import step
+from pc2cad.export.model import Exportable, ExportOptions, GeometricProperties
 from tests.test_plane_solids import bracket, frame, placed
 
 WAYS = (TopAbs_Orientation.TopAbs_FORWARD, TopAbs_Orientation.TopAbs_REVERSED)
@@ -218,3 +223,47 @@ def test_random_faults_are_never_proved():
                 face[:] = [int(corner) for corner in random.permutation(face)]
         seen[both(placed(made.solid()) if random.integers(2) else made.solid())] += 1
     assert min(seen[True, True], seen[False, True], seen[False, False]) > 10
+
+
+def dented():
+    """Return a roof over a square whose tip is below its middle, and the faces of its cube."""
+    points, faces = prism(4)
+    middle = points[4:].mean(axis=0) - np.array([0, 0, 0.3])
+    roof = [[4 + i, 4 + (i + 1) % 4, 8] for i in range(4)]
+    return np.vstack((points, middle)), faces[:5] + roof
+
+
+def bare(solid):
+    """Return the shape as the kernel writes it in its binary form, but whether it was checked."""
+    stream = io.BytesIO()
+    BinTools.Write_s(solid, stream)
+    plain = plane_solid(solid)
+    return plain.topology, [row.tobytes() for row in plain.rows], len(stream.getvalue())
+
+
+@pytest.mark.parametrize("size", [1e-2, 1.0, 1e4])
+@pytest.mark.parametrize("count", [3, 4, 7, 12])
+def test_nothing_of_solids_of_convex_polygons_is_mended(count, size, monkeypatch):
+    solid = placed(Broken(*prism(count, size, 2 * size)).solid())
+    assert is_convex_body(plane_solid(solid))
+    figures = GeometricProperties(1.0, 1.0, (0.0, 0.0, 0.0))
+    item = Exportable(solid, "prism", "", "mm", (), figures, 0.0)
+    text, read, asked = step.encode(item, ExportOptions()), step._read, []
+    monkeypatch.setattr(step, "_read", lambda *given: asked.append(given) or read(*given))
+    assert step.encode(item, ExportOptions(timestamp="2026-01-01")).partition(b"DATA;")[2] in text
+    ((_, unit, steps),) = asked
+    assert steps == step.ALL_MENDING
+    mended, left = (read(text, unit, steps) for steps in (step.SEARCHES, step.ALL_MENDING))
+    assert bare(mended) == bare(left)
+    assert not inside_out(left)
+
+
+def test_what_is_inside_out_is_told_of_convex_bodies_alone():
+    for made, convex in ((prism(5), True), (dented(), False)):
+        solid = Broken(*made).solid()
+        for shape, turned in ((solid, False), (solid.Reversed(), True)):
+            plain = plane_solid(shape)
+            assert is_convex(plain)
+            assert is_convex_body(plain) == (convex and not turned)
+            assert inside_out(shape) == turned
+    assert not is_convex_body(plane_solid(placed(bracket())))

@@ -14,6 +14,13 @@ with one wire of straight edges without curves on them, and what answers it here
   together.
 
 What is not proved is left to the kernel.
+
+Readers that mend (``ShapeFix_Solid``, ``ShapeFix_Shell``, ``_Face`` and ``_Wire``) have nothing to
+do here. Wires are in order, joined by their vertices, run through counterclockwise and the only
+ones of their faces; edges do not cross, do not turn back, and are longer than 100 tolerances, as a
+corner is that far from the edge after its own; vertices cover the ends of edges; faces are turned
+as their neighbours want them; planes have no seams, periods or singular places, and need no curves
+on them. What is left is whether the shell is inside out: `is_convex_body`.
 """
 
 from __future__ import annotations
@@ -39,8 +46,12 @@ _MEETING = 1e-10
 _AWAY = 100.0
 
 
+@lru_cache(maxsize=4)
 def is_convex(solid: PlaneSolid) -> bool:
-    """Return whether a solid is proved to be what the kernel's checker finds valid."""
+    """Return whether a solid is proved to be what the kernel's checker finds valid.
+
+    The same numbers are asked again where they are written.
+    """
     found = _corners(solid.topology)
     if found is None:
         return False
@@ -64,6 +75,19 @@ def is_convex(solid: PlaneSolid) -> bool:
     )
 
 
+def is_convex_body(solid: PlaneSolid) -> bool:
+    """Return whether a solid that `is_convex` is proved to lie on the inner side of each face.
+
+    Then it is not inside out: a line from outside enters where it first meets a face.
+    """
+    found = _corners(solid.topology)
+    if found is None:
+        return False
+    outwards = solid.planes[:, 3:6] * found.outward
+    height = solid.points @ outwards.T - (solid.planes[:, :3] * outwards).sum(axis=1)
+    return bool(height.max() <= _NEAR)
+
+
 @dataclass(frozen=True, eq=False)
 class _Corners:
     """How the sides of faces follow each other, each walked around its plane's normal."""
@@ -80,6 +104,8 @@ class _Corners:
     #: sides, each with a vertex of its face that is none of its ends
     side: Integers
     other: Integers
+    #: of each face 1 or -1: how its plane's normal is turned to point out of the solid (k, 1)
+    outward: Array
 
 
 #: a part and how it is turned, 1 where it is reversed
@@ -110,9 +136,15 @@ def _corners(topology: Topology) -> _Corners | None:
             pairs += [(first + i, corners[(i + k) % count]) for k in range(2, count)]
     ends = [[number[vertex] for vertex, _ in parts[edge]] for edge in numbers[0]]
     edge_, face_, turn, begin, after_ = np.array(rows).T
+    # as the faces are turned in the shell, this in the solid, and it in its place
+    about = parts[-1][0][1] ^ topology[-1][0]
+    turned = {numbers[1][face]: 1.0 - 2.0 * (turn ^ about) for face, turn in parts[-2]}
+    outward = np.array([[turned[face]] for face in range(len(turned))])
+    side, other = np.array(pairs).T
     return _Corners(
-        np.array(ends), edge_, face_, turn[:, None].astype(float), begin, after_, *np.array(pairs).T
-    )
+        np.array(ends), edge_, face_, turn[:, None].astype(float), begin, after_, side, other,
+        outward,
+    )  # fmt: skip
 
 
 def _where(flags: Sequence[object]) -> list[int]:

@@ -24,7 +24,9 @@ from OCP.StepData import StepData_StepWriter
 from OCP.TCollection import TCollection_AsciiString
 from OCP.XSControl import XSControl_WorkSession
 
+from pc2cad.brep.convex_faces import is_convex, is_convex_body
 from pc2cad.brep.inside_out import inside_out
+from pc2cad.brep.plane_solids import plane_solid
 from pc2cad.errors import KernelError
 from pc2cad.export import part21
 from pc2cad.export.kernel import (
@@ -61,6 +63,18 @@ _PARAMETERS: dict[str, int | str] = {
     "xstep.cascade.unit": "MM",
 }
 
+#: Steps of mending that are left to the checker, which looks at what was read, makes the same
+#: searches on the same curves at the same tolerances, and refuses what would have been mended:
+#: single edges that cross themselves (``BRepCheck_Wire::SelfIntersect``, ``ShapeAnalysis_Wire``'s
+#: ``CheckSelfIntersectingEdge``), wires of a face that cross (``BRepCheck_Face``'s ``Intersect``,
+#: ``ShapeFix_IntersectionTool::FixIntersectingWires``), and edges further from their curves on
+#: faces than their tolerance (``BRepCheck_Edge::InContext``, ``ShapeFix_Edge::FixSameParameter``).
+#: Whether a single shell is closed the checker tells as well, and whether it is inside out
+#: `inside_out` asks with less effort; of several the reader makes solids in its own way.
+SEARCHES = ("FixSelfIntersectingEdge", "FixIntersectingWires", "FixSameParameter")
+#: Mending as a whole, of solids and what they are made of: for those of `brep.convex_faces`
+ALL_MENDING = ("FixSolid", "FixSameParameter")
+
 
 class _Sessions:
     """The kernel's sessions of a thread: they are emptied sooner than others are made.
@@ -81,8 +95,8 @@ class _Sessions:
     def __init__(self) -> None:
         self.writing, self.reading = XSControl_WorkSession(), XSControl_WorkSession()
         self._writer = STEPCAFControl_Writer(self.writing, True)
-        #: what a reader mends, by whether it reads one shell
-        self.mending: dict[bool, Any] = {}
+        #: parameters of readers that leave some steps of mending out
+        self.mending: dict[tuple[str, ...], Any] = {}
 
     def writer(self, exportable: Exportable) -> STEPCAFControl_Writer:
         """Return a writer without a model; what it knows of styles it would keep, so these not."""
@@ -201,41 +215,43 @@ def _check_text(text: bytes, originals: list[Census]) -> None:
 
 def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) -> None:
     """Read the file as another program would and compare it with the solid."""
-    reader = STEPControl_Reader(_Sessions.mine().reading, True)
-    # after a failed read, the transfer would end the process
-    if reader.ReadStream("check", io.BytesIO(text)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise KernelError("the kernel cannot read the STEP text that it wrote")
-    reader.SetSystemLengthUnit(unit_in_mm)
+    plain = originals[0].plain if len(originals) == 1 else None
+    if plain is not None and is_convex(plain):
+        # what reads back as such a solid is not mended by any reader
+        shape = _read(text, unit_in_mm, ALL_MENDING)
+        found = plane_solid(shape)
+        if found is not None and is_convex(found) and is_convex_body(found):
+            check_read_back(shape, originals, "STEP text")
+            return
     one_shell = [original.shells for original in originals] == [1]
-    _leave_to_the_checker(reader, one_shell)
-    reader.TransferRoots()
-    if reader.NbShapes() != 1:
-        raise KernelError(f"the STEP text reads back as {reader.NbShapes()} shapes, not as one")
-    shape = reader.OneShape()
+    shape = _read(text, unit_in_mm, SEARCHES + ("FixShellOrientation",) * one_shell)
     check_read_back(shape, originals, "STEP text")
     if one_shell and inside_out(shape):
         raise KernelError("the STEP text reads back as a solid that readers turn inside out")
 
 
-def _leave_to_the_checker(reader: STEPControl_Reader, one_shell: bool) -> None:
-    """Have the reader mend everything but what is refused in any case.
+def _read(text: bytes, unit_in_mm: float, steps: tuple[str, ...]) -> Any:
+    """Return the shape of a STEP text as the kernel reads it, without some steps of mending."""
+    reader = STEPControl_Reader(_Sessions.mine().reading, True)
+    # after a failed read, the transfer would end the process
+    if reader.ReadStream("check", io.BytesIO(text)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+        raise KernelError("the kernel cannot read the STEP text that it wrote")
+    reader.SetSystemLengthUnit(unit_in_mm)
+    _leave_out(reader, steps)
+    reader.TransferRoots()
+    if reader.NbShapes() != 1:
+        raise KernelError(f"the STEP text reads back as {reader.NbShapes()} shapes, not as one")
+    return reader.OneShape()
 
-    The checker, which looks at what was read, makes the same searches on the same curves at the
-    same tolerances, and refuses what would have been mended here: single edges that cross
-    themselves (``BRepCheck_Wire::SelfIntersect``, ``ShapeAnalysis_Wire``'s
-    ``CheckSelfIntersectingEdge``), wires of a face that cross (``BRepCheck_Face``'s ``Intersect``,
-    ``ShapeFix_IntersectionTool::FixIntersectingWires``), and edges further from their curves on
-    faces than their tolerance (``BRepCheck_Edge::InContext``, ``ShapeFix_Edge::FixSameParameter``).
-    Whether a single shell is closed the checker tells as well, and whether it is inside out
-    `inside_out` asks with less effort; of several the reader makes solids in its own way.
-    """
+
+def _leave_out(reader: STEPControl_Reader, steps: tuple[str, ...]) -> None:
+    """Have the reader mend everything but by some steps."""
     kept = _Sessions.mine().mending
-    if one_shell not in kept:
+    if steps not in kept:
         reader.SetShapeFixParameters(DE_ShapeFixParameters())
         parameters = reader.GetShapeFixParameters()
         off = TCollection_AsciiString("0")
-        steps = ["FixSelfIntersectingEdge", "FixIntersectingWires", "FixSameParameter"]
-        for step in steps + ["FixShellOrientation"] * one_shell:
+        for step in steps:
             parameters.Bind(TCollection_AsciiString(f"FixShape.{step}Mode"), off)
-        kept[one_shell] = type(parameters)(parameters)
-    reader.SetShapeFixParameters(kept[one_shell])
+        kept[steps] = type(parameters)(parameters)
+    reader.SetShapeFixParameters(kept[steps])
