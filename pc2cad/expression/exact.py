@@ -10,6 +10,13 @@ from typing import Any, Final
 
 from pc2cad.errors import InputError
 
+#: Constants must stay where floating point has room on both sides.
+LARGEST_CONSTANT: Final = Fraction(10) ** 60
+_SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
+#: Exact numbers are no longer than this: sums and products of sums double their length each time.
+LARGEST_BITS: Final = 4096
+#: Powers of numbers are folded exactly only while they stay this small.
+LARGEST_FOLDED_BITS: Final = 512
 #: texts that stand for a number: short, and without exponents, which would be written out
 _TEXT: Final = re.compile(
     r"[+-]?[0-9]{1,60}(?:\.[0-9]{0,60}|/0{0,60}[1-9][0-9]{0,60})?\Z", re.ASCII
@@ -46,3 +53,31 @@ def exact(value: Any) -> Fraction:
     except (TypeError, ValueError, OverflowError):
         found = type(value).__name__
         raise NotANumberError(f"a number is needed, and a {found} was given") from None
+
+
+def held(value: Fraction | int) -> Fraction:
+    """Return a number as a fraction; raise ValueDomainError where it is too large, or too long."""
+    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
+    if bits >= _SAFE_BITS:  # nearly all numbers are short, and comparing fractions is slow
+        size = abs(Fraction(value))
+        if size > LARGEST_CONSTANT or (size and size < 1 / LARGEST_CONSTANT):
+            raise ValueDomainError("a constant is outside the range 1e-60 to 1e60")
+        if bits > LARGEST_BITS:
+            raise ValueDomainError(
+                f"an exact constant has over {LARGEST_BITS * 3 // 10} digits; round it to a decimal"
+            )
+    return value if isinstance(value, Fraction) else Fraction(value)
+
+
+def exact_power(base: Fraction, exponent: Fraction) -> Fraction | None:
+    """Return a power, None where it is not rational or long; raise ValueDomainError for no real."""
+    if base == 0:
+        if exponent < 0:
+            raise ValueDomainError("division by zero")
+        return Fraction(0)
+    if base < 0 and exponent.denominator != 1:
+        raise ValueDomainError(f"({base})**({exponent}) is not a real number")
+    bits = max(abs(base.numerator).bit_length(), base.denominator.bit_length())
+    if exponent.denominator == 1 and bits * abs(exponent.numerator) <= LARGEST_FOLDED_BITS:
+        return base**exponent.numerator
+    return None

@@ -9,25 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from math import gcd
 from typing import Any, Final, NamedTuple
 
 from pc2cad.expression.budget import counted, spend
+from pc2cad.expression.content import Content
+from pc2cad.expression.exact import LARGEST_CONSTANT as LARGEST_CONSTANT
 from pc2cad.expression.exact import ValueDomainError as ValueDomainError
-from pc2cad.expression.exact import exact
-from pc2cad.expression.foreign import Foreign
+from pc2cad.expression.exact import exact, exact_power, held
 from pc2cad.expression.interning import Interned
-from pc2cad.expression.name_sets import checksum, plain_checksum, union, union_with
+from pc2cad.expression.name_sets import (
+    checksum,
+    number_checksum,
+    plain_checksum,
+    union,
+    union_with,
+)
 
 Number = int | float | Fraction
 
-#: Constants must stay where floating point has room on both sides.
-LARGEST_CONSTANT: Final = Fraction(10) ** 60
-#: Powers of numbers are folded exactly only while they stay this small.
-LARGEST_FOLDED_BITS: Final = 512
 LARGEST_EXPONENT: Final = 1000
-_SAFE_BITS: Final = LARGEST_CONSTANT.numerator.bit_length() - 1
-#: Exact numbers are no longer than this: sums and products of sums double their length each time.
-LARGEST_BITS: Final = 4096
 
 _interned: Interned[Expr] = Interned()
 _places: Final = _interned.places  # looked up here: a call less for each node
@@ -53,7 +54,7 @@ class Layout(NamedTuple):
         return pieces(args[0], self.breaks, rows, self.smoothness, self.closed)
 
 
-class Expr(Foreign):
+class Expr(Content):
     """A node: an operation, its operands, and a payload for leaves.
 
     ``op`` is ``"number"`` (payload: Fraction), ``"constant"`` (payload: ``pi`` or ``e``),
@@ -61,18 +62,7 @@ class Expr(Foreign):
     (see `pieces`) or ``"fourier"`` (see `waves.fourier`). Build nodes with functions, not directly.
     """
 
-    __slots__ = ("__weakref__", "args", "op", "ops", "payload", "rank", "symbols", "value")
-
-    op: str
-    args: tuple[Expr, ...]
-    payload: Any
-    #: what orders nodes: from the content alone, so that every process sums and multiplies in the
-    #: same order and rounds the same way; addresses would not
-    rank: int
-    symbols: frozenset[str]
-    ops: frozenset[str]  # of the node and of all below it
-    #: of a tree without symbols, once `scalar.evaluate` has found it: its value as a float
-    value: float | None
+    __slots__ = ()
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError("expression trees are frozen")
@@ -86,31 +76,41 @@ class Expr(Foreign):
         return stored(self)
 
     def __add__(self, other: Expr | Number) -> Expr:
-        return add(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+        if type(other) is Expr:
+            return add(self, other)
+        return add(self, as_expr(other)) if _is_number(other) else NotImplemented
 
     def __radd__(self, other: Number) -> Expr:
         return add(as_expr(other), self)
 
     def __sub__(self, other: Expr | Number) -> Expr:
-        return add(self, neg(as_expr(other))) if _is_scalar(other) else NotImplemented
+        if type(other) is Expr:
+            return add(self, neg(other))
+        return add(self, neg(as_expr(other))) if _is_number(other) else NotImplemented
 
     def __rsub__(self, other: Number) -> Expr:
         return add(as_expr(other), neg(self))
 
     def __mul__(self, other: Expr | Number) -> Expr:
-        return mul(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+        if type(other) is Expr:
+            return mul(self, other)
+        return mul(self, as_expr(other)) if _is_number(other) else NotImplemented
 
     def __rmul__(self, other: Number) -> Expr:
         return mul(as_expr(other), self)
 
     def __truediv__(self, other: Expr | Number) -> Expr:
-        return div(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+        if type(other) is Expr:
+            return div(self, other)
+        return div(self, as_expr(other)) if _is_number(other) else NotImplemented
 
     def __rtruediv__(self, other: Number) -> Expr:
         return div(as_expr(other), self)
 
     def __pow__(self, other: Expr | Number) -> Expr:
-        return power(self, as_expr(other)) if _is_scalar(other) else NotImplemented
+        if type(other) is Expr:
+            return power(self, other)
+        return power(self, as_expr(other)) if _is_number(other) else NotImplemented
 
     def __rpow__(self, other: Number) -> Expr:
         return power(as_expr(other), self)
@@ -127,41 +127,46 @@ class Expr(Foreign):
         return as_text(self)
 
 
-#: what fills the places of a new node, in their order: twice as fast as `object.__setattr__`
-_puts: Final = tuple([getattr(Expr, name).__set__ for name in Expr.__slots__[1:]])
-
-
-def _is_scalar(value: object) -> bool:
-    numbers = (int, float, Fraction)
-    return type(value) is Expr or (isinstance(value, numbers) and not isinstance(value, bool))
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, Fraction)) and not isinstance(value, bool)
 
 
 def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
     """Return the one node of this content as it is, nothing folded."""
     # fractions are slow to hash and to compare
     key = payload.as_integer_ratio() if op == "number" else (op, args, payload)
-    if counted() is not None:
-        spend(len(args))
+    if (rest := counted()) is not None:
+        rest[0] -= 1 + len(args)
+        if rest[0] < 0:
+            spend(0)  # which complains
     if (place := _places.get(key)) is not None and (known := place()) is not None:
         return known
-    node = object.__new__(Expr)
-    own = plain_checksum(op) if payload is None else checksum(op, payload)
+    return _made(key, op, args, payload)
+
+
+def _made(key: tuple[Any, ...], op: str, args: tuple[Expr, ...], payload: Any) -> Expr:
+    """Return a new node, and let it be the one of its key."""
+    if payload is None:
+        own = plain_checksum(op)
+    else:
+        own = number_checksum(*key) if op == "number" else checksum(op, payload)
     if len(args) == 2:
         a, b = args
         symbols = a.symbols if a.symbols is b.symbols else union(a.symbols, b.symbols)
         ops, rank = union_with(op, a.ops, b.ops), hash((own, a.rank, b.rank))
+    elif not args:
+        symbols = union_with(payload) if op == "symbol" else union()
+        ops, rank = union_with(op), hash((own,))
     else:
-        symbols = union_with(payload) if op == "symbol" else union(*{x.symbols for x in args})
+        symbols = union(*{x.symbols for x in args})
         ops, rank = union_with(op, *{x.ops for x in args}), hash((own, *[x.rank for x in args]))
-    put_args, put_op, put_ops, put_payload, put_rank, put_symbols, put_value = _puts
-    put_args(node, args)
-    put_op(node, op)
-    put_ops(node, ops)
-    put_payload(node, payload)
-    put_rank(node, rank)
-    put_symbols(node, symbols)
-    put_value(node, None)
-    return _interned.keep(key, node)
+    made: Any = Content()
+    made.op, made.args, made.payload = op, args, payload
+    made.symbols, made.ops, made.rank = symbols, ops, rank
+    made.value = None
+    # three times as fast as to go round what freezes it
+    made.__class__ = Expr
+    return _interned.keep(key, made)
 
 
 def number(value: Number) -> Expr:
@@ -169,20 +174,23 @@ def number(value: Number) -> Expr:
     if type(value) is not Fraction and type(value) is not int:
         value = exact(value)
     key = value.as_integer_ratio()
-    if (place := _places.get(key)) is not None and (known := place()) is not None:
-        spend(0)
-        return known
-    value = value if type(value) is Fraction else Fraction(value)
-    bits = max(key[0].bit_length(), key[1].bit_length())
-    if bits < _SAFE_BITS:  # nearly all numbers are short, and comparing fractions is slow
-        return intern("number", (), value)
-    if abs(value) > LARGEST_CONSTANT or 0 < abs(value) < 1 / LARGEST_CONSTANT:
-        raise ValueDomainError("a constant is outside the range 1e-60 to 1e60")
-    if bits > LARGEST_BITS:
-        raise ValueDomainError(
-            f"an exact constant has over {LARGEST_BITS * 3 // 10} digits; round it to a decimal"
-        )
-    return intern("number", (), value)
+    if (place := _places.get(key)) is None or (known := place()) is None:
+        known = _made(key, "number", (), held(value))
+    spend(0)
+    return known
+
+
+def _ratio(numerator: int, denominator: int) -> Expr:
+    """Return the number that a ratio is; the denominator is positive.
+
+    What is known already is found without a new fraction, which takes three times as long.
+    """
+    common = gcd(numerator, denominator)
+    key = numerator // common, denominator // common
+    if (place := _places.get(key)) is None or (known := place()) is None:
+        return number(Fraction(*key))
+    spend(0)
+    return known
 
 
 def as_expr(value: Expr | Number) -> Expr:
@@ -209,7 +217,8 @@ def add(a: Expr, b: Expr) -> Expr:
     if b is ZERO:
         return a
     if a.op == "number" and b.op == "number":
-        return number(a.payload + b.payload)
+        (n, d), (m, e) = a.payload.as_integer_ratio(), b.payload.as_integer_ratio()
+        return _ratio(n * e + m * d, d * e)
     if (b.op == "neg" and b.args[0] is a) or (a.op == "neg" and a.args[0] is b):
         return ZERO
     return intern("add", (a, b))
@@ -218,7 +227,8 @@ def add(a: Expr, b: Expr) -> Expr:
 def neg(a: Expr) -> Expr:
     """Return -a."""
     if a.op == "number":
-        return number(-a.payload)
+        n, d = a.payload.as_integer_ratio()
+        return _ratio(-n, d)
     if a.op == "neg":
         return a.args[0]
     return intern("neg", (a,))
@@ -233,7 +243,8 @@ def mul(a: Expr, b: Expr) -> Expr:
     if b is ONE:
         return a
     if a.op == "number" and b.op == "number":
-        return number(a.payload * b.payload)
+        (n, d), (m, e) = a.payload.as_integer_ratio(), b.payload.as_integer_ratio()
+        return _ratio(n * m, d * e)
     if _is_negative(a):
         return neg(mul(neg(a), b))
     if _is_negative(b):
@@ -273,22 +284,8 @@ def power(a: Expr, b: Expr) -> Expr:
         exponent: Fraction = b.payload
         if abs(exponent.numerator) > LARGEST_EXPONENT * exponent.denominator:
             raise ValueDomainError(f"the exponent {exponent} is larger than {LARGEST_EXPONENT}")
-        if a.op == "number":
-            return _power_of_number(a, exponent, b)
-    return intern("pow", (a, b))
-
-
-def _power_of_number(a: Expr, exponent: Fraction, b: Expr) -> Expr:
-    base: Fraction = a.payload
-    if base == 0:
-        if exponent < 0:
-            raise ValueDomainError("division by zero")
-        return ZERO
-    if base < 0 and exponent.denominator != 1:
-        raise ValueDomainError(f"({base})**({exponent}) is not a real number")
-    bits = max(abs(base.numerator).bit_length(), base.denominator.bit_length())
-    if exponent.denominator == 1 and bits * abs(exponent.numerator) <= LARGEST_FOLDED_BITS:
-        return number(base**exponent.numerator)
+        if a.op == "number" and (folded := exact_power(a.payload, exponent)) is not None:
+            return number(folded)
     return intern("pow", (a, b))
 
 
