@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial, reduce
 from math import nan
@@ -331,27 +332,28 @@ class _Reader:
 
 
 _OPERATIONS: Final[dict[str, Callable[[Expr, Expr], Expr]]] = {
-    "+": lambda x, y: x + y, "-": lambda x, y: x - y, "*": lambda x, y: x * y,
-    "/": lambda x, y: x / y, "^": lambda x, y: x**y,
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
+    "^": operator.pow,
 }  # fmt: skip
 
 
 def _combine(node: BinaryNode, left: Value, right: Value) -> Value:
-    operator = node.operator
-    a, b = isinstance(left, Combination), isinstance(right, Combination)
-    fits = {"+": a == b, "-": a == b, "*": not (a and b), "/": not b, "^": not (a or b)}
-    if not fits[operator]:
-        hint = "; use dot(a, b) or cross(a, b)" if operator == "*" else ""
-        raise ExpressionValueError(
-            f"{_named(left)} {operator} {_named(right)} has no meaning{hint}", node.column
-        )
-    if isinstance(left, Combination):
-        if isinstance(right, Combination):
-            return left + right if operator == "+" else left - right
-        return left * right if operator == "*" else left / right
-    if isinstance(right, Combination):
-        return right * left
-    return _OPERATIONS[operator](left, right)
+    sign = node.operator
+    if isinstance(left, Expr) and isinstance(right, Expr):
+        return _OPERATIONS[sign](left, right)
+    if isinstance(left, Combination) and isinstance(right, Combination):
+        if sign == "+":
+            return left + right
+        if sign == "-":
+            return left - right
+    elif sign == "*":
+        return left * right  # type: ignore[operator]
+    elif sign == "/" and isinstance(right, Expr):
+        return left / right
+    hint = "; use dot(a, b) or cross(a, b)" if sign == "*" else ""
+    raise ExpressionValueError(
+        f"{_named(left)} {sign} {_named(right)} has no meaning{hint}", node.column
+    )
 
 
 def _named(value: Value) -> str:

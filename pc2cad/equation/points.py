@@ -55,7 +55,9 @@ class Combination:
     def __sub__(self, other: Combination) -> Combination:
         if not isinstance(other, Combination):
             return NotImplemented
-        return self + (-other)
+        return Combination(
+            self.x - other.x, self.y - other.y, self.z - other.z, self.weight - other.weight
+        )
 
     def __neg__(self) -> Combination:
         return Combination(-self.x, -self.y, -self.z, -self.weight)
@@ -99,12 +101,14 @@ def kind_of(value: Value) -> Kind:
     """Return what the value is; raise WeightsDoNotSumError for what is neither point nor vector."""
     if isinstance(value, Expr):
         return Kind.SCALAR
-    if is_constant_value(value.weight, 1):
+    # nearly always the number itself
+    weight = value.weight
+    if weight is ONE or (weight is not ZERO and is_constant_value(weight, 1)):
         return Kind.POINT
-    if is_constant_value(value.weight, 0):
+    if weight is ZERO or is_constant_value(weight, 0):
         return Kind.VECTOR
     raise WeightsDoNotSumError(
-        f"the weights of the points sum to {_short(value.weight)}; those of a point equation sum "
+        f"the weights of the points sum to {_short(weight)}; those of a point equation sum "
         "to 1 and those of a free vector to 0"
     )
 

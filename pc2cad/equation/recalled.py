@@ -40,11 +40,16 @@ def recalled(
     mentioned = _mentioned(node)
     if mentioned is None or not mentioned[1].isdisjoint(curves):
         return read(node)
-    values = [names.get(name) for name in mentioned[0]]
-    if any(isinstance(value, Listed) for value in values):
-        return read(node)
-    trees = [(*v.coordinates, v.weight) if isinstance(v, Combination) else v for v in values]
-    key = node, read.__name__, *trees
+    parts: list[object] = [node, read.__name__]
+    for name in mentioned[0]:
+        value = names.get(name)
+        if isinstance(value, Combination):
+            parts += value.x, value.y, value.z, value.weight
+        elif isinstance(value, Listed):
+            return read(node)
+        else:
+            parts.append(value)
+    key = tuple(parts)
     known = _read.get(key)
     if known is None:
         before = left()
