@@ -31,7 +31,7 @@ class Kind(Enum):
     VECTOR = "a free vector"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Combination:
     """A linear combination of points: three coordinates and the sum of the weights."""
 
@@ -39,6 +39,10 @@ class Combination:
     y: Expr
     z: Expr
     weight: Expr
+
+    def __init__(self, x: Expr, y: Expr, z: Expr, weight: Expr) -> None:
+        fields = self.__dict__  # by the way of frozen classes it takes thrice as long
+        fields["x"], fields["y"], fields["z"], fields["weight"] = x, y, z, weight
 
     @property
     def coordinates(self) -> tuple[Expr, Expr, Expr]:

@@ -29,6 +29,9 @@ from pc2cad.expression.carried import Carried
 #: many of these are kept
 _read: Final[Carried[tuple[Value, int]]] = Carried(1 << 15)
 
+#: functions that have names of their own, or make a choice
+_READ_ANEW: Final = frozenset(("if", "sum", "diff"))
+
 
 def recalled(
     node: Node, read: Callable[[Any], Value], names: Mapping[str, Named], curves: Curves
@@ -70,20 +73,19 @@ def _mentioned(node: Node) -> tuple[tuple[str, ...], frozenset[str]] | None:
     names: dict[str, None] = {}
     calls, rest = set(), [node]
     while rest:
-        match rest.pop():
-            case NameNode(_, name):
-                names[name] = None
-            case BinaryNode(_, _, first, second):
-                rest += first, second
-            case NegationNode(_, operand) | PartNode(_, operand):
-                rest.append(operand)
-            case TripleNode(_, operands):
-                rest += operands
-            case CallNode(_, name, operands) if name not in ("if", "sum", "diff"):
-                calls.add(name)
-                rest += operands
-            case NumberNode():
-                pass
-            case _:
-                return None
+        part = rest.pop()
+        # compared one by one, which is sooner than patterns
+        if isinstance(part, NameNode):
+            names[part.name] = None
+        elif isinstance(part, BinaryNode):
+            rest += part.left, part.right
+        elif isinstance(part, CallNode) and part.name not in _READ_ANEW:
+            calls.add(part.name)
+            rest += part.operands
+        elif isinstance(part, (NegationNode, PartNode)):
+            rest.append(part.operand)
+        elif isinstance(part, TripleNode):
+            rest += part.operands
+        elif not isinstance(part, NumberNode):
+            return None
     return tuple(names), frozenset(calls)
