@@ -318,6 +318,8 @@ def polynomial_space(
     """
     from pc2cad.geometry.splines.spline_space import SplineSpace, bezier_space
 
+    if function.degrees.get(axis, 0) is None:
+        return None  # known without trees
     trees, names = function.trees
     inner = [b for b in breaks if 0 < b.position < 1]
     points = [0.0, *(b.position for b in inner), 1.0]

@@ -251,7 +251,9 @@ class _Fits:
         if simple is not None:
             return Line(*ends) if isinstance(simple, Line) else simple
         run = self._run(index)
-        exact = None if run.arcs else bernstein(*self.work.cells.edges[index].trees)
+        function = self.work.cells.edges[index]
+        is_curved = run.arcs or function.degrees.get(0, 0) is None
+        exact = None if is_curved else bernstein(*function.trees)
         if exact is None or len(exact) > 1 + self._highest(run):
             return None
         exact[0], exact[-1] = ends

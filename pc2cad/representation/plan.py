@@ -32,6 +32,7 @@ from pc2cad.representation.parametrisation import (
     Parametrisations,
     exact_course,
 )
+from pc2cad.representation.plane_sides import tell_sides
 from pc2cad.representation.tips import places_near, rest_at
 from pc2cad.representation.trimming import axis_of
 from pc2cad.topology.cells import Cell, outward_sign
@@ -61,6 +62,8 @@ class Cells:
         self.vertices = np.array([corner() for corner in corners])
         signs = [self.sign(function.cell) for function in self.faces]
         self.planes = planes_of(self.faces, signs, self._slack)
+        flat = [f for f, p in zip(self.faces, self.planes, strict=True) if p is not None]
+        tell_sides([f for f in flat if f.polynomial is None], self.edges)
 
     @cached_property
     def between(self) -> dict[int, tuple[int, int]]:
