@@ -125,6 +125,11 @@ def enclosed_number(value: Fraction) -> Interval:
     return Interval(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float))
 
 
+def enclosed_range(low: Fraction, high: Fraction) -> Interval:
+    """Return the tightest interval that holds all from one exact number to another."""
+    return Interval(enclosed_number(low).lower, enclosed_number(high).upper)
+
+
 # -- rounding --------------------------------------------------------------------------------------
 
 

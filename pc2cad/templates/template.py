@@ -10,6 +10,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
+from pc2cad.equation.family import Family
 from pc2cad.equation.fields import make_field
 from pc2cad.equation.language import Listed, nearest, read_expression
 from pc2cad.equation.point_equation import (
@@ -174,6 +175,33 @@ class Template(Header):
         if known is not None:
             equation = replace(equation, expectations=known)
         return replace(equation, freer=partial(self._freed, bound, moved)) if bound else equation
+
+    def family(
+        self, names: Sequence[str], values: Mapping[str, Number | str | Expr | Moved] | None = None
+    ) -> Family:
+        """Return the equation with some parameters left free, and the others as `bind` has them.
+
+        Raises InputError for a name of no parameter, for one that has a value, and where the way to
+        M asks for the value of one, as a guide does that is given by numbers.
+        """
+        bound, moved = self.values(values)
+        self._check_names(dict.fromkeys(names), [p.name for p in self.parameters], "parameter")
+        both = sorted(set(names) & set(values or {}))
+        if both:
+            raise InputError(
+                f"the parameter {both[0]} of {self.name} is set, and left free as well"
+            )
+        fixed = {name: value for name, value in bound.items() if name not in names}
+        read = self._again(fixed, moved, expects=False)
+        asked = sorted(read.consumed & set(names))
+        if asked:
+            raise InputError(
+                f"the parameter {asked[0]} of {self.name} cannot be left free: the way to M asks "
+                "for its value, as a guide does that is given by numbers"
+            )
+        M = read.frame.shifted(read.M) if read.frame else read.M
+        x, y, z = substitute(M.coordinates, over_unit_box(read.domain))
+        return Family(self.name, tuple(names), fixed, (x, y, z), read.domain)
 
     def _figures(self, bound: Mapping[str, Expr]) -> Expectations | None:
         """Return what [expect] states at some values of the parameters, if it is told by its trees.

@@ -13,34 +13,33 @@ the trees.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise, product
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import ranked
-from pc2cad.domain.map import Mapping3, open_grid
+from pc2cad.domain.map import Mapping3
 from pc2cad.expression.breaks import find_breaks, resolve_pieces
 from pc2cad.expression.centred import Centred, CentredProgram
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.exact import exact
 from pc2cad.expression.intervals import ULP, Interval
-from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import (
     ONE,
-    ZERO,
     Expr,
-    ValueDomainError,
     number,
     substitute,
     symbol,
     walk,
 )
 from pc2cad.solidity.jacobian_proof.determinant import determinant
+from pc2cad.solidity.jacobian_proof.side_zeros import order_of_zero
 from pc2cad.solidity.jacobian_proof.small_matrices import (
     dominant_vectors,
     inverse_and_sign,
@@ -66,10 +65,6 @@ SAFETY = 3.0
 MOST_FIRST = 4000
 #: J of unit columns is given up where its inverse has entries beyond this
 SINGULAR = 1e8
-#: highest order of a zero on a side
-HIGHEST_ORDER = 9
-#: a derivative this small on a side, against its size inside, is worth a proof that it vanishes
-SUSPECT = 1e-10
 
 
 def sign_from_enclosures(mapping: Mapping3, left: list[Array] | None = None) -> int:
@@ -120,7 +115,7 @@ def _cells(mapping: Mapping3) -> Iterator[tuple[Mapping3, tuple[tuple[float, flo
 def _sign_in_cell(mapping: Mapping3, effort: float, left: list[Array]) -> int:
     # where the tangents are parallel on a side, det J as a whole may still have a factor
     for matrix in (mapping.derivatives, ((determinant(mapping.derivatives),),)):
-        columns = _columns(matrix)
+        columns = columns_of(matrix)
         counts = columns and columns.counts()
         if columns and counts:
             return _sign_in_boxes(columns, _first_boxes(mapping, counts), effort, left)
@@ -128,7 +123,7 @@ def _sign_in_cell(mapping: Mapping3, effort: float, left: list[Array]) -> int:
 
 
 def _sign_in_boxes(
-    columns: _Columns, boxes: tuple[Array, Array], effort: float, left: list[Array]
+    columns: Columns, boxes: tuple[Array, Array], effort: float, left: list[Array]
 ) -> int:
     low, high = boxes
     signs: set[int] = set()
@@ -140,7 +135,7 @@ def _sign_in_boxes(
         if len(signs | set(sign[regular])) > 1:
             left.append((low + high) / 2)
         signs |= set(sign[regular])
-        low, high = _split(low[~regular], high[~regular], blame[~regular])
+        low, high = split(low[~regular], high[~regular], blame[~regular])
     return signs.pop() if len(signs) == 1 else 0
 
 
@@ -158,7 +153,7 @@ def _first_boxes(mapping: Mapping3, counts: tuple[int, ...]) -> tuple[Array, Arr
     return low, high
 
 
-def _split(low: Array, high: Array, blame: Array) -> tuple[Array, Array]:
+def split(low: Array, high: Array, blame: Array) -> tuple[Array, Array]:
     """Split boxes (n, 3) where the blame is."""
     wanted = np.clip(np.ceil(blame * SPLIT), 1, MOST_PARTS)
     worst = blame.argmax(axis=1)
@@ -179,21 +174,35 @@ def _split(low: Array, high: Array, blame: Array) -> tuple[Array, Array]:
     return low, high
 
 
-class _Columns:
-    """A matrix of trees (3×3 or 1×1), the factors divided out that vanish on sides of the box."""
+class Columns:
+    """A matrix of trees (3×3 or 1×1), the factors divided out that vanish on sides of the box.
+
+    Trees may have other symbols than u, v and w, which are anywhere in their `spans`.
+    """
 
     def __init__(
-        self, matrix: tuple[tuple[Expr, ...], ...], orders: list[dict[_Side, int]]
+        self,
+        matrix: tuple[tuple[Expr, ...], ...],
+        orders: list[dict[_Side, int]],
+        spans: Mapping[str, Interval] = MappingProxyType({}),
     ) -> None:
         self._matrix = matrix
         self._width = len(matrix)
         self._orders = orders
         self._programs: dict[tuple[tuple[int, ...], _Sides], CentredProgram] = {}
         self._sides = sorted({side for row in orders for side in row})
+        self._spans = spans
+        self._names = (*PARAMETERS, *spans)
         self.spent = 0.0
 
+    def within(self, spans: Mapping[str, Interval]) -> Columns:
+        """Return the same columns with the other symbols in other spans."""
+        found = Columns(self._matrix, self._orders, spans)
+        found._programs = self._programs
+        return found
+
     def test(self, low: Array, high: Array) -> tuple[Booleans, Array, Integers]:
-        """Return where J is proved regular (n), what stops it per direction (n, 3), its sign (n).
+        """Return where J is proved regular (n), what stops it per symbol (n, s), its sign (n).
 
         J lies in centre + Σ slope_d·reach_d; with B near the inverse of the centre, B·J is near 1.
         """
@@ -205,8 +214,7 @@ class _Columns:
             bound = np.abs(inverse @ middle - np.eye(self._width))
             bound += size @ _half(centre) + 16 * ULP * (size @ np.abs(middle) + 1)
             changes = []
-            for d in range(3):
-                slope = slopes[d]
+            for d, slope in enumerate(slopes):
                 change = np.abs(inverse @ slope.middle) + size @ _half(slope)
                 change += 16 * ULP * (size @ np.abs(slope.middle))
                 changes.append(change * (1 + 16 * ULP) * reach[:, None, :, d])
@@ -217,7 +225,8 @@ class _Columns:
             regular = np.isfinite(bound).all(axis=(1, 2)) & (radius < 1)
             blame = np.stack([radius_bound(change, weights) for change in changes], axis=1)
         unknown = ~np.isfinite(blame).all(axis=1)
-        shape = high - low
+        shape = np.zeros_like(blame)
+        shape[:, :3] = high - low
         blame[unknown] = shape[unknown] / np.maximum(shape[unknown].max(axis=1), 1e-300)[:, None]
         return regular & (sign != 0), blame, sign
 
@@ -231,7 +240,9 @@ class _Columns:
         matrix = np.empty((len(places), self._width, self._width))
         for rows, columns, sides in self._grouped(places, places):
             program = Program(self._trees(columns, sides))
-            values = program({name: places[rows, d] for d, name in enumerate(PARAMETERS)})
+            values = program(
+                {name: places[rows, d] for d, name in enumerate(PARAMETERS)} | _middles(self._spans)
+            )
             for (j, i), value in zip(product(columns, range(self._width)), values, strict=True):
                 matrix[rows, i, j] = value
         with np.errstate(all="ignore"):
@@ -256,29 +267,32 @@ class _Columns:
     def _enclose(self, low: Array, high: Array) -> tuple[Interval, list[Interval], Array]:
         """Return the reduced J at centres, its slopes and the reach of the boxes they hold for.
 
-        J and its slopes in u, v and w are (n, coordinates, columns); each column has a box of its
-        own, and the reach from its centre is (n, columns, 3 directions).
+        J and its slopes in all symbols are (n, coordinates, columns); each column has a box of its
+        own, and the reach from its centre is (n, columns, symbols).
         """
         shape = (len(low), self._width, self._width)
         centre = Interval(np.empty(shape), np.empty(shape))
-        slopes = [Interval(np.zeros(shape), np.zeros(shape)) for _ in range(3)]
-        reach = np.empty((len(low), self._width, 3))
+        slopes = [Interval(np.zeros(shape), np.zeros(shape)) for _ in self._names]
+        reach = np.empty((len(low), self._width, len(self._names)))
+        for d, x in enumerate(self._spans.values(), 3):
+            reach[..., d] = np.maximum(x.middle - x.lower, x.upper - x.middle) * (1 + 4 * ULP)
         for rows, columns, sides in self._grouped(low, high):
             a, b = low[rows], high[rows]
             for d, end in sides:
                 (b if end else a)[:, d] = float(end)
             middle = a / 2 + b / 2
-            reach[rows[:, None], columns] = np.maximum(middle - a, b - middle)[:, None] * (
+            reach[rows[:, None], columns, :3] = np.maximum(middle - a, b - middle)[:, None] * (
                 1 + 4 * ULP
             )
-            found = self._program(columns, sides)(
-                {name: Interval(a[:, d], b[:, d]) for d, name in enumerate(PARAMETERS)}
-            )
+            boxes = {name: Interval(a[:, d], b[:, d]) for d, name in enumerate(PARAMETERS)}
+            for name, x in self._spans.items():
+                boxes[name] = Interval(*(np.full(len(rows), end) for end in (x.lower, x.upper)))
+            found = self._program(columns, sides)(boxes)
             self.spent += self._program(columns, sides).size * len(rows)
             for (j, i), entry in zip(product(columns, range(self._width)), found, strict=True):
                 steady = _without_unknown_slopes(entry)
                 _put(centre, (rows, i, j), steady.centre)
-                for d, name in enumerate(PARAMETERS):
+                for d, name in enumerate(self._names):
                     if name in steady.slopes:
                         _put(slopes[d], (rows, i, j), steady.slopes[name])
         return centre, slopes, reach
@@ -355,45 +369,23 @@ def _half(x: Interval) -> Array:
     return np.asarray(np.maximum(x.upper - x.middle, x.middle - x.lower) * (1 + 4 * ULP))
 
 
-def _columns(matrix: tuple[tuple[Expr, ...], ...]) -> _Columns | None:
+def columns_of(
+    matrix: tuple[tuple[Expr, ...], ...], spans: Mapping[str, Interval] = MappingProxyType({})
+) -> Columns | None:
     """Return columns with the orders of their zeros on sides, None where one is not proved."""
     orders: list[dict[_Side, int]] = []
     for trees in matrix:
         found: dict[_Side, int] = {}
         for d in range(3):
             for end in (0, 1):
-                order = _order(trees, d, end)
+                order = order_of_zero(trees, d, end, _middles(spans))
                 if order is None:
                     return None
                 if order:
                     found[d, end] = order
         orders.append(found)
-    return _Columns(matrix, orders)
+    return Columns(matrix, orders, spans)
 
 
-def _order(trees: tuple[Expr, ...], d: int, end: int) -> int | None:
-    """Return the order of the zero of a tangent on a side; None where it is only suspected."""
-    for order in range(HIGHEST_ORDER + 1):
-        program = Program(trees)
-        inner = np.array([0.1732, 0.4142, 0.7071, 0.8541])
-        axes = [inner] * 3
-        size = _largest(program, axes)
-        axes[d] = np.array([float(end)])
-        here = _largest(program, axes)
-        if not math.isfinite(here):
-            return None
-        if here > SUSPECT * size or not size:
-            return order
-        try:
-            at_side = substitute(trees, {PARAMETERS[d]: ONE if end else ZERO})
-        except ValueDomainError:
-            return None
-        if not all(is_identically_zero(tree) for tree in at_side):
-            return None
-        trees = derivatives(trees, PARAMETERS[d])
-    return None
-
-
-def _largest(program: Program, axes: Iterable[Array]) -> float:
-    values = program(dict(zip(PARAMETERS, open_grid(*axes), strict=True)))
-    return max(float(np.max(np.abs(value))) for value in values)
+def _middles(spans: Mapping[str, Interval]) -> dict[str, Array]:
+    return {name: x.middle for name, x in spans.items()}

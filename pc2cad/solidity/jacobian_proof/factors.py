@@ -11,6 +11,10 @@ a few times.
 A sign is that of det J but for a set without volume, where it may vanish: an analytic function that
 is not constant takes no value on more than that (B. Mityagin, The zero set of a real analytic
 function, 2015). Between two places of such a set det J has its sign, and degrees are counted there.
+
+Other symbols than u, v and w, the parameters of a template, may be left in the form: spans say in
+which intervals they are, ends included, and a sign is that for every value of them. What depends on
+them has the sign of an enclosure that keeps off zero: at one value it may be the same everywhere.
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ from pc2cad.arrays import BigIntegers, Integers
 from pc2cad.arrays.scatter import scattered
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.enclosures import IntervalProgram
-from pc2cad.expression.intervals import interval
+from pc2cad.expression.intervals import enclosed_range, interval
 from pc2cad.expression.normal_form import NormalForm, normal_form, ordered
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.polynomials import polynomials
@@ -36,6 +40,8 @@ from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.integer_bernstein import sign_inside
 
 Range = tuple[Fraction, Fraction]
+#: names of other symbols than u, v and w, and their limits
+Spans = tuple[tuple[str, Range], ...]
 
 #: nodes of the derivatives (those inside a piecewise polynomial, which is one atom, do not count),
 #: terms of det J, Bernstein coefficients, and halvings beyond which the proof is left to others
@@ -53,6 +59,8 @@ ANALYTIC = frozenset((
 _remembered = lru_cache(maxsize=256)
 #: operations that are unbounded, or have derivatives that are, where this operand vanishes
 _ENDING = {"div": 1, "sqrt": 0, "log": 0}
+#: what does not run
+_STILL: Range = (Fraction(0), Fraction(0))
 #: the box
 _WHOLE = {name: interval([0.0], [1.0]) for name in PARAMETERS}
 #: places at which a function that is not constant has different values, u, v and w
@@ -61,13 +69,17 @@ _PLACES = [interval(x, x) for x in scattered(8, 3).T]
 
 def sign_from_factors(mapping: Mapping3) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0."""
-    if _is_large(mapping):
-        return 0
-    form = _form(mapping)
-    if not form:
-        return 0
-    sign, rest = _without_factors(form)
-    if of_terms := _sign_of_terms(rest):
+    form = None if _is_large(mapping) else _form(mapping)
+    return sign_of_form(form) if form else 0
+
+
+def sign_of_form(form: NormalForm, spans: Spans = (), most: int = MOST_COEFFICIENTS) -> int:
+    """Return the sign that a form is proved to have inside the box, 0 for none.
+
+    It is one sign for all values in the spans; a proof has so many Bernstein coefficients at most.
+    """
+    sign, rest = _without_factors(form, spans)
+    if of_terms := _sign_of_terms(rest, spans):
         return sign * of_terms
     atoms = sorted({atom for monomial in rest for atom, _ in monomial}, key=repr)
     powers = np.array([[dict(m).get(atom, 0) for atom in atoms] for m in rest], dtype=int)
@@ -75,16 +87,16 @@ def sign_from_factors(mapping: Mapping3) -> int:
     squared = (powers % 2 == 0).all(axis=0)
     powers = np.where(squared, powers // 2, powers)
     degrees = powers.max(axis=0).tolist()
-    if math.prod(n + 1 for n in degrees) > MOST_COEFFICIENTS:
+    if math.prod(n + 1 for n in degrees) > most:
         return 0
-    ranges = [_range(atom) for atom in atoms]
+    ranges = [_range(atom, spans) for atom in atoms]
     known = [_squared(r) if two else r for r, two in zip(ranges, squared, strict=True) if r]
     if len(known) < len(atoms):
         return 0
     control = _bernstein(list(rest.values()), powers, degrees, known)
     # but for no volume, these stay clear of their limits; other atoms may be at theirs
     clear = tuple(axis for axis, atom in enumerate(atoms) if _spreads(atom))
-    return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * MOST_COEFFICIENTS)
+    return sign * sign_inside(control, clear, DEEPEST, MOST_BOXES, MOST_BOXES * most)
 
 
 def has_known_ranges(mapping: Mapping3) -> bool:
@@ -133,12 +145,12 @@ def _has_many_nodes(roots: tuple[Expr, ...]) -> bool:
     return bool(left)
 
 
-def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
+def _without_factors(form: NormalForm, spans: Spans) -> tuple[int, NormalForm]:
     """Divide out the factors of a sign that all terms share; return their sign and the rest."""
     powers = [dict(monomial) for monomial in form]
     sign, taken = 1, {}
     for atom in set.intersection(*(set(row) for row in powers)):
-        of_atom, least = _sign_inside(atom), min(row[atom] for row in powers)
+        of_atom, least = _sign_inside(atom, spans), min(row[atom] for row in powers)
         if of_atom or _spreads(atom):
             taken[atom] = least if of_atom else least - least % 2
             sign *= (of_atom or 1) ** taken[atom]
@@ -149,32 +161,33 @@ def _without_factors(form: NormalForm) -> tuple[int, NormalForm]:
     return sign, rest
 
 
-def _sign_of_terms(form: NormalForm) -> int:
+def _sign_of_terms(form: NormalForm, spans: Spans) -> int:
     """Return the sign that every term has by itself inside the box, 0 where there is none."""
     signs = set()
     for monomial, coefficient in form.items():
         sign = 1 if coefficient > 0 else -1
         for atom, exponent in monomial:
             even = exponent % 2 == 0 and _spreads(atom)
-            sign *= 1 if even else _sign_inside(atom) ** (exponent % 2 or 2)
+            sign *= 1 if even else _sign_inside(atom, spans) ** (exponent % 2 or 2)
         signs.add(sign)
         if len(signs) > 1 or 0 in signs:
             return 0
     return signs.pop()
 
 
-def _sign_inside(atom: Expr) -> int:
+def _sign_inside(atom: Expr, spans: Spans) -> int:
     """Return the sign that an atom has inside the box, but for no volume; 0 if it is not known."""
     if atom.op == "symbol":
-        return 1
+        return 1 if atom.payload in PARAMETERS else _sign_of(dict(spans)[atom.payload])
     if atom.op == "sqrt" or (atom.op == "pow" and atom.args[1].op == "number"):
         if _is_root(atom) and _spreads(atom):
             return 1
-        return max(_sign_inside(atom.args[0]), 0) or _sign_of(_enclosure(atom))
-    turns = _half_turns(atom)
+        inner = max(_sign_inside(atom.args[0], spans), 0)
+        return inner or _sign_of(_enclosure(atom, spans))
+    turns = _half_turns(atom, spans)
     if turns is not None and math.ceil(turns[1]) - math.floor(turns[0]) == 1:
         return -1 if math.floor(turns[0]) % 2 else 1
-    return _sign_of(_enclosure(atom))
+    return _sign_of(_enclosure(atom, spans))
 
 
 def _is_root(atom: Expr) -> bool:
@@ -189,13 +202,15 @@ def _spreads(atom: Expr) -> bool:
     """Say whether an atom takes no value on more than a set without volume.
 
     So does what is analytic over the whole box, where it is bounded, and is not constant; and so
-    do its roots.
+    do its roots. Of what depends on other symbols as well nothing is said.
     """
+    if not atom.symbols.issubset(PARAMETERS):
+        return False
     inner = atom.args[0] if _is_root(atom) else atom
     if inner.op == "symbol":
         return True
     nodes = tuple(walk((inner,)))
-    if any(node.op not in ANALYTIC for node in nodes) or _enclosure(inner) is None:
+    if any(node.op not in ANALYTIC for node in nodes) or _enclosure(inner, ()) is None:
         return False
     if any(node.op == "pow" and not _is_whole(node.args[1]) for node in nodes):
         return False
@@ -219,12 +234,12 @@ def _sign_of(limits: Range | None) -> int:
     return 1 if limits[0] > 0 else -1 if limits[1] < 0 else 0
 
 
-def _range(atom: Expr) -> Range | None:
+def _range(atom: Expr, spans: Spans) -> Range | None:
     """Return limits of an atom over the box, None where there are none."""
     if atom.op == "symbol":
-        return Fraction(0), Fraction(1)
-    turns = _half_turns(atom)
-    limits = _enclosure(atom)
+        return dict(spans).get(atom.payload, (Fraction(0), Fraction(1)))
+    turns = _half_turns(atom, spans)
+    limits = _enclosure(atom, spans)
     if turns is None or limits is None:
         return limits
     # a sine of whole half turns is 0, which no enclosure in floating point says
@@ -238,28 +253,47 @@ def _range(atom: Expr) -> Range | None:
 
 
 @_remembered
-def _half_turns(atom: Expr) -> Range | None:
-    """Return a and b where an atom is sin(πx) and x runs evenly from a to b, None elsewhere."""
+def _half_turns(atom: Expr, spans: Spans) -> Range | None:
+    """Return a and b where an atom is sin(πx) and x runs evenly from a to b, None elsewhere.
+
+    With other symbols in it, x runs between a and b, whatever they are, and stands still for none
+    of their values; or it keeps off a whole a and b.
+    """
     if atom.op not in ("sin", "cos"):
         return None
     form = normal_form(atom.args[0], 4)
     if form is None:
         return None
-    start, step = Fraction(0), Fraction(0)
+    low = high = Fraction(atom.op == "cos", 2)
+    known, step = dict(spans), _STILL
     for monomial, coefficient in form.items():
         powers = dict(monomial)
         if powers.pop(PI, 0) != 1 or any(a.op != "symbol" or n != 1 for a, n in powers.items()):
             return None
-        if len(powers) > 1 or (powers and step):
+        own = [a for a in powers if a.payload in PARAMETERS]
+        term = _multiple(coefficient, [known[a.payload] for a in powers if a not in own])
+        if len(own) > 1 or (own and (step != _STILL or not _sign_of(term))):
             return None
-        start, step = (start, coefficient) if powers else (coefficient, step)
-    start += Fraction(atom.op == "cos", 2)
-    return min(start, start + step), max(start, start + step)
+        step = term if own else step
+        low, high = (low, high) if own else (low + term[0], high + term[1])
+    if step == _STILL and low < high and any(n.denominator == 1 for n in (low, high)):
+        return None
+    return low + min(step[0], Fraction(0)), high + max(step[1], Fraction(0))
+
+
+def _multiple(factor: Fraction, limits: list[Range]) -> Range:
+    """Return the limits of a number times others that have limits."""
+    low = high = factor
+    for a, b in limits:
+        ends = low * a, low * b, high * a, high * b
+        low, high = min(ends), max(ends)
+    return low, high
 
 
 @_remembered
-def _enclosure(atom: Expr) -> Range | None:
-    (found,) = IntervalProgram((atom,))(_WHOLE)
+def _enclosure(atom: Expr, spans: Spans) -> Range | None:
+    boxes = _WHOLE | {name: enclosed_range(*limits) for name, limits in spans}
+    (found,) = IntervalProgram((atom,))(boxes)
     low, high = float(found.lower.item()), float(found.upper.item())
     return (Fraction(low), Fraction(high)) if math.isfinite(low) and math.isfinite(high) else None
 

@@ -1,0 +1,117 @@
+"""Boxes of values of parameters, and what is proved over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import prod
+
+from pc2cad.expression.tree import Expr, Number, as_expr
+from pc2cad.solidity.jacobian_proof.factors import Spans
+
+
+@dataclass(frozen=True)
+class ProvedBox:
+    """Values of parameters, limits included, for all of which det J has one sign."""
+
+    spans: Spans
+    #: +1 or -1: that of det J over the whole box of u, v and w, but for a set without volume
+    sign: int
+
+    def holds(self, values: Mapping[str, Fraction]) -> bool:
+        """Say whether values, one for each parameter of the box, are in it."""
+        return all(low <= values[name] <= high for name, (low, high) in self.spans)
+
+
+@dataclass(frozen=True)
+class RangeProof:
+    """For which values of some parameters det J is proved to keep its sign, and where it is open.
+
+    What is open is not refuted: the effort ended, or the proofs do not reach as far.
+    """
+
+    #: of the template
+    name: str
+    #: the parameters that run, and the values of the others
+    spans: Spans
+    fixed: Mapping[str, Expr]
+    proved: tuple[ProvedBox, ...]
+    open: tuple[Spans, ...]
+    #: boxes that were looked at, and what they took in operations
+    looks: int
+    spent: float
+
+    @property
+    def share(self) -> float:
+        """How much of the ranges is proved, by volume: 1 for all of them."""
+        return sum(float(volume(box.spans, self.spans)) for box in self.proved)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of the ranges is proved, with one sign."""
+        return not self.open and len({box.sign for box in self.proved}) == 1
+
+    def at(self, values: Mapping[str, Expr | Number]) -> ProvedBox | None:
+        """Return the proved box that values of all the template's parameters lie in, or None.
+
+        Other parameters than those that run must have the very values of the proof.
+        """
+        given = {name: as_expr(value) for name, value in values.items()}
+        if given.keys() != {name for name, _ in self.spans} | self.fixed.keys():
+            return None
+        if any(given[name] is not value for name, value in self.fixed.items()):
+            return None
+        numbers = {
+            name: given[name].payload for name, _ in self.spans if given[name].op == "number"
+        }
+        if len(numbers) < len(self.spans):
+            return None
+        return next((box for box in self.proved if box.holds(numbers)), None)
+
+
+def volume(spans: Spans, whole: Spans) -> Fraction:
+    """Return the share that a box is of a whole one."""
+    rows = zip(spans, whole, strict=True)
+    return prod(((b - a) / (d - c) for (_, (a, b)), (_, (c, d)) in rows), start=Fraction(1))
+
+
+def halves(spans: Spans, name: str) -> tuple[Spans, Spans]:
+    """Return the two halves of a box along one parameter."""
+    low, high = dict(spans)[name]
+    middle = (low + high) / 2
+    first, second = (
+        tuple([(n, part if n == name else limits) for n, limits in spans])
+        for part in ((low, middle), (middle, high))
+    )
+    return first, second
+
+
+def joined(boxes: Iterable[Spans]) -> list[Spans]:
+    """Return boxes that fill the same, two that share a whole side as one, as often as it goes."""
+    found, before = sorted(boxes), -1
+    while found and len(found) != before:
+        before = len(found)
+        for axis in range(len(found[0])):
+            found = _joined_along(found, axis)
+    return sorted(found)
+
+
+def _joined_along(boxes: list[Spans], axis: int) -> list[Spans]:
+    rows: dict[Spans, list[Spans]] = {}
+    for box in boxes:
+        rows.setdefault(box[:axis] + box[axis + 1 :], []).append(box)
+    found = []
+    for row in rows.values():
+        row.sort(key=lambda box: box[axis][1])
+        current = row[0]
+        for box in row[1:]:
+            name, (low, high) = current[axis]
+            if box[axis][1][0] == high:
+                longer = name, (low, box[axis][1][1])
+                current = (*current[:axis], longer, *current[axis + 1 :])
+            else:
+                found.append(current)
+                current = box
+        found.append(current)
+    return found
