@@ -15,6 +15,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 
 from pc2cad import compile_equation, read_template
+from pc2cad.brep import plane_solids
 from pc2cad.brep.inspect import inspect
 from pc2cad.brep.integrals import KnownFaces, faces_of, solid_integrals
 from pc2cad.brep.kernel import as_edge, as_solid, children, compound
@@ -128,3 +129,21 @@ def test_the_same_numbers_and_others(name):
         step = gp_Trsf()
         step.SetTranslation(gp_Vec(far, 0.0, 0.0))
         assert same_numbers(solid, BRepBuilderAPI_Transform(other, step, True).Shape()) == same
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_where_numbers_stand_is_told_by_the_form_alone(name):
+    first = placed(SOLIDS[name][0]())
+    others = [first.Reversed(), placed(first), placed(placed(first)).Reversed(), placed(bracket())]
+    plane_solids._forms.clear()
+    plane_solid(first)
+    known = [plane_solid(other) for other in others]
+    assert 2 <= len(plane_solids._forms) <= 4
+    for other, remembered in zip(others, known, strict=True):
+        plane_solids._forms.clear()
+        plane_solids._read.cache_clear()
+        anew = plane_solid(other)
+        assert remembered.topology == anew.topology
+        assert remembered.tolerance == anew.tolerance
+        for few, there in zip(remembered.rows, anew.rows, strict=True):
+            assert np.array_equal(few, there)

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import io
 import re
+from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
+from typing import Any, Final
 
 import numpy as np
 from OCP.BinTools import BinTools
@@ -135,31 +138,94 @@ def plane_solid(shape: TopoDS_Shape) -> PlaneSolid | None:
         faces.Next()
     stream = io.BytesIO()
     BinTools.Write_s(shape, stream)
-    data = stream.getvalue()
+    return _read(stream.getvalue())
+
+
+@lru_cache(maxsize=2)  # a solid is asked for when it is held against the equation, and written
+def _read(data: bytes) -> PlaneSolid | None:
+    text = np.frombuffer(data, np.uint8)
+    for form in tuple(_forms):  # another thread may add one
+        if form.is_of(text):
+            return form.solid(text)
+    found = _form(data)
+    if found is None:
+        return None
+    if len(data) <= LONGEST_KEPT:
+        _forms.appendleft(found)
+    return found.solid(text)
+
+
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """Where numbers stand in what the kernel writes of a shape: all variants of one have one."""
+
+    #: which bytes are of no number, and these
+    others: Integers
+    words: bytes
+    #: the bytes of all numbers, and where those of points, ranges, lines, planes and tolerances end
+    numbers: Integers
+    ends: tuple[int, ...]
+    topology: Topology
+
+    def is_of(self, text: Any) -> bool:
+        """Say whether a text has this form."""
+        same = len(text) == len(self.others) + len(self.numbers)
+        return same and text[self.others].tobytes() == self.words
+
+    def solid(self, text: Any) -> PlaneSolid:
+        """Return what a text of this form holds."""
+        numbers = text[self.numbers].view("<f8")
+        points, ranges, lines, planes, tolerances = (
+            numbers[start:end] for start, end in pairwise((0, *self.ends))
+        )
+        return PlaneSolid(
+            self.topology, points.reshape(-1, 3), ranges.reshape(-1, 2), lines.reshape(-1, 6),
+            planes.reshape(-1, 12), max(tolerances.tolist(), default=0.0),
+        )  # fmt: skip
+
+
+#: forms of the last shapes, and the longest text of one
+_forms: Final[deque[_Form]] = deque(maxlen=4)
+LONGEST_KEPT: Final = 1 << 16
+
+
+def _form(data: bytes) -> _Form | None:
+    """Return the form of a text, None where it is not wholly known."""
     lines, end = _table(data, _CURVES, 0, _LINE)
     planes, end = _table(data, _SURFACES, end, _PLANE)
     head = _SHAPES.match(data, end)
     if lines is None or planes is None or head is None:
         return None
     rows = _SHAPE.findall(data, head.end(), len(data) - 9)
+    lengths = np.array([len(row[0]) for row in rows], np.int64)
     # a shape that is of another form is passed over
-    if len(rows) != int(head[1]) or sum(len(row[0]) for row in rows) != len(data) - 9 - head.end():
+    if len(rows) != int(head[1]) or lengths.sum() != len(data) - 9 - head.end():
         return None
-    columns = zip(*rows, strict=True)
-    _, of_points, points, of_edges, curve, spans, ends, of_faces, surface, wires, kinds, parts = (
-        columns
+    _, of_vertices, _, of_edges, curve, _, ends, of_faces, surface, wires, kinds, parts = (
+        zip(*rows, strict=True) if rows else [()] * 12
     )
-    return PlaneSolid(
-        (ends, wires, kinds, parts, data[-9:]), _doubles(points, 3), _doubles(spans, 2),
-        lines[_places(curve)], planes[_places(surface)],
-        max(_doubles(of_points + of_edges + of_faces, 1)[:, 0].tolist(), default=0.0),
+    begin = head.end() + np.cumsum(lengths) - lengths
+    vertices, edges, faces = (
+        begin[[bool(one) for one in of]] for of in (of_vertices, of_edges, of_faces)
+    )
+    numbers = [
+        (vertices + 9, 3), (edges + 21, 2), (lines[_places(curve)], 6),
+        (planes[_places(surface)], 12), (np.concatenate((vertices + 1, edges + 1, faces + 2)), 1),
+    ]  # fmt: skip
+    where = [(at[:, None] + np.arange(8 * count)).ravel() for at, count in numbers]
+    found, others = np.concatenate(where), np.ones(len(data), bool)
+    others[found] = False
+    return _Form(
+        np.flatnonzero(others), np.frombuffer(data, np.uint8)[others].tobytes(), found,
+        tuple((np.cumsum([len(one) for one in where]) // 8).tolist()),
+        (ends, wires, kinds, parts, data[-9:]),
     )  # fmt: skip
 
 
 def _table(
     data: bytes, title: re.Pattern[bytes], start: int, kind: np.dtype[np.void]
-) -> tuple[Array | None, int]:
-    """Return the numbers of curves or surfaces, all of one kind, and where they end."""
+) -> tuple[Integers | None, int]:
+    """Return where the numbers of curves or surfaces begin, all of one kind, and where they end."""
     head = title.match(data, start)
     if head is None:
         return None, start
@@ -167,13 +233,10 @@ def _table(
     end = head.end() + count * kind.itemsize
     if end > len(data):
         return None, start
-    table = np.frombuffer(data, kind, count, head.end())
-    return (table["numbers"] if (table["kind"] == 1).all() else None), end
+    kinds = np.frombuffer(data, kind, count, head.end())["kind"]
+    begin = head.end() + 1 + kind.itemsize * np.arange(count)
+    return (begin if (kinds == 1).all() else None), end
 
 
 def _places(texts: tuple[bytes, ...]) -> Integers:
     return np.frombuffer(b"".join(texts), "<i4") - 1
-
-
-def _doubles(texts: tuple[bytes, ...], width: int) -> Array:
-    return np.frombuffer(b"".join(texts), "<f8").reshape(-1, width)
