@@ -34,6 +34,11 @@ def printed(value: float) -> bytes:
     return mantissa.encode()
 
 
+@pytest.fixture(autouse=True, params=[0, 10**9], ids=["all at once", "one by one"])
+def both_ways(request, monkeypatch):
+    monkeypatch.setattr(shortest, "FEW", request.param)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_numbers_are_those_that_python_prints(kind):
     values = KINDS[kind].tolist()
@@ -43,6 +48,7 @@ def test_numbers_are_those_that_python_prints(kind):
 
 
 def test_few_numbers_of_a_part_are_printed_one_by_one(monkeypatch):
+    monkeypatch.setattr(shortest, "FEW", 0)
     left = []
     known = shortest.shortest
     monkeypatch.setattr(shortest, "shortest", lambda texts: known(left.extend(texts) or left))

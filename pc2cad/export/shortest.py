@@ -9,6 +9,7 @@ Python reads and prints.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -28,6 +29,9 @@ _POWERS = np.array([float(10**power) for power in range(23)])
 _HALVES = float(2**27 + 1)
 #: in units of the last of 17 digits, of which two doubles are at least 1.1 apart
 _DOUBT = 1e-6
+#: points in a text below which its numbers are sooner printed anew than looked at all at once
+FEW = 400
+_LONG = re.compile(rb"(\.(?<=[0-9]\.)[0-9]{6,}+(?:E[-+]?[0-9]++)?)")
 _POINT, _ZERO, _NINE, _EXPONENT, _MINUS = b".09E-"
 #: what ends a zero: a delimiter, or digits that were cut
 _ENDS = np.isin(np.arange(256), list(b",)\0"))
@@ -56,6 +60,8 @@ def shorten(data: bytes) -> bytes:
 
     Zeros lose their sign.
     """
+    if data.count(b".") < FEW:
+        return _printed_anew(data)
     whole = bytearray(data)
     text = np.frombuffer(whole, np.uint8)
     breaks = np.flatnonzero(text - np.uint8(_ZERO) > 9)
@@ -78,6 +84,17 @@ def shorten(data: bytes) -> bytes:
     minus = minus[minus < len(text) - 3]
     text[minus[_ENDS[text[minus + 3]]]] = 0
     return bytes(whole.translate(None, b"\0"))
+
+
+def _printed_anew(data: bytes) -> bytes:
+    """Return what `shorten` does, by Python alone."""
+    # what is before a number, with what it has before the point, and the rest of the number
+    before, numbers = (parts := _LONG.split(data))[:-1:2], parts[1::2]
+    heads = [text.rstrip(b"0123456789") for text in before]
+    numbers = [t[len(h) :] + rest for t, h, rest in zip(before, heads, numbers, strict=True)]
+    known = shortest(numbers)
+    parts[:-1:2], parts[1::2] = heads, [known[number] for number in numbers]
+    return b"".join(parts).replace(b"-0.,", b"0.,").replace(b"-0.)", b"0.)")
 
 
 def holds(data: bytes, word: bytes, rare: int) -> bool:
