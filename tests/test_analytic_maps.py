@@ -58,3 +58,6 @@ def test_symmetries_are_undone_by_their_inverses(symmetry: Symmetry):
     assert read(symmetry.inverse, read(symmetry, table)) == table
     assert read(symmetry, read(symmetry.inverse, table)) == table
     assert symmetry.inverse.determinant == symmetry.determinant
+    # at (0, 0), (1, 0), (0, 1) and (1, 1)
+    (a, _, b), _, (c, _, d) = read(symmetry, table)
+    assert symmetry.corners((1, 7, 3, 9)) == (a, c, b, d)

@@ -8,7 +8,7 @@ interior.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import product
@@ -186,6 +186,7 @@ class _Table(Protocol):
 
 
 Table = TypeVar("Table", bound=_Table)
+Corner = TypeVar("Corner")
 
 
 @dataclass(frozen=True)
@@ -217,6 +218,19 @@ class Symmetry:
         if self.swap:
             met = met.swapaxes(0, 1)
         return met
+
+    def corners(self, values: Sequence[Corner]) -> tuple[Corner, ...]:
+        """Return what is at (0, 0), (1, 0), (0, 1) and (1, 1), as it is met before the symmetry."""
+        return tuple([values[k] for k in self._met])
+
+    @cached_property
+    def _met(self) -> tuple[int, ...]:
+        """Which of the four corners is met at each."""
+        met = []
+        for t, s in product((0, 1), repeat=2):
+            i, j = (t, s) if self.swap else (s, t)
+            met.append((i ^ self.reverse_s) + 2 * (j ^ self.reverse_t))
+        return tuple(met)
 
     def __str__(self) -> str:
         """Show where (s, t) goes, for example ``(t, 1-s)``."""

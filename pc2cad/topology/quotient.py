@@ -105,13 +105,13 @@ def _fates(
 ) -> tuple[SideFate, ...]:
     fates = {patch: _collapse(patch, questions) for patch in patches}
     candidates = [patch for patch, fate in fates.items() if fate is None]
+    places = _corner_classes(candidates, known)
     for patch in candidates:
-        folded = _partner(patch, patch, questions, labels)
+        folded = _partner(patch, patch, places, questions, labels)
         if folded:
             fates[patch] = folded
-    places = _corner_classes(candidates, known)
     for first, second in _with_equal(candidates, places):
-        glued = _partner(first, second, questions, labels)
+        glued = _partner(first, second, places, questions, labels)
         if glued is None:
             continue
         if fates[first] or fates[second]:
@@ -132,22 +132,25 @@ def _with_equal(
 ) -> Iterator[tuple[Cell, Cell]]:
     """Yield the pairs with the same corners, in order: sides that coincide are among them."""
     rows: dict[tuple[int, ...], list[Cell]] = defaultdict(list)
+    keys = {patch: tuple(sorted(places[patch])) for patch in patches}
     for patch in patches:
-        rows[places[patch]].append(patch)
+        rows[keys[patch]].append(patch)
     for patch in patches:
-        row = rows[places[patch]]
+        row = rows[keys[patch]]
         yield from ((patch, other) for other in row[row.index(patch) + 1 :])
 
 
 def _corner_classes(patches: list[Cell], known: _Vertices) -> dict[Cell, tuple[int, ...]]:
-    """Return, for each patch, the ascending numbers of the places where its corners lie."""
-    # the two edges along s end in all four corners
+    """Return, for each patch, the numbers of the places where its corners lie.
+
+    In the order in which `Symmetry.corners` takes them: the two edges along s end in all four.
+    """
     corners = {
         patch: [corner for edge in patch_edges(patch)[::2] for corner in edge_ends(edge.cell)]
         for patch in patches
     }
     _, place_of = known.of(sorted({c for row in corners.values() for c in row}))
-    return {patch: tuple(sorted(place_of[c] for c in row)) for patch, row in corners.items()}
+    return {patch: tuple([place_of[c] for c in row]) for patch, row in corners.items()}
 
 
 def _collapse(patch: Cell, questions: Questions) -> SideFate | None:
@@ -163,10 +166,19 @@ def _collapse(patch: Cell, questions: Questions) -> SideFate | None:
     return None
 
 
-def _partner(first: Cell, second: Cell, questions: Questions, labels: Labels) -> SideFate | None:
+def _partner(
+    first: Cell,
+    second: Cell,
+    places: dict[Cell, tuple[int, ...]],
+    questions: Questions,
+    labels: Labels,
+) -> SideFate | None:
     """Return the gluing of `first` to `second`, if they coincide."""
     for symmetry in SYMMETRIES:
         if first == second and symmetry is IDENTITY:
+            continue
+        # what coincides has its corners at the same places
+        if symmetry.corners(places[second]) != places[first]:
             continue
         verdict = questions.coincide(first, second, symmetry)
         if not verdict:
