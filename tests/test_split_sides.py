@@ -11,12 +11,14 @@ from test_hexahedra import check_conforming
 
 import pc2cad as pc
 from pc2cad.checked import check_map
-from pc2cad.domain.analysis import analyse
+from pc2cad.domain.analysis import analyse, sample_sides
+from pc2cad.domain.splits import _closes, _few, _open
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.tree import Expr, number, substitute
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
+from pc2cad.topology.quotient import derive_boundary
 
 u, v, w = pc.parameters()
 Map = tuple[Expr, Expr, Expr]
@@ -184,3 +186,21 @@ def test_gmsh_reads_and_meshes_a_folded_side_without_healing(tmp_path: Path) -> 
     assert (found["volumes"], found["surfaces"]) == (1, 4)
     assert found["volume"] == pytest.approx(AREA, rel=1e-6)
     assert found["mesh_volume"] == pytest.approx(AREA, rel=3e-2)
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("pyramid_cut", 10), ("channel_ellipse", 4), ("torus", 0), ("cone", 2), ("ball", 1)],
+)
+def test_sides_that_close_are_not_called_open_by_their_edges(name, count):
+    sides = sample_sides(pc.read_template(name).bind({}))
+    boundary = derive_boundary(sides.questions, sides.questions.labels)
+    few, said = _few(sides.map), _open(boundary)
+    closing = {
+        (*side, along)
+        for along, rows in enumerate(few)
+        for side, points in rows.items()
+        if _closes(points, sides.questions.scale)
+    }
+    assert said.isdisjoint(closing)
+    assert len(said) == count

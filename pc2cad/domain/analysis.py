@@ -126,7 +126,7 @@ def derive(sides: SampledSides) -> Analysis:
     try:
         boundary = derive_boundary(sides.questions, sides.questions.labels)
         faces = [face.patch for face in boundary.faces]
-        cut = _cut(sides, shifts(sides.map, faces, sides.questions.scale))
+        cut = _cut(sides, shifts(sides.map, faces, sides.questions.scale, boundary))
     except NotASolidError:
         cut = _cut(sides, _all_cuts(sides))
         if cut is sides:
@@ -339,7 +339,7 @@ class MapQuestions:
         points = self._at(patch)
         axis = directions_of(patch).index(direction)
         what = f"the two ends of {PARAMETERS[direction]} on {{}}"
-        if not self._equal(points, np.take(points, [0], axis=axis), what, patch):
+        if not self._equal(points, points[:, :1] if axis else points[:1], what, patch):
             return Verdict.REFUTED
         name, known = PARAMETERS[direction], polynomials(self._map.coordinates)
         if known is not None and all(len(row) == 2 for row in self._bounds):

@@ -8,6 +8,7 @@ cells; so the direction is cut at the multiples of the shift, or at the lines th
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -19,7 +20,14 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.geometry.scale import Scale
-from pc2cad.topology.cells import DIRECTIONS, Cell, directions_of
+from pc2cad.topology.cells import (
+    DIRECTIONS,
+    Cell,
+    directions_of,
+    normal_direction,
+    patch_edges,
+)
+from pc2cad.topology.complex import BoundaryComplex
 
 #: places along a closed direction, the two across it, and others at which a shift is tried
 _COUNT = 240
@@ -33,6 +41,8 @@ _STEPS, _LEFT = 12, 100
 _SURE = 3
 #: sections of more equal parts than this are not looked for
 MOST_PARTS = 64
+#: a side by its normal and its limit, and a direction along it
+_Way = tuple[int, float, int]
 #: means over a period differ less than this share of the extent where sides may coincide
 _ALIKE = 0.02
 
@@ -65,16 +75,29 @@ class _Side:
         )
 
 
-def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[Fraction], ...]:
+def shifts(
+    mapping: Mapping3,
+    sides: Iterable[Cell],
+    scale: Scale,
+    boundary: BoundaryComplex | None = None,
+) -> tuple[set[Fraction], ...]:
     """Return, per direction, where it has to be cut for sides that coincide after a shift.
 
-    `sides` are the cells (pieces) of the sides that bound the solid so far.
+    `sides` are the cells (pieces) of the sides that bound the solid so far; where these are a
+    closed `boundary`, its edges tell of many that they do not close.
     """
     limits = {(d, float(p > 0)) for cell in sides for d, p in enumerate(cell) if p % 2 == 0}
     found: tuple[set[Fraction], ...] = (set(), set(), set())
+    known = _open(boundary) if boundary is not None else set[_Way]()
+    asked = [
+        [_Side(mapping, d, limit, along) for d, limit in sorted(limits)
+         if d != along and (d, limit, along) not in known]
+        for along in DIRECTIONS
+    ]  # fmt: skip
+    if not any(asked):
+        return found
     few = _few(mapping)
-    for along in DIRECTIONS:
-        rows = [_Side(mapping, d, limit, along) for d, limit in sorted(limits) if d != along]
+    for along, rows in enumerate(asked):
         closing = [side for side in rows if _closes(few[along][side.normal, side.limit], scale)]
         closed = [
             _Closed(side, *np.split(points, [_COUNT]))
@@ -90,6 +113,27 @@ def shifts(mapping: Mapping3, sides: Iterable[Cell], scale: Scale) -> tuple[set[
         for search in searches:
             found[along].update(_cuts(search))
     return found
+
+
+def _open(boundary: BoundaryComplex) -> set[_Way]:
+    """Return which sides do not close along which directions.
+
+    A piece across begins in another edge, or in another point, than it ends in.
+    """
+    begin, end = defaultdict[_Way, dict[int, int]](dict), defaultdict[_Way, dict[int, int]](dict)
+    for face in boundary.faces:
+        normal = normal_direction(face.patch)
+        for use, edge in zip(face.uses, patch_edges(face.patch), strict=True):
+            along, across = 3 - normal - edge.direction, edge.cell[edge.direction]
+            way, place = (normal, float(face.patch[normal] > 0), along), edge.cell[along]
+            if place in (0, 2 * (len(boundary.labels[along]) - 1)):
+                (end if place else begin)[way][across] = (
+                    ~use.vertex if use.edge is None else use.edge
+                )
+    return {
+        way for way, ends in end.items()
+        if any([begin[way].get(across, edge) != edge for across, edge in ends.items()])
+    }  # fmt: skip
 
 
 def folds(
