@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from math import comb
+from functools import lru_cache
 
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.scalar import evaluate
@@ -38,26 +38,31 @@ def along_arcs(
     The named symbol is the equation's own parameter in what is given, and the spline's in what is
     returned. Trigonometric polynomials are polynomials then, if there is one arc.
     """
-    x = symbol(name)
-    weight = _joined(arcs, x, [_denominator(arcs, y) for y in _within(arcs, x)]) ** order
+    weight = _weight(name, arcs, order)
     found = _numerators(trees, name, arcs, order) if arcs.count == 1 else None
     if found is None:
-        found = substitute(tuple(trees), {name: _path(arcs, x)})
+        found = substitute(tuple(trees), {name: _path(arcs, symbol(name))})
         found = tuple([weight * tree for tree in found])
     return found, weight
+
+
+@lru_cache(maxsize=16)  # all faces along a direction have the same
+def _weight(name: str, arcs: Arcs, order: int) -> Expr:
+    """Return the denominator's power as a tree."""
+    x = symbol(name)
+    return _joined(arcs, x, [_denominator(arcs, y) for y in _within(arcs, x)]) ** order
 
 
 def _numerators(
     trees: Sequence[Expr], name: str, arcs: Arcs, order: int
 ) -> tuple[Expr, ...] | None:
     """Return trees times the denominator's power over one arc, None where none is polynomial."""
-    (y,) = _within(arcs, symbol(name))
-    factor = _denominator(arcs, y)
+    factor = _weight(name, arcs, 1)
     forms: dict[Expr, _Form] = {}
     for node in walk(tuple(trees), lambda n: () if _is_leaf(n, name) else n.args):
         args = [forms.get(arg, (arg, 0)) for arg in node.args]
         if node.op in ("sin", "cos") and name in node.symbols:
-            form = _wave(node, name, arcs, y)
+            form = _wave(node, name, arcs)
         else:
             form = _form(node, args, name, factor)
         if form is None:
@@ -84,7 +89,7 @@ def _form(node: Expr, args: list[_Form], name: str, factor: Expr) -> _Form | Non
         return -args[0][0], args[0][1]
     if node.op == "add":
         highest = max(k for _, k in args)
-        a, b = (tree * factor ** (highest - k) for tree, k in args)
+        a, b = [tree if k == highest else tree * factor ** (highest - k) for tree, k in args]
         return a + b, highest
     if node.op == "mul":
         return args[0][0] * args[1][0], args[0][1] + args[1][1]
@@ -97,7 +102,8 @@ def _form(node: Expr, args: list[_Form], name: str, factor: Expr) -> _Form | Non
     return None
 
 
-def _wave(node: Expr, name: str, arcs: Arcs, y: Expr) -> _Form | None:
+@lru_cache(maxsize=64)  # walls side by side have the same
+def _wave(node: Expr, name: str, arcs: Arcs) -> _Form | None:
     """Return the sine or cosine of a whole multiple of the arc's angle, and that multiple."""
     (slope,) = derivatives(node.args, name)
     if slope.symbols:
@@ -107,17 +113,28 @@ def _wave(node: Expr, name: str, arcs: Arcs, y: Expr) -> _Form | None:
     if abs(abs(multiple) - k) > SAME_ANGLE * k:
         return None
     (middle,) = substitute(node.args, {name: number(Fraction(1, 2))})
-    tangent, degree = Fraction(arcs.tangent), 2 * k * arcs.parts
-    scale = 1 / (1 + tangent**2) ** (k * arcs.parts)
-    row = [scale * comb(degree, j) * tangent**j for j in range(degree + 1)]
-    # powers of i: real ones, and the others divided by i
-    real = [number(c * (1, 0, -1, 0)[j % 4]) for j, c in enumerate(row)]
-    other = [number(c * (0, 1, 0, -1)[j % 4]) for j, c in enumerate(row)]
-    cosine, sine = polynomial(tuple(real), y), polynomial(tuple(other), y)
+    cosine, sine = _from_middle(name, arcs, k)
     if multiple < 0:
         sine = -sine
     c, s = call("cos", middle), call("sin", middle)
     return (c * cosine - s * sine if node.op == "cos" else s * cosine + c * sine), k
+
+
+@lru_cache(maxsize=64)
+def _from_middle(name: str, arcs: Arcs, k: int) -> tuple[Expr, Expr]:
+    """Return cosine and sine of k times the angle from the middle of the one arc.
+
+    Both are multiplied by the k-th power of the denominator.
+    """
+    (y,) = _within(arcs, symbol(name))
+    tangent, degree = Fraction(arcs.tangent), 2 * k * arcs.parts
+    row = [1 / (1 + tangent**2) ** (k * arcs.parts)]
+    for j in range(degree):
+        row.append(row[-1] * tangent * Fraction(degree - j, j + 1))
+    # powers of i: real ones, and the others divided by i
+    real = [number(c * (1, 0, -1, 0)[j % 4]) for j, c in enumerate(row)]
+    other = [number(c * (0, 1, 0, -1)[j % 4]) for j, c in enumerate(row)]
+    return polynomial(tuple(real), y), polynomial(tuple(other), y)
 
 
 def _path(arcs: Arcs, x: Expr) -> Expr:
