@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pc2cad.bounds import discs
+from pc2cad.bounds import discs, known, taylor_evaluation
 from pc2cad.bounds.cells import Cells
-from pc2cad.bounds.deviation import bound_surface, direction_along
+from pc2cad.bounds.deviation import bound_surface, direction_along, expect_surface
 from pc2cad.bounds.differences import Factored, Sampled, difference
 from pc2cad.bounds.discs import first_discs, remainders_along
 from pc2cad.bounds.homogeneous_spline import HomogeneousSpline
+from pc2cad.bounds.known import Known
 from pc2cad.bounds.remainder import Vectors
 from pc2cad.bounds.separable import Products, function_of
-from pc2cad.bounds.taylor_evaluation import Known, enclose
+from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import Place
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.tree import PI, Expr, call, number, pieces, symbol
@@ -88,6 +89,26 @@ def test_poles_that_no_fit_has_are_seen() -> None:
     # a spline of other spaces is looked at as it is
     beside = SplineSpace(5, np.linspace(0, 1, 9))
     assert isinstance(difference(function, spline, cells, (beside, t), 1.0), Sampled)
+
+
+def test_a_surface_that_is_expected_is_bounded_from_what_the_first_one_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """To the last bit as it is alone, with no program of its factors and no models of its own."""
+    s, t = SplineSpace(5, np.linspace(0, 1, 8)), SplineSpace(7, np.linspace(0, 1, 11))
+    walls = [
+        tuple(a + b * number(w) / (2 + V) for a, b in zip(TUBE, (U, SPEED, number(1)), strict=True))
+        for w in (-1, 1)
+    ]
+    surfaces = [SplineSurface((5, 7), (s.knots, t.knots), _fitted(w, s, t)[1]) for w in walls]
+    alone = [bound_surface(*row) for row in zip(walls, [("u", "v")] * 2, surfaces, strict=True)]
+    shared = Known()
+    expect_surface(walls[1], ("u", "v"), shared)
+    found = [bound_surface(walls[0], ("u", "v"), surfaces[0], known=shared)]
+    monkeypatch.setattr(known, "Program", None)
+    monkeypatch.setattr(taylor_evaluation, "_step", None)
+    found.append(bound_surface(walls[1], ("u", "v"), surfaces[1], known=shared))
+    assert found == alone
 
 
 NEAR = {

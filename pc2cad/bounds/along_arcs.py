@@ -30,8 +30,9 @@ from pc2cad.geometry.splines.arcs import SAME_ANGLE, Arcs
 _Form = tuple[Expr, int]
 
 
+@lru_cache(maxsize=8)  # a face that is expected is asked for again
 def along_arcs(
-    trees: Sequence[Expr], name: str, arcs: Arcs, order: int
+    trees: tuple[Expr, ...], name: str, arcs: Arcs, order: int
 ) -> tuple[tuple[Expr, ...], Expr]:
     """Return trees times the denominator to the power `order`, and that power, as trees.
 

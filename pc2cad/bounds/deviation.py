@@ -20,9 +20,9 @@ from pc2cad.arrays.linear import product
 from pc2cad.bounds.cells import Cells, Direction, halving
 from pc2cad.bounds.differences import difference, difference_at
 from pc2cad.bounds.homogeneous_spline import HomogeneousSpline, homogeneous
+from pc2cad.bounds.known import Known
 from pc2cad.bounds.remainder import Remainders
 from pc2cad.bounds.separable import Products, Whole, function_of
-from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import SAME_POSITION, find_breaks
 from pc2cad.expression.end_roots import take_out_ends
 from pc2cad.expression.linear_terms import cancel_terms
@@ -106,7 +106,7 @@ def _bound(
     spaces: Sequence[SplineSpace] = (),
     seen: float = 0.0,
 ) -> Bound:
-    trees = as_tanh(take_out_ends(cancel_terms(trees)))
+    trees = _plain(trees)
     coarse = [
         direction_along(trees, *along)
         for along in zip(names, spline.knots, spline.degrees, strict=True)
@@ -129,6 +129,21 @@ def _bound(
     known.finer |= {d.key: x.cells for d, x in zip(coarse, directions, strict=True)}
     expected = max(expected, floor / SHARP)
     return _Survey(function, spline, directions, rest, expected, spaces).bound()
+
+
+def expect_surface(trees: tuple[Expr, ...], names: Sequence[str], known: Known) -> None:
+    """Let what will be asked of a surface's trees be worked out with what others ask for.
+
+    It is to be bounded later, over the same cells as these.
+    """
+    function = function_of(_plain(trees), tuple(names), known)
+    if isinstance(function, Products):
+        function.expect()
+
+
+def _plain(trees: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return the trees in the form in which they are bounded."""
+    return as_tanh(take_out_ends(cancel_terms(trees)))
 
 
 def _reused(direction: Direction, finer: Cells | None) -> Direction:

@@ -9,8 +9,8 @@ from functools import lru_cache, reduce
 import numpy as np
 
 from pc2cad.bounds.along_arcs import along_arcs
-from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface
-from pc2cad.bounds.taylor_evaluation import Known
+from pc2cad.bounds.deviation import Bound, bound_curve, bound_surface, expect_surface
+from pc2cad.bounds.known import Known
 from pc2cad.expression.tree import ZERO, Expr
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.splines.rational import Parametrisation
@@ -54,6 +54,22 @@ def bound_spline(
     extra = (size + bound.largest) * (amiss + 1e-15) / (lowest - amiss)
     sides = tuple(replace(side, largest=side.largest + extra) for side in bound.sides)
     return replace(bound, largest=bound.largest + extra, sides=sides)
+
+
+def expect_spline(
+    trees: tuple[Expr, ...],
+    names: Sequence[str],
+    parametrisations: Sequence[Parametrisation],
+    known: Known,
+) -> None:
+    """Let what a surface's bound will ask for be worked out with what those before it ask for.
+
+    They have the same parametrisations.
+    """
+    for name, parametrisation in zip(names, parametrisations, strict=True):
+        if parametrisation.arcs is not None:
+            trees, _ = along_arcs(trees, name, parametrisation.arcs, parametrisation.order)
+    expect_surface(trees, names, known)
 
 
 @lru_cache(maxsize=64)  # all faces along a direction have the same

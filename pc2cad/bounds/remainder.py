@@ -18,7 +18,8 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans
 from pc2cad.bounds.cells import Cells, Direction, Groups
-from pc2cad.bounds.taylor_evaluation import Known, enclose
+from pc2cad.bounds.known import Known
+from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import UNIT, Model, Place
 from pc2cad.bounds.values import length, ranges
 from pc2cad.expression.tree import Expr
@@ -112,10 +113,11 @@ class Vectors:
     def models(
         self, names: Sequence[str], places: Sequence[Place], order: int
     ) -> list[list[Model]]:
-        """Return the models of all trees on boxes."""
-        flat = iter(
-            enclose([t for row in self.trees for t in row], names, places, order, self.known)
-        )
+        """Return the models of all trees on boxes; with them come those that are expected."""
+        every = [t for row in self.trees for t in row]
+        if len(names) == 1:
+            every += self.known.expected.get(names[0], {})
+        flat = iter(enclose(every, names, places, order, self.known))
         return [[next(flat) for _ in row] for row in self.trees]
 
 

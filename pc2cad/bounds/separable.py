@@ -16,8 +16,8 @@ from pc2cad.arrays.linear import product
 from pc2cad.bounds.cells import Cells, Direction
 from pc2cad.bounds.courses import Course
 from pc2cad.bounds.discs import first_discs, remainders_along
+from pc2cad.bounds.known import Known
 from pc2cad.bounds.remainder import Remainders, Vectors, remainders
-from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.bounds.taylor_models import UNIT
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.separable_sums import vector_products
@@ -89,12 +89,15 @@ class Products:
 
     def factors(self, axis: int, places: Array) -> Array:
         """Return the vectors (k, 3, n) at places of the first parameter, or factors (k, 1, n)."""
-        program = Program(tuple(tree for row in self._rows[axis] for tree in row))
-        columns = program({self._names[axis]: places})
-        result = np.empty((len(columns), len(places)))
-        for row, column in zip(result, columns, strict=True):
-            row[:] = column
-        return result.reshape(len(self._rows[axis]), -1, len(places))
+        trees = [tree for row in self._rows[axis] for tree in row]
+        columns = self._known.values(trees, self._names[axis], places)
+        return np.array(columns).reshape(len(self._rows[axis]), -1, len(places))
+
+    def expect(self) -> None:
+        """Let what is known of other functions be worked out together with this one's factors."""
+        for rows, name in zip(self._rows, self._names, strict=True):
+            expected = self._known.expected.setdefault(name, {})
+            expected.update(dict.fromkeys([tree for row in rows for tree in row]))
 
     def on(self, s: Array, t: Array) -> Slabs:
         """Return the values on a grid, by slabs."""
@@ -135,7 +138,12 @@ class Products:
 
 def function_of(trees: tuple[Expr, ...], names: tuple[str, ...], known: Known) -> Whole | Products:
     """Return a function of one or two parameters, as a sum of products where it is one."""
-    products = vector_products(trees, names[0]) if len(names) == 2 else None
+    if len(names) != 2:
+        return Whole(trees, names, known)
+    key = trees, names[0]
+    if key not in known.products:
+        known.products[key] = vector_products(*key)
+    products = known.products[key]
     # what vanishes everywhere, as a field may on a slice, is a sum of no products
     if not products or len(products) > MOST_PRODUCTS:
         return Whole(trees, names, known)

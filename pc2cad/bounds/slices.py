@@ -17,8 +17,9 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.bounds.cells import Cells, enlargement
 from pc2cad.bounds.deviation import direction_along
+from pc2cad.bounds.known import Known, Models
 from pc2cad.bounds.remainder import ORDER
-from pc2cad.bounds.taylor_evaluation import Known, Models, enclose
+from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import UNIT, Model, Place
 from pc2cad.bounds.values import length
 from pc2cad.expression.linear_terms import cancel_terms

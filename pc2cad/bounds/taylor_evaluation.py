@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
-from math import prod
 from typing import Final
 
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
-from pc2cad.bounds.cells import Cells
-from pc2cad.bounds.courses import Course
+from pc2cad.bounds.known import Known, Models, Store
 from pc2cad.bounds.taylor_functions import (
     FUNCTIONS,
     SEVERAL,
@@ -29,7 +26,6 @@ from pc2cad.bounds.taylor_models import (
     Model,
     Place,
     add,
-    apart,
     beside,
     constant,
     known,
@@ -41,117 +37,15 @@ from pc2cad.bounds.taylor_models import (
     shift,
 )
 from pc2cad.bounds.taylor_waves import model_of
-from pc2cad.expression.carried import Carried, earlier_trees, meet
+from pc2cad.expression.carried import earlier_trees
 from pc2cad.expression.tree import Expr, number, walk
-
-#: models of two parameters by the places that they hold for, as many of them as are kept; and the
-#: boxes up to which they are: models on more would fill the memory
-MOST_GRIDS, MOST_BOXES = 6, 512
 
 #: boxes of a model up to which it is taken beside others: of more it costs what work on them costs
 MOST_BESIDE: Final = 256
 _TWO: Final = number(2)
 
-#: bytes of models that are carried from one build to the next, and how much of a model is found out
-#: besides its terms, radius and error when it is asked for
-MOST_CARRIED, SIZES = 1 << 25, 2
-
-_Key = tuple[object, ...]
-#: models of one kind of trees, by tree
-_Store = dict[Expr, Model]
 #: nodes, and what models are needed of for each
 _Level = list[tuple[Expr, tuple[Expr, ...]]]
-_carried: Final[Carried[Model]] = Carried(MOST_CARRIED)
-
-
-class Known:
-    """Models by the places that they hold for: the faces and edges of a part share many.
-
-    Two walls of a channel are made of the same roots and lengths of two parameters; all that runs
-    along one side shares what depends on the parameter along it alone.
-    """
-
-    def __init__(self) -> None:
-        self._stores: dict[_Key, _Store] = {}
-        self._grids: dict[_Key, _Store] = {}
-        #: cells by a parameter's name and the cells first tried: what is hard for one function of
-        #: a parameter is hard for its others
-        self.finer: dict[tuple[str, int, bytes], Cells] = {}
-        #: functions of a parameter beside their fits: two walls share those along the guide
-        self.courses: dict[tuple[object, ...], Course] = {}
-
-    def at(self, names: Sequence[str], places: Sequence[Place], order: int) -> Models:
-        """Return the models known for the product of some places, to be added to."""
-        keys = [
-            (order, axis, name, place.error, place.centre.shape,
-             *(x.tobytes() for x in (place.centre, place.half, place.radius)))
-            for axis, (name, place) in enumerate(zip(names, places, strict=True))
-        ]  # fmt: skip
-        alone = {
-            name: self._stores.setdefault(key, {}) for name, key in zip(names, keys, strict=True)
-        }
-        grid: _Store = {}
-        if len(keys) > 1 and prod(place.centre.size for place in places) <= MOST_BOXES:
-            # the walls of one piece are proved one after the other
-            grid = self._grids.pop(tuple(keys), grid)
-            self._grids[tuple(keys)] = grid
-            if len(self._grids) > MOST_GRIDS:
-                del self._grids[next(iter(self._grids))]
-        own: dict[frozenset[str], _Key] = {
-            frozenset((name,)): key for name, key in zip(names, keys, strict=True)
-        }
-        return Models(alone, grid, {frozenset(names): tuple(keys), **own})
-
-
-@dataclass(frozen=True, eq=False)
-class Models:
-    """Models on the product of some places: of trees of one parameter each, and of the others."""
-
-    alone: dict[str, _Store]
-    grid: _Store
-    #: by the parameters of trees: what tells the places of their models; none are carried without
-    places: Mapping[frozenset[str], _Key] = field(default_factory=dict)
-
-    def of(self, node: Expr) -> _Store:
-        """Return the models among which a tree's belongs."""
-        if len(node.symbols) > 1:
-            return self.grid
-        # a constant is one of any parameter
-        return self.alone.get(next(iter(node.symbols or self.alone)), self.grid)
-
-    def stored(self, node: Expr) -> Model | None:
-        """Return the model of a tree, None where there is none yet."""
-        return self.of(node).get(node)
-
-    def carried(self, node: Expr) -> Model | None:
-        """Return the model of a tree of an earlier build, None where it has been lost."""
-        return _carried.get((node, self.places.get(node.symbols)))
-
-    def store(self, found: _Store) -> None:
-        """Take models in."""
-        if len(self.alone) == 1:
-            ((_, store),) = self.alone.items()
-            store |= found
-            return
-        for node, model in found.items():
-            self.of(node)[node] = model
-
-    def carry(self, roots: Sequence[Expr], found: _Store, fresh: Sequence[Expr]) -> None:
-        """Leave to later builds what occurred in an earlier one and new trees are made of.
-
-        `fresh` are the trees whose models were not there.
-        """
-        earlier = earlier_trees()
-        new = [node for node in fresh if node not in earlier]
-        among = set(new)
-        kept = {arg for node in new for arg in _operands(node)} | set(roots)
-        for node in kept - among:
-            place = self.places.get(node.symbols)
-            if place is not None and node.op != "symbol":
-                model = found[node]
-                size = model.terms.nbytes + model.radius.nbytes + model.error.nbytes
-                _carried.keep((node, place), apart(model), SIZES * size)
-        meet([node for node in fresh if node.symbols])
 
 
 def enclose(
@@ -170,9 +64,9 @@ def enclose(
     order = max(order, 1)
     where = dict(zip(names, places, strict=True))
     models = (known_models or Known()).at(names, places, order)
-    found: _Store = {}
+    found: Store = {}
     levels = _levels(tuple(roots), models, found)
-    fresh: _Store = {}
+    fresh: Store = {}
     with np.errstate(all="ignore"):
         for level in levels:
             for node, operands in _without_products(level, found, fresh, order):
@@ -187,11 +81,11 @@ def enclose(
                 found[node] = fresh[node] = model
     models.store(fresh)
     if models.places:
-        models.carry(roots, found, list(fresh))
+        models.carry(roots, found, list(fresh), _operands)
     return tuple([found[root] for root in roots])
 
 
-def _levels(roots: tuple[Expr, ...], models: Models, found: _Store) -> list[_Level]:
+def _levels(roots: tuple[Expr, ...], models: Models, found: Store) -> list[_Level]:
     """Return nodes without models: each needs none of its own level, nor of later ones.
 
     Models that there are of the nodes below these become `found`.
@@ -228,7 +122,7 @@ def _levels(roots: tuple[Expr, ...], models: Models, found: _Store) -> list[_Lev
     return levels
 
 
-def _without_products(level: _Level, found: _Store, fresh: _Store, order: int) -> _Level:
+def _without_products(level: _Level, found: Store, fresh: Store, order: int) -> _Level:
     """Find those products of a level that are of one shape, at once; return what is left of it.
 
     Models of few boxes cost what their calls cost, and boxes have nothing to do with one another:

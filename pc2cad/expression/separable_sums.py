@@ -41,7 +41,7 @@ def product_of(factors: Factors) -> Expr:
     """Return the product as a tree."""
     result = ONE
     for atom, exponent in factors:
-        result = result * power(atom, number(exponent))
+        result = mul(result, atom if exponent == 1 else power(atom, number(exponent)))
     return result
 
 
@@ -56,32 +56,41 @@ def vector_products(roots: Sequence[Expr], name: str) -> list[tuple[tuple[Expr, 
     found: dict[tuple[Expr, ...], Expr] = {}
     for factors in dict.fromkeys(f for column in columns for f in column):
         multiple, vector = _without_multiple([column.get(factors, ZERO) for column in columns])
-        found[vector] = found.get(vector, ZERO) + number(multiple) * product_of(factors)
+        factor = product_of(factors)
+        if multiple is not _UNIT:
+            factor = mul(number(multiple), factor)
+        found[vector] = add(found[vector], factor) if vector in found else factor
     return [(vector, factor) for vector, factor in found.items() if factor is not ZERO]
 
 
 def _without_multiple(vector: Sequence[Expr]) -> tuple[Fraction, tuple[Expr, ...]]:
     """Return the number by which all coordinates are multiplied, and the vector without it."""
     rows = [_multiple(x) for x in vector]
-    ratios = {m for m, x in rows if x is not ZERO}
-    if len(ratios) == 1:
-        return ratios.pop(), tuple(x for _, x in rows)
-    return Fraction(1), tuple(vector)
+    first, *others = [m for m, x in rows if x is not ZERO] or [_UNIT]
+    if all([m is first or m == first for m in others]):
+        return first, tuple([x for _, x in rows])
+    return _UNIT, tuple(vector)
 
 
 def _multiple(tree: Expr) -> tuple[Fraction, Expr]:
-    factor = Fraction(1)
+    factor = _UNIT
     while True:
         if tree.op == "neg":
             factor, tree = -factor, tree.args[0]
         elif tree.op == "mul" and tree.args[0].op == "number":
-            factor, tree = factor * tree.args[0].payload, tree.args[1]
+            factor, tree = _times(factor, tree.args[0]), tree.args[1]
         elif tree.op == "mul" and tree.args[1].op == "number":
-            factor, tree = factor * tree.args[1].payload, tree.args[0]
+            factor, tree = _times(factor, tree.args[1]), tree.args[0]
         elif tree.op == "number" and tree.payload:
-            return factor * tree.payload, ONE
+            return _times(factor, tree), ONE
         else:
             return factor, tree
+
+
+def _times(factor: Fraction, leaf: Expr) -> Fraction:
+    """Return the product with a number; most factors are the one object, and need none."""
+    payload: Fraction = leaf.payload
+    return payload if factor is _UNIT else factor * payload
 
 
 def without_number(root: Expr) -> tuple[Fraction, Expr]:

@@ -7,13 +7,15 @@ its poles, so that there is nothing to sew.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.bounds.taylor_evaluation import Known
+from pc2cad.bounds.known import Known
+from pc2cad.bounds.rational_deviation import expect_spline
 from pc2cad.checked import CheckedMap, resolve_tolerance
 from pc2cad.domain.restrictions import SAFE_DEGREE, RestrictedMap
 from pc2cad.errors import ToleranceNotReachedError
@@ -40,7 +42,7 @@ from pc2cad.geometry.splines.rational import (
 from pc2cad.geometry.splines.spline_profile import spline_profile
 from pc2cad.geometry.splines.tensor import Deviation
 from pc2cad.options import DEFAULTS, CompileOptions
-from pc2cad.representation.between_faces import extremes_first, lies_between
+from pc2cad.representation.between_faces import Carried, extremes_first, lies_between
 from pc2cad.representation.boundary_model import BoundaryModel, ModelEdge, ModelFace
 from pc2cad.representation.deviation_proof import (
     Side,
@@ -179,6 +181,7 @@ class _Fits:
         proved_faces, sides = list(faces), []
         carried = [(face, self.work.cells.faces[face.cells[0]]) for face in faces]
         for row in extremes_first(carried):
+            self._expect([carried[place] for place in row[1:2]])
             for place in row:
                 face, function = carried[place]
                 if face.evidence != "sampled":
@@ -196,19 +199,27 @@ class _Fits:
             for i, (edge, f) in enumerate(zip(edges, self.work.cells.edges, strict=True))
         ], proved_faces
 
+    def _expect(self, faces: Sequence[Carried]) -> None:
+        """Let what is asked for of faces be worked out with what those before them ask for."""
+        self.work.known.expected.clear()
+        for face, function in faces:
+            if face.evidence == "sampled" and isinstance(face.carrier, SplineSurface):
+                expect_spline(*function.trees, self._runs(function), self.work.known)
+
+    def _runs(self, function: RestrictedMap) -> list[Parametrisation]:
+        """Return how a face runs along both its directions."""
+        return [
+            self.parametrisations.parametrisation(FaceDirection(function, axis)) for axis in (0, 1)
+        ]
+
     def _proved_face(self, face: ModelFace) -> tuple[ModelFace, list[Side]]:
         functions = [self.work.cells.faces[i] for i in face.cells]
         placement = self.plan.placements[face.cells[0]]
         meridian = approximated_meridian(functions[0], placement, self.parametrisations)
         if meridian is not None:
             return prove_meridian(face, meridian, self.work.known), []
-        parametrisations = []
-        if isinstance(face.carrier, SplineSurface):
-            parametrisations = [
-                self.parametrisations.parametrisation(FaceDirection(functions[0], axis))
-                for axis in (0, 1)
-            ]
-        return prove_face(face, functions, parametrisations, self.work.rounding, self.work.known)
+        runs = self._runs(functions[0]) if isinstance(face.carrier, SplineSurface) else []
+        return prove_face(face, functions, runs, self.work.rounding, self.work.known)
 
     # -- edges ---------------------------------------------------------------------------------
 
@@ -302,9 +313,7 @@ class _Fits:
                              inward != placement.turned, "sampled" if meridian else "exact",
                              seen.largest, seen.samples, place=seen.place)  # fmt: skip
         square = whole_square(cell.uses)
-        s, t = (
-            self.parametrisations.parametrisation(FaceDirection(function, axis)) for axis in (0, 1)
-        )
+        s, t = self._runs(function)
         exact = None if s.arcs or t.arcs else bernstein(*function.trees)
         if exact is not None and all(
             n <= 1 + self._highest(parametrisation)

@@ -12,9 +12,9 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import vectors
 from pc2cad.bounds.deviation import Bound, bound_surface
+from pc2cad.bounds.known import Known
 from pc2cad.bounds.rational_deviation import bound_spline
 from pc2cad.bounds.slices import between
-from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number, substitute

@@ -8,8 +8,8 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.bounds.deviation import bound_curve
+from pc2cad.bounds.known import Known
 from pc2cad.bounds.rational_deviation import bound_spline
-from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number
 from pc2cad.geometry import carriers

@@ -18,8 +18,8 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.bounds.deviation import bound_surface
+from pc2cad.bounds.known import Known
 from pc2cad.bounds.rational_deviation import bound_spline
-from pc2cad.bounds.taylor_evaluation import Known
 from pc2cad.expression.breaks import BreaksNotAlignedError
 from pc2cad.expression.tree import ZERO, Expr, number, walk
 from pc2cad.geometry import carriers

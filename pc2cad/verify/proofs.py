@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from pc2cad.bounds.taylor_evaluation import Known
+from pc2cad.bounds.known import Known
 from pc2cad.verify.borders import Borders
 from pc2cad.verify.faces import JudgedFace
 from pc2cad.verify.nearness import nearness

@@ -18,7 +18,8 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
-from pc2cad.bounds.taylor_evaluation import Known, enclose
+from pc2cad.bounds.known import Known
+from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import UNIT, Place
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.breaks import find_breaks
