@@ -224,8 +224,8 @@ def _label(limit: Expr, value: float) -> str:
 
 
 #: symmetric under reversal, with the ends, and at no simple fraction of the period of anything
-_NODES = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(11)[0] + 1) / 2, [1.0]))
-_NODES = (_NODES + 1 - _NODES[::-1]) / 2
+NODES = np.concatenate(([0.0], (np.polynomial.legendre.leggauss(11)[0] + 1) / 2, [1.0]))
+NODES = (NODES + 1 - NODES[::-1]) / 2
 
 #: pieces of a direction whose samples are taken together
 _TOGETHER = 16
@@ -302,7 +302,7 @@ class MapQuestions:
     def _positions(self, direction: int, position: int) -> Array:
         bounds = self._bounds[direction]
         low, high = bounds[position // 2], bounds[(position + 1) // 2]
-        return low + (high - low) * _NODES if position % 2 else np.array([low])
+        return low + (high - low) * NODES if position % 2 else np.array([low])
 
     def _check_finite(self, cell: Cell, points: Array) -> None:
         bad = np.argwhere(~np.isfinite(points).all(axis=-1))

@@ -9,6 +9,7 @@ from math import prod
 
 from pc2cad.expression.tree import Expr, Number, as_expr
 from pc2cad.solidity.jacobian_proof.factors import Spans
+from pc2cad.topology.complex import BoundaryComplex
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,8 @@ class ProvedBox:
     spans: Spans
     #: +1 or -1: that of det J over the whole box of u, v and w, but for a set without volume
     sign: int
+    #: which sides collapse, coincide and bound, the same for all values; None where that is open
+    boundary: BoundaryComplex | None = None
 
     def holds(self, values: Mapping[str, Fraction]) -> bool:
         """Say whether values, one for each parameter of the box, are in it."""
@@ -46,6 +49,12 @@ class RangeProof:
     def share(self) -> float:
         """How much of the ranges is proved, by volume: 1 for all of them."""
         return sum(float(volume(box.spans, self.spans)) for box in self.proved)
+
+    @property
+    def share_of_sides(self) -> float:
+        """How much of the ranges is proved to keep its sign and its boundary, by volume."""
+        known = (box.spans for box in self.proved if box.boundary is not None)
+        return sum(float(volume(spans, self.spans)) for spans in known)
 
     @property
     def is_whole(self) -> bool:
