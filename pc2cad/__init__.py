@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pc2cad.mesh.results import read_results as read_results
     from pc2cad.part import Part as Part
     from pc2cad.studies.adjust import adjust as adjust
+    from pc2cad.studies.over_ranges import prove_over as prove_over
     from pc2cad.studies.reach import reach as reach
     from pc2cad.studies.study import study as study
     from pc2cad.templates.file import read_template as read_template
@@ -63,6 +64,7 @@ _HOMES = {
     "import_template": "pc2cad.templates.importers.kinds",
     "import_vmec": "pc2cad.templates.importers.vmec",
     "mesh_part": "pc2cad.compiler",
+    "prove_over": "pc2cad.studies.over_ranges",
     "read_results": "pc2cad.mesh.results",
     "read_template": "pc2cad.templates.file",
     "reach": "pc2cad.studies.reach",

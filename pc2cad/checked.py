@@ -28,6 +28,7 @@ from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
 from pc2cad.domain.cuts import halved as cut_in_halves
 from pc2cad.domain.cuts import parted as cut_apart
+from pc2cad.domain.family_sides import own_boundary
 from pc2cad.domain.map import Mapping3
 from pc2cad.equation.degrees import degrees_remark
 from pc2cad.equation.point_equation import PointEquation
@@ -39,6 +40,7 @@ from pc2cad.geometry.scale import Scale
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.options import DEFAULTS, CompileOptions
 from pc2cad.solidity.orientation import Orientation, find_orientation
+from pc2cad.solidity.over_ranges.boxes import ProvedBox
 from pc2cad.solidity.solidity import Question, Solidity, ask_solidity
 
 if TYPE_CHECKING:
@@ -220,12 +222,14 @@ def check_map(
     stages: Stages | None = None,
     accept: Accept | None = None,
     faces: bool = False,
+    known: ProvedBox | None = None,
 ) -> CheckedMap:
     """Return what is known of a point equation whose image is a solid; raise NotASolidError.
 
     What cannot be had is refused before the dear stages: a tolerance that double precision does not
     hold (ToleranceNotReachedError), and integrals that `accept`, the receiver's word, refuses.
     Where `faces` are made of the map, it is they that are proved to meet nowhere (`embed`).
+    What is `known` for a box of parameters, in which those of the equation lie, is not asked again.
     """
     begin_build()
     run = stages or Stages()
@@ -233,8 +237,9 @@ def check_map(
     depths = run("depth", lambda: find_depth(equation)) if equation.depth is not None else ()
     check_depth(depths)
     sides = run("sample", lambda: sample_sides(equation))
-    orientation = run("orient", lambda: find_orientation(sides.map))
-    analysis = run("analyse", lambda: derive(sides))
+    sign, boundary = (known.sign, known.boundary) if known else (0, None)
+    orientation = run("orient", lambda: find_orientation(sides.map, sign))
+    analysis = run("analyse", lambda: derive(sides, own_boundary(sides, boundary)))
     _tolerance(analysis.scale, options.tolerance)
     mass = run("integrate", lambda: integrate(analysis, orientation.is_proved))
     if accept is not None:

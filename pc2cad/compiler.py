@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pc2cad.part import Body, Part
     from pc2cad.report import Report
     from pc2cad.representation.volume import VolumeModel
+    from pc2cad.solidity.over_ranges.boxes import ProvedBox
 
 #: how often faces are halved for the kernel's checker
 MOST_CUTS: Final = 4
@@ -38,11 +39,13 @@ def compile_solid(
     equation: PointEquation | Bodies,
     options: CompileOptions = DEFAULTS,
     progress: Progress | None = None,
+    known: ProvedBox | None = None,
 ) -> Part:
     """Compile a point equation, or several with their Booleans, into a validated part.
 
-    Raises InputError, NotASolidError, ToleranceNotReachedError or KernelError; nothing doubtful is
-    returned.
+    Of one equation the sign of det J and the boundary may be `known`, by a proof over a box of
+    parameters that has those of the equation (`RangeProof.at`). Raises InputError, NotASolidError,
+    ToleranceNotReachedError or KernelError; nothing doubtful is returned.
     """
     if isinstance(equation, Bodies):
         from pc2cad.csg.ways import compile_bodies
@@ -66,7 +69,7 @@ def compile_solid(
     from pc2cad.validation import check_thickness
 
     stages = Stages(progress)
-    checked = check_map(equation, options, stages, check_thickness, faces=True)
+    checked = check_map(equation, options, stages, check_thickness, faces=True, known=known)
     return compile_checked(checked, options, stages)
 
 

@@ -146,6 +146,8 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"{shown(arguments.output)}: {len(result.rows)} variants, {result.built} worked out "
             f"now in {spent}")  # fmt: skip
         say(table([(status, str(count)) for status, count in sorted(result.counts.items())]))
+        if result.proof is not None:
+            say(f"  {result.proof.sentence}")
         for note in result.notes:
             say(f"  {note}")
         if not result.with_parquet:

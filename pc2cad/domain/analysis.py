@@ -118,13 +118,13 @@ def sample_sides(equation: PointEquation) -> SampledSides:
     return SampledSides(equation, mapping, breaks, bounds, questions)
 
 
-def derive(sides: SampledSides) -> Analysis:
+def derive(sides: SampledSides, known: BoundaryComplex | None = None) -> Analysis:
     """Return the boundary of sampled sides; raise NotASolidError where they do not close.
 
-    Where sides coincide after a shift or are folded, they are cut first.
+    It may be `known` (`family_sides`). Where sides coincide after a shift or fold, they are cut.
     """
     try:
-        boundary = derive_boundary(sides.questions, sides.questions.labels)
+        boundary = known or derive_boundary(sides.questions, sides.questions.labels)
         faces = [face.patch for face in boundary.faces]
         cut = _cut(sides, shifts(sides.map, faces, sides.questions.scale, boundary))
     except NotASolidError:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.analysis import NODES
+from pc2cad.domain.analysis import NODES, SampledSides
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.identity import Verdict
@@ -109,6 +110,17 @@ class FamilySides:
             pairs = zip(first, second, strict=True)
             self._same[key] = all(a is b or is_identically_zero(a - b) for a, b in pairs)
         return self._same[key]
+
+
+def own_boundary(sides: SampledSides, known: BoundaryComplex | None) -> BoundaryComplex | None:
+    """Return a boundary that is known of a family as that of one of its maps, with its own labels.
+
+    None where the map has creases, or parameters that do not run evenly.
+    """
+    if known is None or sides.map.even or any(len(row) > 2 for row in sides.bounds):
+        return None
+    labels = sides.questions.labels
+    return known if known.labels == labels else replace(known, labels=labels)
 
 
 class _Points:

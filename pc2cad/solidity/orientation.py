@@ -59,14 +59,14 @@ class Orientation:
         return (0, 1, 2) if self.sign > 0 else (1, 0, 2)
 
 
-def find_orientation(mapping: Mapping3) -> Orientation:
-    """Return the sign of det J.
+def find_orientation(mapping: Mapping3, known: int = 0) -> Orientation:
+    """Return the sign of det J, which may be `known` by proof (0: it is not).
 
     Where it is not proved, a sweep over the closed box is followed by a search for the smallest
     value from the worst places. Raises FlatMapError or FoldedMapError.
     """
     unproved: list[Array] = []
-    proved = proved_sign(mapping, unproved)
+    proved = known or proved_sign(mapping, unproved)
     if proved:
         return Orientation(proved, Verdict.PROVED, _inner_zero(mapping, proved))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2

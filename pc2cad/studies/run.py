@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from pc2cad.errors import NotASolidError
 from pc2cad.export.files import sweep
@@ -20,6 +20,9 @@ from pc2cad.studies.store import Store, open_store
 from pc2cad.studies.table import CSV, PARQUET, Row, TableWriter
 from pc2cad.studies.variant import BUILT, Job, Outcome, Task, file_name
 from pc2cad.trust.names import check_file_name
+
+if TYPE_CHECKING:
+    from pc2cad.solidity.over_ranges.boxes import RangeProof
 
 #: by this the journal notes that the names of all files in the store are the study's own
 FILES = "files/"
@@ -65,6 +68,8 @@ class StudyResult:
     with_parquet: bool
     #: what a resumed study found otherwise than its journal says, in sentences
     notes: Sequence[str] = ()
+    #: what is proved over the ranges of the parameters; None where there are too few variants
+    proof: RangeProof | None = None
 
     @property
     def counts(self) -> dict[str, int]:

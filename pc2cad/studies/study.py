@@ -14,6 +14,7 @@ from pc2cad.export.files import write_atomically
 from pc2cad.export.registry import format_for
 from pc2cad.options import CompileOptions
 from pc2cad.studies.local import Limits, LocalEngine
+from pc2cad.studies.over_ranges import packed, proof_of_plan
 from pc2cad.studies.overview import contact_sheet, plot
 from pc2cad.studies.plan import Plan, check_plan, grid, read_axes, sample
 from pc2cad.studies.run import Engine, Progress, StudyResult, run_study
@@ -114,6 +115,7 @@ class _Study:
         check_plan(plan, read)
         _check_columns(plan, task, self._plots.values())
         read.bind(task.fixed)
+        self._template = read
         _ = task.options  # refused before the work begins
 
     def run(
@@ -124,9 +126,11 @@ class _Study:
         progress: Callable[[Progress], None] | None,
     ) -> StudyResult:
         """Run the study and draw its pictures."""
+        proof = proof_of_plan(self._template, self._plan, self._task.fixed)
+        task = replace(self._task, known=packed(proof))
         sheet = (SHEET,) if self._task.thumbnails else ()
         result = run_study(
-            self._plan, self._task, self._folder, engine,
+            self._plan, task, self._folder, engine,
             resume=resume, stop_after=stop_after, progress=progress, also=(*sheet, *self._plots),
         )  # fmt: skip
         pictures = {name: plot(result.rows, *columns) for name, columns in self._plots.items()}
@@ -137,7 +141,7 @@ class _Study:
             pictures[SHEET] = contact_sheet(result.rows, self._plan.names, files, store)
         for name, image in pictures.items():
             write_atomically(result.folder / name, image, owned=True)
-        return result
+        return replace(result, proof=proof)
 
 
 def _check_columns(plan: Plan, task: Task, plots: Iterable[tuple[str, str]]) -> None:

@@ -56,6 +56,8 @@ class Task:
     verify: bool = False
     #: parameters that do not vary and points that are replaced: numbers, or texts as -s takes them
     fixed: Mapping[str, float | str] = field(default_factory=dict)
+    #: what is proved over the ranges of what varies (see `over_ranges`): no variant differs by it
+    known: str = ""
 
     @property
     def options(self) -> CompileOptions:
@@ -77,7 +79,9 @@ class Task:
     @cached_property
     def fingerprint(self) -> str:
         """The content hash of everything that the variants have in common."""
-        return _hash(asdict(self) | {"version": __version__, "store": ""})
+        content = asdict(self) | {"version": __version__, "store": ""}
+        del content["known"]
+        return _hash(content)
 
 
 def _hash(content: Mapping[str, Any]) -> str:
@@ -139,8 +143,13 @@ def _build(task: Task, job: Job) -> Outcome:
     from pc2cad.export.model import ExportOptions
     from pc2cad.export.registry import format_for
 
-    equation = _template(task.template, task.name).bind({**task.fixed, **job.values})
-    part = compile_solid(equation, task.options)
+    template, values = _template(task.template, task.name), {**task.fixed, **job.values}
+    equation, known = template.bind(values), None
+    if task.known:
+        from pc2cad.studies.over_ranges import known_at
+
+        known = known_at(task.known, template, values)
+    part = compile_solid(equation, task.options, known=known)
     times = {name: float(seconds) for name, seconds in part.report.times.items()}
     start = time.perf_counter()
     store = open_store(task.store)

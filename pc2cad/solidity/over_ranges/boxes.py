@@ -48,18 +48,30 @@ class RangeProof:
     @property
     def share(self) -> float:
         """How much of the ranges is proved, by volume: 1 for all of them."""
-        return sum(float(volume(box.spans, self.spans)) for box in self.proved)
+        return float(sum(volume(box.spans, self.spans) for box in self.proved))
 
     @property
     def share_of_sides(self) -> float:
         """How much of the ranges is proved to keep its sign and its boundary, by volume."""
         known = (box.spans for box in self.proved if box.boundary is not None)
-        return sum(float(volume(spans, self.spans)) for spans in known)
+        return float(sum(volume(spans, self.spans) for spans in known))
 
     @property
     def is_whole(self) -> bool:
         """Whether all of the ranges is proved, with one sign."""
         return not self.open and len({box.sign for box in self.proved}) == 1
+
+    @property
+    def sentence(self) -> str:
+        """What is proved, and over how much of the ranges."""
+        where = ", ".join(f"{n} from {float(a):g} to {float(b):g}" for n, (a, b) in self.spans)
+        if not self.proved:
+            return f"no sign of det J is proved over {where}"
+        share, alike = _percent(self.share), _percent(self.share_of_sides)
+        return (
+            f"det J keeps its sign: proved over {share} of {where}; "
+            f"sides collapse, coincide and bound alike: proved over {alike}"
+        )
 
     def at(self, values: Mapping[str, Expr | Number]) -> ProvedBox | None:
         """Return the proved box that values of all the template's parameters lie in, or None.
@@ -77,6 +89,11 @@ class RangeProof:
         if len(numbers) < len(self.spans):
             return None
         return next((box for box in self.proved if box.holds(numbers)), None)
+
+
+def _percent(share: float) -> str:
+    """Return a share in words; not all where a little is missing."""
+    return "all" if share == 1 else f"{min(100 * share, 99.99):.4g} %"
 
 
 def volume(spans: Spans, whole: Spans) -> Fraction:

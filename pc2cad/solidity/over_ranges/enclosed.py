@@ -6,6 +6,7 @@ v and w are split; where it is the parameters that are to blame, their own box h
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from itertools import count
 
@@ -27,6 +28,8 @@ from pc2cad.solidity.jacobian_proof.factors import Spans
 
 #: boxes whose enclosures take as long as it takes to begin with some
 A_ROUND = 6000
+#: operations for a box and a node of the trees, slopes included
+A_BOX = 6
 
 
 class Enclosed:
@@ -54,13 +57,18 @@ class Enclosed:
                 found.get(node.args[0].payload, set()).update(map(float, node.payload.breaks))
         return [sorted(x for x in found[name] if 0 < x < 1) for name in PARAMETERS]
 
-    def sign(self, spans: Spans, effort: float) -> tuple[int, float]:
-        """Return the sign that is proved for all values in the spans, else 0, and what it took."""
+    def sign(self, spans: Spans, effort: float, most: float) -> tuple[int, float]:
+        """Return the sign that is proved for all values in the spans, else 0, and what it took.
+
+        Boxes are split while that takes no more than an effort; at first it may take the `most`.
+        """
         looking = 0.0
         for known in self._columns:
             columns = known.within(_intervals(spans))
             looking += PLACES**3 * self._size
             counts = columns.counts()
+            if counts and math.prod(counts) * A_BOX * self._size > most:
+                return 0, looking
             if counts:
                 sign, rounds = _sign_in_boxes(columns, self._first_boxes(counts), effort)
                 return sign, looking + columns.spent + rounds * A_ROUND * self._size
@@ -68,7 +76,8 @@ class Enclosed:
 
     @cached_property
     def _size(self) -> int:
-        return sum(1 for _ in walk(sum(self._derivatives, ())))
+        # of a piecewise polynomial each coefficient takes an operation
+        return sum(max(1, len(node.args)) for node in walk(sum(self._derivatives, ())))
 
     def _first_boxes(self, counts: tuple[int, ...]) -> tuple[Array, Array]:
         axes = []

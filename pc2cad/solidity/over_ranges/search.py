@@ -60,7 +60,7 @@ def prove_over(
     spent. Raises InputError for ranges that are not those of the free parameters.
     """
     whole = read_spans(family, ranges)
-    question = Question(family, whole)
+    question = Question(family, whole, effort)
     signs = _Halving([whole], whole, question.sign, effort)
     boxes: list[ProvedBox] = []
     looks, spent = signs.looks, signs.spent
@@ -124,7 +124,8 @@ def read_spans(family: Family, ranges: Mapping[str, tuple[Number, Number]]) -> S
 class Question:
     """What is asked of det J over one box of parameters after the other."""
 
-    def __init__(self, family: Family, whole: Spans) -> None:
+    def __init__(self, family: Family, whole: Spans, effort: float = 1.0) -> None:
+        self._most = MOST_OPERATIONS * effort
         self._whole = whole
         coordinates = simplified(family.coordinates)
         columns = tuple(derivatives(coordinates, name) for name in PARAMETERS)
@@ -159,7 +160,7 @@ class Question:
         if self._is_plain or not ascends:
             # halved boxes are sharper for algebra, too
             return None, worst, A_LOOK
-        sign, spent = self._enclosed.sign(spans, PER_LOOK)
+        sign, spent = self._enclosed.sign(spans, min(PER_LOOK, self._most), self._most)
         return sign or None, worst, spent + A_LOOK
 
     def boundary(self, spans: Spans) -> _Look[BoundaryComplex]:

@@ -1,0 +1,131 @@
+"""Variants that take from a proof over ranges what a fresh build finds: the same bytes."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pc2cad.compiler import compile_solid
+from pc2cad.solidity import orientation
+from pc2cad.studies import over_ranges
+from pc2cad.studies.over_ranges import packed, proof_of_plan, prove_over
+from pc2cad.studies.plan import Plan, grid, read_axes
+from pc2cad.studies.study import study
+from pc2cad.studies.variant import Job, Task, run_variant
+from pc2cad.templates.file import parse_template, read_template
+from pc2cad.templates.shipped import bodies_paths, template_paths
+
+ROOT = """title = "root"
+[parameters]
+p = 1
+[solid]
+x = "u*sqrt(w)*(1 + p/8)"
+y = "v"
+z = "w"
+"""
+
+
+@pytest.fixture(autouse=True)
+def _epoch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
+
+
+def shipped(name: str) -> Any:
+    return read_template((template_paths() | bodies_paths())[name])
+
+
+def built(equation: Any, known: Any, folder: Path) -> tuple[dict[str, Any], bytes]:
+    part = compile_solid(equation, known=known)
+    part.write(folder / "part.step")
+    report = part.report.to_dict()
+    del report["times"]
+    return report, (folder / "part.step").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("template", "over", "values", "has_sides"),
+    [
+        (shipped("pyramid_cut"), {"p": "0.2:0.8", "q": "0.2:0.8"}, {"p": 0.3, "q": 0.7}, True),
+        (shipped("torus_tube"), {"R": "4:6"}, {"R": 4.5}, True),
+        (shipped("ball_wedge"), {"turn": "0.1:0.4"}, {"turn": 0.3}, True),
+        # there are creases, and parameters that are slowed down: sides are asked for as ever
+        (shipped("disc_cam"), {"lift": "6:9"}, {"lift": 7}, False),
+        (parse_template(ROOT, "root", "root.toml"), {"p": "1:2"}, {"p": 1.5}, True),
+    ],
+)
+def test_a_variant_is_that_of_a_fresh_build(
+    template: Any, over: Any, values: Any, has_sides: bool, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    equation, proof = template.bind(values), prove_over(template, over)
+    known = proof.at(template.values(values)[0])
+    assert known is not None
+    assert (known.boundary is not None) == has_sides
+    fresh = built(equation, None, tmp_path)
+    monkeypatch.delattr(orientation, "proved_sign")  # nobody asks
+    assert built(equation, known, tmp_path) == fresh
+
+
+def test_a_variant_of_a_study_is_that_of_a_task_without_a_proof(tmp_path: Path) -> None:
+    text = template_paths()["pyramid_cut"].read_text()
+    task = Task(text, "pyramid_cut", ("step",), str(tmp_path), fixed={"r": "1/2"})
+    proof = prove_over("pyramid_cut", {"p": "0.2:0.8"}, {"r": "1/2"})
+    proved = replace(task, known=packed(proof))
+    assert proved.fingerprint == task.fingerprint
+    for p in (0.25, 0.9):  # within, and beyond
+        job = Job(f"p={p}", {"p": p})
+        one, other = run_variant(task, job), run_variant(proved, job)
+        assert one.status == "built"
+        assert (one.figures, one.hashes) == (other.figures, other.hashes)
+
+
+def test_a_study_is_proved_once_where_it_pays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vary: dict[str, Any] = {"p": "0.2:0.8:3", "q": [0.25]}
+    without = study("pyramid_cut", tmp_path / "a", vary=vary, formats=(), workers=1)
+    assert without.proof is None
+    monkeypatch.setattr(over_ranges, "FEWEST", 3)
+    found = study("pyramid_cut", tmp_path / "b", vary=vary, formats=(), workers=1)
+    assert found.proof is not None
+    assert found.proof.is_whole
+    rows = [
+        [{k: x for k, x in row.items() if "seconds" not in k} for row in result.rows]
+        for result in (found, without)
+    ]
+    assert rows[0] == rows[1]
+
+
+def plan(count: int, **vary: str) -> Plan:
+    return grid(read_axes({name: f"{given}:{count}" for name, given in vary.items()}))
+
+
+def test_no_proof_where_there_is_none_to_be_had() -> None:
+    template = shipped("pyramid_cut")
+    assert proof_of_plan(template, plan(10, p="0.2:0.8"), {}) is None
+    assert proof_of_plan(template, plan(300, p="0.2:0.8"), {}) is not None
+    assert proof_of_plan(shipped("spring"), plan(300, pitch="2:3"), {}) is None
+    assert proof_of_plan(shipped("bolt"), plan(300, d="2:3"), {}) is None
+    # a value that no variant may have is told by the variants
+    assert proof_of_plan(template, plan(300, p="0.2:0.8"), {"r": "2"}) is None
+    assert packed(None) == ""
+
+
+@pytest.mark.parametrize(
+    ("template", "over", "words"),
+    [
+        ("torus", {"r": "1:2:3"}, "write NAME=LOW:HIGH"),
+        ("torus", {"r": "2:1"}, "the range 2:1 is empty"),
+        ("torus", {"r": (2, 2)}, "has two limits"),
+        ("torus", {"r": (-1, 2)}, "outside its range"),
+        ("torus", {"x": "1:2"}, "torus has no parameter 'x'"),
+        ("bolt", {"d": "1:2"}, "several bodies"),
+        ("torus", {}, "say over which ranges"),
+    ],
+)
+def test_bad_ranges_are_one_sentence(template: str, over: Any, words: str) -> None:
+    with pytest.raises(Exception, match=words) as error:
+        prove_over(shipped(template), over)
+    assert "\n" not in str(error.value)
+    assert type(error.value).__module__.startswith("pc2cad")
