@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.gp import gp_Pnt
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
@@ -96,7 +95,7 @@ class _Build:
 
     def _vertex(self, position: Array) -> TopoDS_Vertex:
         vertex = TopoDS_Vertex()
-        self._builder.MakeVertex(vertex, gp_Pnt(*map(float, position)), KERNEL_TOLERANCE)
+        self._builder.MakeVertex(vertex, to_kernel.point(position), KERNEL_TOLERANCE)
         return vertex
 
     def _edge(self, index: int) -> TopoDS_Edge:

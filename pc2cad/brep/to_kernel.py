@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import singledispatch
+from math import isfinite, sqrt
 
 import numpy as np
 from OCP.Geom import (
@@ -58,14 +60,21 @@ def check_finite(values: Array, what: str) -> None:
         raise KernelError(f"{what} is not finite")
 
 
-def _point(p: Array) -> gp_Pnt:
-    return gp_Pnt(*map(float, p))
+def _check_numbers(values: Iterable[float], what: str) -> None:
+    """Do the same for a few numbers, for which arrays take longer."""
+    if not all(map(isfinite, values)):
+        raise KernelError(f"{what} is not finite")
+
+
+def point(p: Array) -> gp_Pnt:
+    """Return the kernel's point."""
+    return gp_Pnt(*p.tolist())
 
 
 def _axes(frame: Frame) -> gp_Ax3:
     check_finite(np.array([frame.origin, *frame.axes]), "a frame")
     z, x = (gp_Dir(*map(float, frame.axes[i])) for i in (2, 0))
-    return gp_Ax3(_point(frame.origin), z, x)
+    return gp_Ax3(point(frame.origin), z, x)
 
 
 # -- curves ----------------------------------------------------------------------------------------
@@ -74,11 +83,11 @@ def _axes(frame: Frame) -> gp_Ax3:
 def curve(carrier: CurveCarrier) -> tuple[Geom_Curve, float, float]:
     """Return the kernel's curve and the range of its parameter."""
     if isinstance(carrier, Line):
-        check_finite(np.array([carrier.start, carrier.end]), "an edge")
         along = carrier.end - carrier.start
-        length = float(np.linalg.norm(along))
-        direction = gp_Dir(*map(float, along / length))
-        return Geom_Line(_point(carrier.start), direction), 0.0, length
+        length = sqrt(along.dot(along))
+        if not isfinite(length):
+            check_finite(np.array([carrier.start, carrier.end]), "an edge")
+        return Geom_Line(point(carrier.start), gp_Dir(*(along / length).tolist())), 0.0, length
     if isinstance(carrier, Arc):
         place = _axes(carrier.frame).Ax2()
         major, minor = carrier.radii
@@ -132,8 +141,9 @@ def surface(carrier: SurfaceCarrier) -> Geom_Surface:
 
 @surface.register
 def _(carrier: Plane) -> Geom_Surface:
-    check_finite(np.array([carrier.origin, carrier.normal]), "a plane")
-    return Geom_Plane(gp_Ax3(_point(carrier.origin), gp_Dir(*map(float, carrier.normal))))
+    origin, normal = carrier.origin.tolist(), carrier.normal.tolist()
+    _check_numbers(origin + normal, "a plane")
+    return Geom_Plane(gp_Ax3(gp_Pnt(*origin), gp_Dir(*normal)))
 
 
 @surface.register
