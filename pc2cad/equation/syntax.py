@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from pc2cad.errors import InputError
+from pc2cad.expression.exact import decimal
 
 LONGEST_TEXT: Final = 4000
 MOST_TOKENS: Final = 2000
@@ -109,6 +110,9 @@ class TripleNode(Node):
     """A point by its coordinates, ``[x, y, z]``."""
 
     operands: tuple[Node, ...]
+
+
+_decimal: Final = lru_cache(maxsize=1024)(decimal)
 
 
 class _Token(NamedTuple):
@@ -275,7 +279,7 @@ class _Parser:
     def _plain_operand(self, strength: int) -> Node:
         token = self._take()
         if token.kind == "number":
-            return NumberNode(token.column, _fraction(token.text))
+            return NumberNode(token.column, _decimal(token.text))
         if token.kind == "name":
             if self._next.text == "(" and self._next.kind == "operator":
                 self._take()
@@ -318,15 +322,6 @@ class _Parser:
                 continue
             self._expect(closing, purpose)
             return tuple(operands)
-
-
-@lru_cache(maxsize=1024)
-def _fraction(text: str) -> Fraction:
-    """Return a number as it is written; Python takes thrice as long to look for its form."""
-    whole, _, decimals = text.partition(".")
-    if not (whole + decimals).isdecimal():
-        return Fraction(text)  # with an exponent
-    return Fraction(int(whole + decimals), 10 ** len(decimals))
 
 
 def _is_comparison(node: Node) -> bool:

@@ -40,7 +40,7 @@ def exact(value: Any) -> Fraction:
     if isinstance(value, float):
         if not math.isfinite(value):
             raise NotANumberError(f"{value} is not a finite number")
-        return Fraction(repr(float(value)))
+        return decimal(repr(float(value)))
     if isinstance(value, str) and not _TEXT.match(value):
         raise NotANumberError(
             f"'{value[:40]}' is not a number; an expression is written with u, v, w and functions "
@@ -53,6 +53,14 @@ def exact(value: Any) -> Fraction:
     except (TypeError, ValueError, OverflowError):
         found = type(value).__name__
         raise NotANumberError(f"a number is needed, and a {found} was given") from None
+
+
+def decimal(text: str) -> Fraction:
+    """Return a number as Python writes it; its own search for the form takes thrice as long."""
+    whole, _, decimals = text.partition(".")
+    if not (whole.removeprefix("-") + decimals).isdecimal():
+        return Fraction(text)  # with an exponent
+    return Fraction(int(whole + decimals), 10 ** len(decimals))
 
 
 def held(value: Fraction | int) -> Fraction:

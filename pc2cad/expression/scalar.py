@@ -38,6 +38,8 @@ def evaluate(root: Expr, values: Mapping[str, float]) -> float:
     """Return the value of the tree; nan where a function leaves the reals or overflows."""
     if root.value is not None:
         return root.value
+    if root.op == "number":
+        return _taken(root, {}, values)
     return evaluate_all((root,), values)[root]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
+from functools import lru_cache
 from typing import Final
 
 from pc2cad.errors import InputError
@@ -79,12 +80,21 @@ def clean(text: str, limit: int | None = None) -> str:
     how others are shown (bidirectional marks, joiners) go; what is no character of Unicode, halves
     of pairs included, becomes U+FFFD.
     """
+    return _cleaned(text, limit) if len(text) > LONGEST_KEPT else _kept(text, limit)
+
+
+def _cleaned(text: str, limit: int | None) -> str:
     if not text.isprintable():
         text = "".join(c if c.isprintable() else _substitute(c) for c in text)
     line = " ".join(text.split())
     if limit is None or len(line) <= limit:
         return line
     return line[: limit - 1].rstrip() + "…"
+
+
+#: titles and names are asked for anew by each variant; longer texts are not kept
+LONGEST_KEPT: Final = 256
+_kept: Final = lru_cache(maxsize=256)(_cleaned)
 
 
 def clean_lines(text: str) -> str:
