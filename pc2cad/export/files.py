@@ -12,7 +12,7 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -85,11 +85,18 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 
 def write_atomically(
-    path: str | os.PathLike[str], data: bytes, *, owned: bool = False, new: bool = False
+    path: str | os.PathLike[str],
+    data: bytes | Callable[[], bytes],
+    *,
+    owned: bool = False,
+    new: bool = False,
 ) -> None:
-    """Write `data` to `path` in one step: see `replacing`."""
+    """Write `data`, or what it returns, to `path` in one step: see `replacing`.
+
+    It is called when it is known that the file can be written.
+    """
     with _replacing(path, owned, new) as (descriptor, _):
-        rest = memoryview(data)
+        rest = memoryview(data() if callable(data) else data)
         while rest:
             rest = rest[os.write(descriptor, rest) :]
 

@@ -172,6 +172,7 @@ def write(
         FileNotWrittenError: the file could not be written; an old file is untouched.
 
     """
-    check_writable(path)
+    if not os.fspath(path):
+        check_target(path)  # which complains
     encode = format_for(path).encoder()
-    write_atomically(path, encode(exportable, options or ExportOptions()))
+    write_atomically(path, lambda: encode(exportable, options or ExportOptions()))
