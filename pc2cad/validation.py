@@ -251,6 +251,7 @@ def _report(
     equation, properties = checked.equation, checked.mass
     # what samples could not tell apart is told by the proof
     overlap = "" if embedding.proved else checked.solidity.warning
+    areas = _areas(properties)
     return Report(
         name=equation.name,
         title=equation.title,
@@ -259,8 +260,7 @@ def _report(
         size=model.size,
         tolerance=model.tolerance,
         faces=tuple(
-            _face(model, face, sum(_areas(properties)[cell] for cell in face.cells))
-            for face in model.faces
+            _face(model, face, sum([areas[cell] for cell in face.cells])) for face in model.faces
         ),
         curves=tuple(_edge(model, index) for index in sorted(model.creases)),
         edges=len(model.creases),

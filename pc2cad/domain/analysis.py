@@ -248,18 +248,19 @@ class MapQuestions:
 
     def _side_samples(self) -> Array:
         """Return samples of all six sides, (n, 3), after a check that every one is finite."""
-        rows = []
+        cells = list[Cell]()
         for d in range(3):
             ranges: list[Sequence[int]] = [range(1, 2 * len(b) - 1, 2) for b in self._bounds]
             limits = ranges[d] = 0, 2 * (len(self._bounds[d]) - 1)
             self._look(ranges)
             for limit in limits:
                 ranges[d] = (limit,)
-                for cell in product(ranges[0], ranges[1], ranges[2]):
-                    points = self._at(cell)
-                    self._check_finite(cell, points)
-                    rows.append(points.reshape(-1, 3))
-        return np.concatenate(rows)
+                cells += product(ranges[0], ranges[1], ranges[2])
+        samples = np.concatenate([self._at(cell).reshape(-1, 3) for cell in cells])
+        if not np.isfinite(samples).all():
+            for cell in cells:
+                self._check_finite(cell, self._at(cell))
+        return samples
 
     def _look(self, ranges: Sequence[Sequence[int]]) -> None:
         """Evaluate the patches of two sides, some of them together."""
@@ -295,8 +296,7 @@ class MapQuestions:
                 wider = i, j, k
                 inside = 0 < wider[d] < 2 * len(self._bounds[d]) - 2
                 if inside and (len(fixed) == 3 or wider in self._samples):
-                    axis = directions_of(wider).index(d)
-                    return np.asarray(np.take(self._at(wider), end, axis=axis))
+                    return self._at(wider)[(slice(None),) * directions_of(wider).index(d) + (end,)]
         return None
 
     def _positions(self, direction: int, position: int) -> Array:

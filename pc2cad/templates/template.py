@@ -172,9 +172,10 @@ class Template(Header):
         known = None if whole or moved else self._figures(bound)
         read = self if whole else self._again(bound, moved, expects=known is None)
         equation = read._equation(bound, partial(self._bind_moved, values or {}))
-        if known is not None:
-            equation = replace(equation, expectations=known)
-        return replace(equation, freer=partial(self._freed, bound, moved)) if bound else equation
+        changes: dict[str, Any] = {} if known is None else {"expectations": known}
+        if bound:
+            changes["freer"] = partial(self._freed, bound, moved)
+        return replace(equation, **changes) if changes else equation
 
     def family(
         self, names: Sequence[str], values: Mapping[str, Number | str | Expr | Moved] | None = None
