@@ -37,6 +37,7 @@ def printed(value: float) -> bytes:
 @pytest.fixture(autouse=True, params=[0, 10**9], ids=["all at once", "one by one"])
 def both_ways(request, monkeypatch):
     monkeypatch.setattr(shortest, "FEW", request.param)
+    monkeypatch.setattr(shortest, "SHORT", request.param)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -31,6 +31,8 @@ _HALVES = float(2**27 + 1)
 _DOUBT = 1e-6
 #: points in a text below which its numbers are sooner printed anew than looked at all at once
 FEW = 400
+#: bytes of a text in which a word is sooner looked for by Python
+SHORT = 1 << 15
 _LONG = re.compile(rb"(\.(?<=[0-9]\.)[0-9]{6,}+(?:E[-+]?[0-9]++)?)")
 _POINT, _ZERO, _NINE, _EXPONENT, _MINUS = b".09E-"
 #: what ends a zero: a delimiter, or digits that were cut
@@ -102,6 +104,8 @@ def holds(data: bytes, word: bytes, rare: int) -> bool:
 
     `rare` is the place of that letter in the word.
     """
+    if len(data) < SHORT:
+        return word in data
     return bool(_places(np.frombuffer(data, np.uint8), word, rare).size)
 
 

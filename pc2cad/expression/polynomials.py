@@ -242,6 +242,10 @@ def _times(f: Polynomial, g: Polynomial) -> Polynomial:
     """Return f·g without terms that cancel; raise _TooLargeError."""
     if len(f) * len(g) > 20 * LARGEST:
         raise _TooLargeError
+    if len(g) == 1 or len(f) == 1:  # nothing meets, and most factors are numbers and parameters
+        long, ((one, factor),) = (f, g.items()) if len(g) == 1 else (g, f.items())
+        x, y, z = one
+        return _checked({(a + x, b + y, c + z): p * factor for (a, b, c), p in long.items()})
     result: Polynomial = {}
     for (a, b, c), p in f.items():
         for (i, j, k), q in g.items():
