@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 from fuzzing.bombs import BOMBS
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from plain_step import box
 
 from pc2cad.cli.main import GUARDED, main
@@ -17,8 +19,10 @@ from pc2cad.errors import InputError
 from pc2cad.studies.journal import LONGEST_LINE, _lines, _parsed
 from pc2cad.studies.plan import PlanError, read_axes
 from pc2cad.studies.variants_table import read_table
+from pc2cad.templates import scan
 from pc2cad.templates.file import parse_template
 from pc2cad.templates.ranges import RangeError, read_axis
+from pc2cad.templates.template import TemplateError
 
 #: seconds of processor time
 SOON = 2.0
@@ -184,3 +188,20 @@ def test_a_journal_is_read_line_by_line_and_no_line_is_endless(tmp_path) -> None
             lines = [line for line, _ in _lines(file)]
         assert max(map(len, lines)) <= LONGEST_LINE + 1
         assert [_parsed(line) for line in lines if _parsed(line)] == [{"study": "s"}]
+
+
+@given(st.lists(st.sampled_from(
+    ["a", ".", ".", "a.", "a.b.c.", "[", "{", "]", "}", "[" * 9, "{" * 20, " ", "\n", "=", "#", "1.5",
+     '"', "'", '"""', "'''", '"x.y"', ".a.b.c.d"]
+), max_size=60).map("".join))  # fmt: skip
+@settings(max_examples=300, deadline=None)
+def test_templates_are_scanned_wherever_they_may_be_refused(text):
+    said = []
+    for look in (scan._may_be_deep, lambda _: True):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(scan, "_may_be_deep", look)
+            try:
+                said.append(scan.check_text(text, "file"))
+            except TemplateError as error:
+                said.append(str(error))
+    assert said[0] == said[1]

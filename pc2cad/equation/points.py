@@ -59,9 +59,9 @@ class Combination:
     def __sub__(self, other: Combination) -> Combination:
         if not isinstance(other, Combination):
             return NotImplemented
-        return Combination(
-            self.x - other.x, self.y - other.y, self.z - other.z, self.weight - other.weight
-        )
+        own, its = self.weight, other.weight
+        weight = ZERO if own is its else own - its
+        return Combination(self.x - other.x, self.y - other.y, self.z - other.z, weight)
 
     def __neg__(self) -> Combination:
         return Combination(-self.x, -self.y, -self.z, -self.weight)

@@ -39,6 +39,8 @@ def check_text(text: str, file: str) -> None:
     Takes time and memory that go with the text's length. What comes after a mistake in the text is
     not looked at: a parser does not get there either.
     """
+    if not _may_be_deep(text):
+        return
     parts = depth = 0
     dotted = False
     for token in _TOKEN.finditer(text):
@@ -58,6 +60,19 @@ def check_text(text: str, file: str) -> None:
         elif kind == "close":
             depth -= 1
         dotted = kind == "dot"
+
+
+def _may_be_deep(text: str) -> bool:
+    """Say whether a text has brackets, or points on one line, enough for what is refused.
+
+    Where strings have several lines, keys may.
+    """
+    return (
+        text.count("[") + text.count("{") > DEEPEST
+        or any(line.count(".") >= MOST_PARTS for line in text.split("\n"))
+        or '"""' in text
+        or "'''" in text
+    )
 
 
 def _at(file: str, text: str, token: re.Match[str], what: str) -> TemplateError:
