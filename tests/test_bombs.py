@@ -191,8 +191,8 @@ def test_a_journal_is_read_line_by_line_and_no_line_is_endless(tmp_path) -> None
 
 
 @given(st.lists(st.sampled_from(
-    ["a", ".", ".", "a.", "a.b.c.", "[", "{", "]", "}", "[" * 9, "{" * 20, " ", "\n", "=", "#", "1.5",
-     '"', "'", '"""', "'''", '"x.y"', ".a.b.c.d"]
+    ["a", ".", ".", "a.", "a.b.c.", "[", "{", "]", "}", "[" * 9, "{" * 20, " ", "\n", "=", "#",
+     "1.5", '"', "'", '"""', "'''", '"x.y"', ".a.b.c.d"]
 ), max_size=60).map("".join))  # fmt: skip
 @settings(max_examples=300, deadline=None)
 def test_templates_are_scanned_wherever_they_may_be_refused(text):
