@@ -104,7 +104,7 @@ def test_bounds_of_channels_hold_samples_and_are_within_twice(name: str, count: 
         across = _values(carrier, ends, places).transpose(1, 0, 2) - function(ends, places)
         along = _values(carrier, places, ends).transpose(1, 0, 2) - function(places, ends)
         on_sides = (*across, *along.transpose(1, 0, 2))
-        for gap, side in zip(on_sides, bound.sides, strict=True):
+        for gap, side in zip(on_sides, map(bound.side, range(4)), strict=True):
             seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
             assert max(seen, side.sampled) <= side.largest <= 2 * side.sampled
 
@@ -190,7 +190,7 @@ def test_a_root_at_a_corner_is_bounded_by_its_values_there(root: Expr) -> None:
     gap = _values(carrier, near, near).transpose(1, 0, 2) - _sampler(trees)(near, near)
     seen = float(np.sqrt((gap * gap).sum(axis=-1)).max())
     assert seen <= bound.largest <= 1.5 * seen
-    assert max(side.largest for side in bound.sides) <= bound.largest
+    assert max(bound.side(k).largest for k in range(4)) <= bound.largest
 
 
 def test_a_root_along_a_side_is_bounded_where_it_may_be_off_by_as_much() -> None:

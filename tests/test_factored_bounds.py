@@ -109,6 +109,8 @@ def test_a_surface_that_is_expected_is_bounded_from_what_the_first_one_asked_for
     monkeypatch.setattr(taylor_evaluation, "_step", None)
     found.append(bound_surface(walls[1], ("u", "v"), surfaces[1], known=shared))
     assert found == alone
+    for one, other in zip(found, alone, strict=True):
+        assert [one.side(k) for k in range(4)] == [other.side(k) for k in range(4)]
 
 
 NEAR = {

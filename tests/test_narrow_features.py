@@ -124,7 +124,7 @@ def test_no_aim_is_ever_far_below_what_was_asked():
 
     def attempt(aim):
         aims.append(aim.target)
-        return Attempt(None, 1.0, 1e-7, {(0, 1): 0.5}, "near u = 0.5")
+        return Attempt(None, 1.0, 1e-7, {(0, 1): 0.5}, lambda: "near u = 0.5")
 
     with pytest.raises(ToleranceNotReachedError, match=r"by 1 .* 1e-07 was asked, most near u"):
         tighten(attempt, 1e-8, "the faces deviate", 1e-7)

@@ -9,8 +9,9 @@ larger than the largest sampled distance are halved, which makes the coefficient
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -60,10 +61,18 @@ class Bound:
     samples: int
     #: where no bound could be had: the range of each parameter, else empty
     open: tuple[tuple[float, float], ...] = ()
-    #: of a surface: the bounds on its sides, where s = 0, s = 1, t = 0, t = 1
-    sides: tuple[Bound, ...] = ()
     #: where the largest distance was seen
     place: tuple[float, ...] = ()
+    #: of a surface without open places: returns the bounds on the two sides along an axis (0 or 1);
+    #: they are worked out when they are asked for
+    pairs: Callable[[int], tuple[Bound, Bound]] | None = field(
+        default=None, compare=False, repr=False
+    )
+
+    def side(self, index: int) -> Bound:
+        """Return the bound on a side of a surface: where s = 0, s = 1, t = 0, t = 1 (0 to 3)."""
+        assert self.pairs is not None
+        return self.pairs(1 - index // 2)[index % 2]
 
 
 def bound_surface(
@@ -299,10 +308,10 @@ class _Survey:
         bound = (self._sizes + self._loss + rest) * (1 + 1e-9)
         largest = float(bound.max())
         if np.isfinite(largest):
-            sides = self._sides() if len(self._directions) == 2 else ()
+            pairs = lru_cache(self._pair) if len(self._directions) == 2 else None
             return Bound(
-                max(largest, self.sampled), self.sampled, self.samples, sides=sides,
-                place=self._place,
+                max(largest, self.sampled), self.sampled, self.samples, place=self._place,
+                pairs=pairs,
             )  # fmt: skip
         open_ = self._ranges(~np.isfinite(bound))
         return Bound(np.inf, self.sampled, self.samples, open_, place=self._place)
@@ -311,19 +320,19 @@ class _Survey:
     def _place(self) -> tuple[float, ...]:
         return self._at[: len(self._directions)]
 
-    def _sides(self) -> tuple[Bound, ...]:
-        """Return the bounds on the sides where s = 0, s = 1, t = 0, t = 1."""
-        forms, gaps = (np.concatenate(rows) for rows in zip(*self._along_t, strict=True))
-        along_t = self._pair(1, forms.transpose(3, 0, 2, 1), gaps.transpose(2, 0, 1))
-        forms, gaps = (np.stack(rows) for rows in zip(*self._along_s, strict=True))
-        return (*along_t, *self._pair(0, forms.transpose(0, 1, 3, 2), gaps))
+    @np.errstate(all="ignore")
+    def _pair(self, axis: int) -> tuple[Bound, Bound]:
+        """Return the bounds on the two sides along an axis.
 
-    def _pair(self, axis: int, forms: Array, gaps: Array) -> list[Bound]:
-        """Return the bounds on two sides, where nodes lie: interpolation across is off by nothing.
-
-        There the first or last coefficients across, (2, cells, 3, nodes), are the side's own;
-        differences are (2, places, 3).
+        Nodes lie there: interpolation across is off by nothing, and the first or last coefficients
+        across, (2, cells, 3, nodes), are the side's own; differences are (2, places, 3).
         """
+        if axis:
+            forms, gaps = (np.concatenate(rows) for rows in zip(*self._along_t, strict=True))
+            forms, gaps = forms.transpose(3, 0, 2, 1), gaps.transpose(2, 0, 1)
+        else:
+            forms, gaps = (np.stack(rows) for rows in zip(*self._along_s, strict=True))
+            forms = forms.transpose(0, 1, 3, 2)
         known = self._along[axis], self._data, self._by_values
         along, data, by_values = (np.moveaxis(x, axis, 1)[[0, -1]] for x in known)
         sampled = np.sqrt(_squares(gaps, 2).max(axis=1))
@@ -331,11 +340,12 @@ class _Survey:
         work = forms.reshape(-1, *forms.shape[2:])[..., None]
         sizes = _sharpened(work, np.repeat(goal, forms.shape[1])).reshape(2, -1)
         rest = np.minimum(along + data, by_values)
-        largest = ((sizes + self._loss + rest) * (1 + 1e-9)).max(axis=1)
-        return [
+        largest = ((sizes + self._loss + rest) * (1 + 1e-9)).max(axis=1).tolist()
+        first, last = [
             Bound(max(bound, seen), seen, gaps.shape[1])
-            for bound, seen in zip(largest.tolist(), sampled.tolist(), strict=True)
+            for bound, seen in zip(largest, sampled.tolist(), strict=True)
         ]
+        return first, last
 
     def _ranges(self, bad: Booleans) -> tuple[tuple[float, float], ...]:
         ranges = []

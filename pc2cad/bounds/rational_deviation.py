@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache, reduce
 
@@ -52,8 +52,19 @@ def bound_spline(
     product = reduce(np.multiply.outer, [row.weights for row in parametrisations])
     amiss += float(np.abs(weights - product).max())
     extra = (size + bound.largest) * (amiss + 1e-15) / (lowest - amiss)
-    sides = tuple(replace(side, largest=side.largest + extra) for side in bound.sides)
-    return replace(bound, largest=bound.largest + extra, sides=sides)
+    return replace(bound, largest=bound.largest + extra, pairs=_farther(bound, extra))
+
+
+def _farther(bound: Bound, extra: float) -> Callable[[int], tuple[Bound, Bound]] | None:
+    """Return what gives the sides of a bound by so much larger."""
+    if (pairs := bound.pairs) is None:
+        return None
+
+    def larger(axis: int) -> tuple[Bound, Bound]:
+        first, last = (replace(side, largest=side.largest + extra) for side in pairs(axis))
+        return first, last
+
+    return larger
 
 
 def expect_spline(

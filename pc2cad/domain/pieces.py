@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -74,10 +75,11 @@ class Pieces:
             trees, single = self.trees(spans)
             if whole:
                 trees, single = self._sides[spans, whole], False
-            side = substitute(trees, {name: x for name, x in at if (name, x) not in whole})
+            put = {name: x for name, x in at if (name, x) not in whole}
+            side = substitute(trees, put)
             # what one piece alone makes of a root or a quotient could not be seen before, nor
             # what a side makes of a root
-            new = single or _has_new_root(side, trees)
+            new = single or (_may_make_roots(trees, put.keys()) and _has_new_root(side, trees))
             self._sides[spans, at] = cancel(side) if new else side
         return self._sides[spans, at]
 
@@ -109,6 +111,18 @@ def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
     """Say whether a function in pieces depends on a parameter."""
     among_pieces = among(trees, lambda n: "pieces" in n.ops and name in n.symbols)
     return any(node.op == "pieces" for node in among_pieces)
+
+
+def _may_make_roots(trees: tuple[Expr, ...], names: AbstractSet[str]) -> bool:
+    """Say whether trees may hold other roots of symbols once there are numbers for some names.
+
+    What becomes a number holds none, and sums, products and quotients make none.
+    """
+
+    def holds(node: Expr) -> bool:
+        return not (names.isdisjoint(node.symbols) or node.symbols <= names)
+
+    return any([node.op not in ("add", "mul", "neg", "div") for node in among(trees, holds)])
 
 
 def _has_new_root(side: tuple[Expr, ...], trees: tuple[Expr, ...]) -> bool:

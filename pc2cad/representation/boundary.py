@@ -153,7 +153,7 @@ def _judged(
     work: _Work, edges: list[ModelEdge], faces: list[ModelFace], allowed: float
 ) -> Attempt[_Carriers | int]:
     """Return edges and faces with the largest deviation of them, and where it was seen."""
-    cells, worst, where = work.cells, {}, ""
+    cells, worst = work.cells, {}
     rows: list[tuple[ModelEdge | ModelFace, RestrictedMap]] = [
         *((face, cells.faces[face.cells[0]]) for face in faces),
         *zip(edges, cells.edges, strict=True),
@@ -164,7 +164,11 @@ def _judged(
             cells.classes.owner(piece): place
             for piece, place in zip(function.pieces, off.place, strict=True)
         }
-        where = f"on {cells.boundary.name(function.cell)} near {function.shown(*off.place)}"
+
+    def where() -> str:
+        name = cells.boundary.name(function.cell)
+        return f"on {name} near {function.shown(*off.place)}" if off.place else ""
+
     return Attempt((edges, faces), off.deviation, allowed, worst, where)
 
 

@@ -43,7 +43,14 @@ class Side:
     cell: Cell
     knots: Array
     poles: Array
-    bound: Bound
+    #: of the face, and which of its sides it is
+    whole: Bound
+    index: int
+
+    @property
+    def bound(self) -> Bound:
+        """How far the side is from the equation: few are asked for it."""
+        return self.whole.side(self.index)
 
     def carries(self, cell: Cell, carrier: SplineCurve) -> bool:
         """Say whether it is an edge, pole for pole, and known about as well as that could be."""
@@ -59,18 +66,18 @@ class Side:
 def _sides_of(face: ModelFace, function: RestrictedMap, bound: Bound) -> list[Side]:
     """Return the sides of a face that are bounded with it, rational ones left out."""
     surface = face.carrier
-    if not isinstance(surface, SplineSurface):
+    if not isinstance(surface, SplineSurface) or bound.pairs is None:
         return []
     rows, weights = _rows(surface.poles), surface.weights
     plain = [True] * 4 if weights is None else [bool((row == 1).all()) for row in _rows(weights)]
     found = []
-    for k, (row, part) in enumerate(zip(rows, bound.sides, strict=False)):
+    for k, row in enumerate(rows):
         if not plain[k]:
             continue
         direction, position = function.pieces[k // 2]
         cell = list(function.cell)
         cell[direction] = position + (1 if k % 2 else -1)
-        found.append(Side((cell[0], cell[1], cell[2]), surface.knots[1 - k // 2], row, part))
+        found.append(Side((cell[0], cell[1], cell[2]), surface.knots[1 - k // 2], row, bound, k))
     return found
 
 

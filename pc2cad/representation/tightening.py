@@ -72,9 +72,9 @@ class Attempt(Generic[Result]):
     #: largest deviation from the equation, and the largest that is allowed
     deviation: float
     allowed: float
-    #: where it was seen to be largest, by pieces of directions, and in words
+    #: where it was seen to be largest, by pieces of directions, and in words when it is asked for
     worst: Mapping[Piece, float] = field(default_factory=dict)
-    where: str = ""
+    where: Callable[[], str] = str
 
 
 def tighten(
@@ -91,7 +91,8 @@ def tighten(
         if found.deviation <= found.allowed:
             return found.result
         aim = aim.after(found.deviation, found.allowed, found.worst)
-    place = f", most {found.where}" if found.where else ""
+    where = found.where()
+    place = f", most {where}" if where else ""
     raise ToleranceNotReachedError(
         f"{what} by {found.deviation:.3g} from the equation where {tolerance:.3g} was asked{place}"
         "; allow a larger --tolerance"
