@@ -1,11 +1,13 @@
 """Variants that take from a proof over ranges what a fresh build finds: the same bytes."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pc2cad.cli.main import main
 from pc2cad.compiler import compile_solid
 from pc2cad.solidity import orientation
 from pc2cad.studies import over_ranges
@@ -129,3 +131,39 @@ def test_bad_ranges_are_one_sentence(template: str, over: Any, words: str) -> No
         prove_over(shipped(template), over)
     assert "\n" not in str(error.value)
     assert type(error.value).__module__.startswith("pc2cad")
+
+
+def test_the_command_tells_what_is_proved_and_what_is_open(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A torus folds where its tube is wider than its circle, of radius 5."""
+    assert main(["check", "torus", "--over", "r=1:8"]) == 0
+    told = capsys.readouterr().out
+    assert "det J keeps its sign: proved over 57.14 % of r from 1 to 8" in told
+    assert "1 … 4.9998779296875  > 0    1 bound, 4 coincide, 1 collapse" in told
+    assert "Open: not proved, and not refuted" in told
+    assert main(["check", "torus", "--over", "r=1:4", "-s", "R=6", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["share"] == found["share_of_sides"] == 1
+    assert found["proved"] == [{"values": {"r": [1, 4]}, "sign": 1, "faces": 1}]
+    assert found["open"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["torus", "--over", "r"], "--over 'r': write NAME=LOW:HIGH, for example p=0.2:0.8"),
+        (["torus", "--over", "r=1:2", "--over", "r=1:3"], "--over r: the parameter has two ranges"),
+        (["torus", "--over", "r=1:2", "--triangles"], "--over is answered without a solid"),
+        (["bolt", "--over", "d=1:2"], "choose one of them with --body"),
+        (["spring", "--over", "pitch=2:3"], "the way to M asks for its value"),
+    ],
+)
+def test_the_command_refuses_in_one_sentence(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", *arguments]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert words in told.err
+    assert told.err.count("\n") == 1

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pc2cad.cli import over_ranges
 from pc2cad.cli.figures import with_figures
 from pc2cad.cli.inputs import (
     add_density,
@@ -38,11 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="hold the triangles that an STL file would hold against the equation, too",
     )  # fmt: skip
     add_density(parser)
+    over_ranges.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compile the template in memory and print the report."""
+    if arguments.over:
+        return over_ranges.run(arguments)
     template, _ = load(arguments)
     equation = bind(template, arguments)
     options, density = read_options(arguments), read_densities(arguments.densities)

@@ -208,17 +208,31 @@ class _Answers:
         if not np.all(lengths <= self._apart):
             index = np.unravel_index(int(np.argmax(lengths)), lengths.shape)
             place = zip(along, index, strict=True)
-            if self._is_far(*trees, tuple((PARAMETERS[d], float(TRIED[i])) for d, i in place)):
+            there = tuple((PARAMETERS[d], float(TRIED[i])) for d, i in place)
+            name = self._why_near(*trees, there)
+            if not name:
                 return False
         elif self._sides.is_one(*trees):
             return True
         raise OpenQuestionError(name)
 
-    def _is_far(self, first: _Point, second: _Point, place: _Place) -> bool:
-        """Say whether two points are apart at a place, whichever way that is."""
+    def _why_near(self, first: _Point, second: _Point, place: _Place) -> str:
+        """Return what keeps two points from being apart at a place, whichever way that is, or ''.
+
+        It is the parameter with which their distance may change most.
+        """
         boxes = {n: Interval(x.lower[None], x.upper[None]) for n, x in self._values.items()}
         squares = self._sides.distance(first, second, place)(boxes)
-        return max(float(np.max(x.value.lower)) for x in squares) > self._apart**2
+        best = max(squares, key=lambda x: float(np.max(x.value.lower)))
+        if float(np.max(best.value.lower)) > self._apart**2:
+            return ""
+        changes = {
+            name: float(np.max(np.maximum(-best.slopes[name].lower, best.slopes[name].upper)))
+            * float(x.upper - x.lower)
+            for name, x in self._values.items()
+            if name in best.slopes
+        }
+        return max(changes, key=lambda name: changes[name], default=next(iter(self._values)))
 
     def ignores(self, patch: Cell, direction: int) -> Verdict:
         """See Questions.ignores."""

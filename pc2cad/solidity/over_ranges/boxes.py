@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import prod
+from typing import Any
 
 from pc2cad.expression.tree import Expr, Number, as_expr
 from pc2cad.solidity.jacobian_proof.factors import Spans
@@ -46,6 +47,11 @@ class RangeProof:
     spent: float
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters that run."""
+        return tuple(name for name, _ in self.spans)
+
+    @property
     def share(self) -> float:
         """How much of the ranges is proved, by volume: 1 for all of them."""
         return float(sum(volume(box.spans, self.spans) for box in self.proved))
@@ -73,6 +79,22 @@ class RangeProof:
             f"sides collapse, coincide and bound alike: proved over {alike}"
         )
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON; the number of faces is None where it is open."""
+        return {
+            "name": self.name, "over": _plain(self.spans), "share": self.share,
+            "share_of_sides": self.share_of_sides,
+            "proved": [
+                {
+                    "values": _plain(box.spans), "sign": box.sign,
+                    "faces": None if box.boundary is None else len(box.boundary.faces),
+                }
+                for box in self.proved
+            ],
+            "open": [_plain(spans) for spans in self.open], "looks": self.looks,
+            "operations": self.spent,
+        }  # fmt: skip
+
     def at(self, values: Mapping[str, Expr | Number]) -> ProvedBox | None:
         """Return the proved box that values of all the template's parameters lie in, or None.
 
@@ -89,6 +111,10 @@ class RangeProof:
         if len(numbers) < len(self.spans):
             return None
         return next((box for box in self.proved if box.holds(numbers)), None)
+
+
+def _plain(spans: Spans) -> dict[str, list[float]]:
+    return {name: [float(low), float(high)] for name, (low, high) in spans}
 
 
 def _percent(share: float) -> str:
