@@ -92,6 +92,19 @@ def test_value_at_which_the_map_is_flat():
     assert {box.sign for box in found.proved} == {1}
 
 
+def test_root_of_a_square_whose_sign_goes_with_a_parameter():
+    """√(2 - p)² is |2 - p|, and not 2 - p as it would be of a parameter that runs from 0 to 1."""
+    found = proof(written("u", "v", "w*sqrt((2 - p)^2)", "p"), p=(1, 4))
+    assert found.share > 0.99
+    assert {box.sign for box in found.proved} == {1}
+    assert all(not box.holds({"p": Fraction(2)}) for box in found.proved)
+
+
+def test_side_without_a_value_leaves_sides_open():
+    found = proof(written("u", "v", "w*(p + sin(u)/u)", "p"), p=(1, 2))
+    assert found.share_of_sides == 0
+
+
 def test_map_that_is_flat_for_all_values():
     found = proof(written("u", "v", "p*u", "p"), p=(-1, 1))
     assert (found.share, found.looks, len(found.open)) == (0, 1, 1)

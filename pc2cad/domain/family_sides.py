@@ -21,7 +21,16 @@ from pc2cad.expression.identity import Verdict
 from pc2cad.expression.intervals import Interval, interval
 from pc2cad.expression.normal_form import is_identically_zero, normal_form, tree_of
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import ONE, ZERO, Expr, number, ops_of, substitute, symbol
+from pc2cad.expression.tree import (
+    ONE,
+    ZERO,
+    Expr,
+    ValueDomainError,
+    number,
+    ops_of,
+    substitute,
+    symbol,
+)
 from pc2cad.geometry.scale import Scale
 from pc2cad.topology.cells import Cell, Symmetry, directions_of
 from pc2cad.topology.complex import BoundaryComplex
@@ -70,14 +79,15 @@ class FamilySides:
     def boundary(self, values: Mapping[str, Interval]) -> BoundaryComplex | None:
         """Return the boundary complex that all maps have whose parameters are in intervals.
 
-        None where the maps have creases, or no closed boundary. Raises OpenQuestionError.
+        None where the maps have creases, no closed boundary, or no value at one of their sides as
+        trees tell it. Raises OpenQuestionError.
         """
         if not self._is_smooth:
             return None
         try:
             with np.errstate(all="ignore"):  # what is not bounded keeps nothing apart
                 return derive_boundary(_Answers(self, values), LABELS)
-        except NotASolidError:
+        except (NotASolidError, ValueDomainError):
             return None
 
     def on(self, cell: Cell, local: tuple[Expr, ...] | None = None) -> _Point:

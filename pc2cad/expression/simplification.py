@@ -17,6 +17,7 @@ from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of, with_square
+from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.polynomials import constant_sums
 from pc2cad.expression.residues import may_be_square
 from pc2cad.expression.rewriting import among, has_more, rewrite
@@ -54,8 +55,8 @@ def simplified(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 def cancel(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
     """Return equal trees without the roots and quotients that cancel.
 
-    Every symbol is a local parameter and runs from 0 to 1: a root of a square is taken only where
-    the sign of what was squared is certain over that box.
+    u, v and w are local parameters and run from 0 to 1, other symbols anywhere: a root of a square
+    is taken only where the sign of what was squared is certain.
     """
     roots = _constant_sums(roots)
     held = ops_of(roots)
@@ -324,7 +325,8 @@ def _sign(form: NormalForm) -> int:
     if low > 0 or high < 0:
         return 1 if low > 0 else -1
     tree = tree_of(form)
-    changes = sign_changes(tree) if len(tree.symbols) == 1 else None
+    one = len(tree.symbols) == 1 and tree.symbols.issubset(PARAMETERS)
+    changes = sign_changes(tree) if one else None
     return changes.signs[0] if changes is not None and not changes.places else 0
 
 
@@ -374,14 +376,14 @@ def _in_sines(form: NormalForm) -> NormalForm:
 
 
 def _bounds(form: NormalForm) -> tuple[float, float]:
-    """Return what a polynomial lies between while symbols run from 0 to 1, term by term."""
+    """Return what a polynomial lies between while u, v and w run from 0 to 1, term by term."""
     low = high = 0.0
     for monomial, coefficient in form.items():
         a = b = float(coefficient)
         for atom, exponent in monomial:
             if not atom.symbols:
                 ends = [evaluate(atom, {}) ** exponent] * 2
-            elif atom.op == "symbol":
+            elif atom.op == "symbol" and atom.payload in PARAMETERS:
                 ends = [0.0, 1.0]
             elif atom.op in ("sin", "cos"):
                 ends = [0.0 if exponent % 2 == 0 else -1.0, 1.0]
