@@ -2,9 +2,10 @@
 
     python -m benchmarks.variants [--rounds 9] [--each 20]
 
-A worker's own `run_variant`, STEP file included, of parameters that did not occur before; CPU
-seconds. Each round first loads the kernel's library in processes of its own, so that both see the
-machine as it is then: the table has medians over the rounds, and the median of their quotients.
+A worker's own `run_variant`, STEP file included, of parameters that did not occur before, and with
+what a study of many variants proves beforehand over their ranges; CPU seconds. Each round first
+loads the kernel's library in processes of its own, so that both see the machine as it is then: the
+table has medians over the rounds, and the median of their quotients.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import time
 from statistics import median
 
 from benchmarks.imports import cpu
+from pc2cad.studies.over_ranges import packed, prove_over
 from pc2cad.studies.variant import BUILT, Job, Task, run_variant
 from pc2cad.studies.worker import warm_up
 from pc2cad.templates.shipped import template_paths
@@ -31,7 +33,9 @@ WARM, LOADS = 5, 3
 
 def stream(name: str, folder: str, generator: random.Random):
     """Yield the CPU seconds of one variant after the other."""
-    task = Task(template_paths()[name].read_text(encoding="utf-8"), name, ("step",), folder)
+    text = template_paths()[name].read_text(encoding="utf-8")
+    known = packed(prove_over(name, VARIED[name]))
+    task = Task(text, name, ("step",), folder, known=known)
     while True:
         values = {key: generator.uniform(*ends) for key, ends in VARIED[name].items()}
         start = time.process_time()
