@@ -232,15 +232,15 @@ def look_along(asked: Sequence[_Asked]) -> None:
 
 
 def _look_in_row(asked: Sequence[_Asked]) -> None:
-    lines = [(*one, one[0].places(*_joined(one[1]))) for one in asked]
-    counts = [max(place.size for place in places) for _, _, places in lines]
+    lines = [_joined(arrays) for _, arrays in asked]
+    counts = [len(line[0]) if line else 1 for line in lines]
     table, start = np.empty((len(PARAMETERS), sum(counts))), 0
-    for (_, _, places), count in zip(lines, counts, strict=True):
-        for values, place in zip(table, places, strict=True):
+    for (cell, _), line, count in zip(asked, lines, counts, strict=True):
+        for values, place in zip(table, cell.places(*line), strict=True):
             values[start : start + count] = place
         start += count
     points, start = asked[0][0].analysis.map.points(*table), 0
-    for (cell, arrays, _), count in zip(lines, counts, strict=True):
+    for (cell, arrays), count in zip(asked, counts, strict=True):
         _remember(cell, arrays, points[start : start + count] if arrays else points[start])
         start += count
 

@@ -190,8 +190,12 @@ def census(exportable: Exportable) -> list[Census]:
     return [_census(solid, _rounding(exportable)) for solid in exportable.bodies]
 
 
-def check_read_back(shape: Any, originals: list[Census], what: str) -> None:
+def check_read_back(
+    shape: Any, originals: list[Census], what: str, plain: PlaneSolid | None = None
+) -> None:
     """Compare what was read back with the original; `what` names the file in messages.
+
+    `plain` are the numbers of a single solid with plane faces where they have been read.
 
     Raises:
         KernelError: it is no valid solid, or as many as there were layers, or their counts,
@@ -204,12 +208,14 @@ def check_read_back(shape: Any, originals: list[Census], what: str) -> None:
             f"the {what} reads back as {len(solids)} solids instead of {len(originals)}"
         )
     for solid, original in zip(solids, originals, strict=True):
-        _check_solid_read_back(solid, original, what)
+        _check_solid_read_back(solid, original, what, plain)
 
 
-def _check_solid_read_back(solid: Any, original: Census, what: str) -> None:
+def _check_solid_read_back(
+    solid: Any, original: Census, what: str, plain: PlaneSolid | None
+) -> None:
     check_solid(solid)
-    found = _census(solid)
+    found = _census(solid, plain=plain)
     if not is_valid(solid, found.plain):
         raise KernelError(f"the {what} reads back as a solid that is not valid")
     if (found.faces, found.shells) != (original.faces, original.shells):
@@ -236,8 +242,8 @@ def _check_solid_read_back(solid: Any, original: Census, what: str) -> None:
         )
 
 
-def _census(solid: Any, rounding: float = 0.0) -> Census:
-    plain = plane_solid(solid)
+def _census(solid: Any, rounding: float = 0.0, plain: PlaneSolid | None = None) -> Census:
+    plain = plain or plane_solid(solid)
     if plain is not None:
         counts = len(plain.planes), plain.count(SHELL)
         return Census(solid, *counts, plain.tolerance, rounding, plain)

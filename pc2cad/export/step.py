@@ -219,9 +219,9 @@ def _check_read_back(text: bytes, originals: list[Census], unit_in_mm: float) ->
     if plain is not None and is_convex(plain):
         # what reads back as such a solid is not mended by any reader
         shape = _read(text, unit_in_mm, ALL_MENDING)
-        found = plane_solid(shape)
+        found = None if shape.IsNull() else plane_solid(shape)
         if found is not None and is_convex(found) and is_convex_body(found):
-            check_read_back(shape, originals, "STEP text")
+            check_read_back(shape, originals, "STEP text", found)
             return
     one_shell = [original.shells for original in originals] == [1]
     shape = _read(text, unit_in_mm, SEARCHES + ("FixShellOrientation",) * one_shell)
