@@ -263,7 +263,8 @@ def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
     """Do the same for the normals of faces."""
     for several, grid in _together(sorted(functions, key=_directions), local):
         s, t = directions_of(several[0].cell)
-        along_s, along_t = several[0].analysis.map.tangents((s, t), *grid)
+        _, *tangents = several[0].analysis.map.frame(*grid)
+        along_s, along_t = tangents[s], tangents[t]
         for function, normals in zip(several, cross(along_s, along_t), strict=True):
             function._normals[_key(local)] = normals
 
