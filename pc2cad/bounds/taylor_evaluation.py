@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 from functools import lru_cache
 from typing import Final
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.distinct import distinct
+from pc2cad.bounds.fixed_numbers import UNKNOWN, fixed, rounded
 from pc2cad.bounds.known import Known, Models, Store
 from pc2cad.bounds.taylor_functions import (
     FUNCTIONS,
@@ -71,7 +71,7 @@ def enclose(
         for level in levels:
             for node, operands in _without_products(level, found, fresh, order):
                 args = tuple([found[arg] for arg in operands])
-                if node.op == "neg":
+                if node.op == "neg" and args:
                     model = neg(args[0])
                 elif node.op == "symbol":
                     axis = names.index(node.payload)
@@ -134,6 +134,9 @@ def _without_products(level: _Level, found: Store, fresh: Store, order: int) -> 
     left: _Level = []
     for step in level:
         node, operands = step
+        if not node.symbols:
+            left.append(step)
+            continue
         if node.op == "mul":
             x, y = found[operands[0]], found[operands[1]]
         elif node.op == "pow" and node.args[1] is _TWO:
@@ -163,7 +166,12 @@ def _without_products(level: _Level, found: Store, fresh: Store, order: int) -> 
 
 
 def _operands(node: Expr) -> tuple[Expr, ...]:
-    """Return what models are needed of: no coefficients that are numbers, no roots divided by."""
+    """Return what models are needed of: no coefficients that are numbers, no roots divided by.
+
+    Nor of what a number is worked out from that holds no symbol.
+    """
+    if not node.symbols and fixed(node) is not UNKNOWN:
+        return ()
     if node.op == "div" and node.args[1].op == "sqrt":
         return node.args[0], node.args[1].args[0]
     table = node.op == "pieces" and _table(node) is not None
@@ -172,11 +180,8 @@ def _operands(node: Expr) -> tuple[Expr, ...]:
 
 def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order: int) -> Model:
     op = node.op
-    if op == "number":
+    if not args:
         return _number(node)
-    if op == "constant":
-        value = float(np.pi if node.payload == "pi" else np.e)
-        return constant(value, UNIT * value)
     if op == "add":
         return add(args[0], args[1])
     if op == "neg":
@@ -199,25 +204,19 @@ def _step(node: Expr, args: tuple[Model, ...], where: Mapping[str, Place], order
 
 @lru_cache(maxsize=1024)
 def _number(node: Expr) -> Model:
-    return constant(*_rounded(node.payload))
-
-
-def _rounded(exact: Fraction) -> tuple[float, float]:
-    """Return a number in double precision, and how far it may be off."""
-    value = float(exact)
-    return value, 0.0 if value == exact else UNIT * abs(value)
+    return constant(*fixed(node))
 
 
 @lru_cache(maxsize=256)
 def _table(node: Expr) -> Array | None:
-    """Return what `_rounded` gives of the coefficients of pieces, (2, pieces, width).
+    """Return what `rounded` gives of the coefficients of pieces, (2, pieces, width).
 
     None where some of them are no numbers.
     """
     flat = node.args[1:]
     if any(c.op != "number" for c in flat):
         return None
-    return np.array([_rounded(c.payload) for c in flat]).T.reshape(2, -1, node.payload.width)
+    return np.array([rounded(c.payload) for c in flat]).T.reshape(2, -1, node.payload.width)
 
 
 def _power(node: Expr, args: tuple[Model, ...], order: int) -> Model:
