@@ -153,18 +153,18 @@ def test_patches_are_raised_before_they_are_taken_as_after():
 # -- planes ----------------------------------------------------------------------------------------
 
 
-def above_floor(dip: float, weight: float = 1.0):
+def above_floor(dip: float, weight: float = 1.0, row: int = 6, degree: int = 3):
     """A spline that stands on the floor along its side s = 0, and the floor as a plane face."""
     inner = np.linspace(0, 1, 9)
-    knots = np.concatenate((np.zeros(3), inner, np.ones(3)))
-    count = len(knots) - 4
-    at = np.array([knots[i + 1 : i + 4].mean() for i in range(count)])
-    x, y = np.meshgrid(at, at, indexing="ij")
+    knots = [np.concatenate((np.zeros(p), inner, np.ones(p))) for p in (degree, 3)]
+    places = [[k[i + 1 : i + 1 + p].mean() for i in range(8 + p)]
+              for k, p in zip(knots, (degree, 3), strict=True)]  # fmt: skip
+    x, y = np.meshgrid(*places, indexing="ij")
     poles = np.stack((y, 0.1 * x, x), axis=-1)
-    poles[6, 5, 2] -= dip
-    weights = np.ones((count, count))
+    poles[row, 5, 2] -= dip
+    weights = np.ones(x.shape)
     weights[3, 3] = weight
-    patches = surface_patches(SplineSurface((3, 3), (knots, knots), poles, weights))
+    patches = surface_patches(SplineSurface((degree, 3), (knots[0], knots[1]), poles, weights))
     names = [(0, (0, 1)), (1, (1, 2)), (2, (3, 2)), (3, (0, 3))]
     sides = tuple(SheetSide(edge, at_ends, inner) for edge, at_ends in names)
     unit = np.array([0.0, 1.0])
@@ -196,6 +196,21 @@ def test_patches_of_a_pole_below_the_plane_are_not_parted():
     assert np.argwhere(~found).min(axis=0).tolist() == [3, 2]
     assert np.argwhere(~found).max(axis=0).tolist() == [6, 5]
     assert (~found).sum() == 16
+
+
+def test_patches_along_a_side_are_parted_where_only_their_poles_are_beyond_the_plane():
+    """The end of the first patches is 1/8 above the floor, a pole of the fourth row 1/6 of it."""
+    above, below = parted(above_floor(0.7, row=3)), parted(above_floor(0.8, row=3))
+    assert above[0].all()
+    assert np.argwhere(~above).min(axis=0).tolist() == [1, 2]
+    assert np.argwhere(~below).min(axis=0).tolist() == [0, 2]
+    assert (~below[0]).sum() == 4
+
+
+def test_the_other_side_of_patches_of_degree_one_is_not_left_out():
+    found = parted(above_floor(0.5, row=1, degree=1))
+    assert np.argwhere(~found).min(axis=0).tolist() == [0, 2]
+    assert (~found).sum() == 8
 
 
 def test_a_side_that_the_plane_face_does_not_have_is_not_left_out():

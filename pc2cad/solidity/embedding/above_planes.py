@@ -3,7 +3,8 @@
 Inside a patch all poles that it is made of have positive factors, and at an end of its sheet, where
 knots are clamped, the first (or last) ones only. So where all poles are above a plane, but for
 those of sides and corners that the plane face has too, the patch meets that face there only. No
-patch is made for that, and a block of patches is above where all of them are.
+patch is made for that, and a block of patches is above where all of them are. Along a common side
+control points are taken across it where poles do not do: these reach farther round a bend.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pc2cad.arrays import Booleans, Integers
+from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
 from pc2cad.geometry.sheets import Patches
@@ -83,7 +84,40 @@ def _bits(surfaces: Surfaces, index: int, planes: Integers, room: float) -> NDAr
         for bit, height in ((_ABOVE, heights), (_BELOW, -heights)):
             there = _of_patches(free | (height > room * weights), patches)
             result |= np.where(there, np.uint8(bit), np.uint8(0))
+        edges = surfaces.borders[0][surfaces.plane[planes]]
+        for side, (axis, end) in enumerate(_ROWS):
+            row: NDArray[np.uint8] = np.moveaxis(result, 1 + axis, 0)[end]
+            left: Booleans = (row == 0).any(axis=1) & edges[:, surfaces.edges[index, side]]
+            some = np.flatnonzero(left)
+            if len(some) and patches.matrices is not None:
+                row[some] |= _finer(patches, axis, end, heights[some], free[some], room)
     return result.reshape(len(planes), -1)
+
+
+def _finer(
+    patches: Patches, axis: int, end: int, heights: Array, free: Booleans, room: float
+) -> NDArray[np.uint8]:
+    """Return the bits of the patches along one side (k, m), of heights times weights (k, N, M).
+
+    Away from the side they are held by their own control points: poles may be far ahead.
+    """
+    assert patches.matrices is not None
+    index, matrix = patches.index[axis][end], patches.matrices[axis][end]
+    weights = matrix @ np.moveaxis(patches.poles[..., 3], axis, 0)[index]
+    heights = matrix @ np.moveaxis(heights, 1 + axis, 1)[:, index]
+    free = np.asarray(np.moveaxis(free, 1 + axis, 1))
+    # inside poles are free along a whole side only; on its own sides a patch has the poles
+    inside: Booleans = np.asarray(free[:, index[1:-1]].all(axis=1) & (len(index) > 2))
+    own = np.repeat(inside[:, None], len(index), axis=1)
+    for last in (0, -1):
+        if last == end or len(patches.index[axis]) == 1:
+            own[:, last] = free[:, index[last]]
+    result = np.zeros((len(heights), len(patches.index[1 - axis])), dtype=np.uint8)
+    for bit, height in ((_ABOVE, heights), (_BELOW, -heights)):
+        there = (own | (height > room * weights)).all(axis=1)
+        there = there[:, patches.index[1 - axis]].all(axis=2)
+        result |= np.where(there, np.uint8(bit), np.uint8(0))
+    return result
 
 
 def _of_patches(poles: Booleans, patches: Patches) -> Booleans:
