@@ -104,6 +104,11 @@ class Cells:
         return np.stack(sides, axis=1)
 
     @cached_property
+    def on_border(self) -> Booleans:
+        """Which cells have a side on the border of their sheet (N,)."""
+        return np.asarray(self._on_border.any(axis=1))
+
+    @cached_property
     def edge(self) -> Integers:
         """The edge on which each side lies, -1 where it is a point or inside the sheet, (N, 4)."""
         return np.where(self._on_border, self.surfaces.edges[self.sheet], -1)
@@ -262,7 +267,11 @@ class Joints:
 
 def joints(cells: Cells, pairs: Integers) -> Joints:
     """Return where pairs of different cells are joined."""
-    a, b = pairs[:, 0], pairs[:, 1]
+    sides, corners = np.zeros((2, len(pairs), 4, 4), dtype=bool)
+    rows = np.flatnonzero(_may_be_joined(cells, pairs))
+    if len(rows) == 0:
+        return Joints(sides, corners)
+    a, b = pairs[rows, 0], pairs[rows, 1]
     name, level, low, high = cells.sides
     same = (name[a][:, :, None] == name[b][:, None]) & (name[a] >= 0)[:, :, None]
     same &= np.abs(level[a][:, :, None] - level[b][:, None]) <= SAME
@@ -271,4 +280,15 @@ def joints(cells: Cells, pairs: Integers) -> Joints:
     node, where = cells.nodes
     corner = node[a][:, :, None] == node[b][:, None]
     corner &= (np.abs(where[a][:, :, None] - where[b][:, None]) <= SAME).all(axis=-1)
-    return Joints(same & (over > SAME), corner)
+    sides[rows], corners[rows] = same & (over > SAME), corner
+    return Joints(sides, corners)
+
+
+def _may_be_joined(cells: Cells, pairs: Integers) -> Booleans:
+    """Say which pairs adjoin on one sheet, or are both on borders of sheets that may be joined."""
+    a, b = pairs[:, 0], pairs[:, 1]
+    low, high = cells.limits
+    gap = np.maximum(low[a] - high[b], low[b] - high[a])
+    one, other, border = cells.sheet[a], cells.sheet[b], cells.on_border
+    beside = (one == other) & (gap[:, 0] <= SAME) & (gap[:, 1] <= SAME)
+    return np.asarray(beside | (cells.surfaces.joined[one, other] & border[a] & border[b]))

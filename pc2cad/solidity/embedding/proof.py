@@ -270,11 +270,9 @@ class _Descent:
             return own, np.ones(len(own), dtype=bool), np.zeros(len(own))
         where = joints(cells, pairs)
         done = self.tests.beside_plane(cells, pairs)
-        for rows, test in (
-            (where.along & ~done, self.tests.joined_along),
-            (where.at & ~done, self.tests.joined_at),
-        ):
-            index = np.flatnonzero(rows)
+        for kind, test in (("along", self.tests.joined_along), ("at", self.tests.joined_at)):
+            # most are not joined at all
+            index = np.flatnonzero(getattr(where, kind) & ~done) if where.any.any() else ()
             if len(index):
                 part = type(where)(where.sides[index], where.corners[index])
                 done[index] = test(cells, pairs[index], part)

@@ -144,6 +144,12 @@ class Surfaces:
         return np.array([[side.ends for side in sheet.sides] for sheet in self.sheets])
 
     @cached_property
+    def joined(self) -> Booleans:
+        """Which sheets have an edge or a vertex in common, (sheets, sheets)."""
+        ends = self.vertices.reshape(len(self.sheets), -1)
+        return np.asarray((ends[:, None, :, None] == ends[:, None]).any(axis=(2, 3)))
+
+    @cached_property
     def along(self) -> Array:
         """Coordinates along the edges at the ends of patches, (sheets, 4, most + 1)."""
         most = int(self.shapes.max()) + 1
