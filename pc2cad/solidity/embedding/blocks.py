@@ -26,7 +26,6 @@ from pc2cad.solidity.embedding.windows import (
     is_ahead,
     is_alone,
     is_wall,
-    joint,
 )
 
 #: sheets of no more patches are held by the control points of each from the first
@@ -287,34 +286,57 @@ class _Search:
         if len(alone):
             tangents = level.tangents(first[:, alone])
             result[alone] = is_alone(tangents[0], tangents[1])
-        if len(walls):
-            tangents = level.tangents(np.concatenate((first[:, walls], second[:, walls])))
-            start = level.start[len(self.surfaces.sheets) + wall[walls]] - level.start[sheet[walls]]
-            across = level.cones[len(level.low) + start + first[:, walls]]
-            result[walls] = is_wall(tangents[0], tangents[1], joint(across))
+        # along one side of a wall, whichever, and then across at the other block
+        for corners, end in ((first, 2), (second, 0)):
+            rows = walls[~result[walls]]
+            if len(rows):
+                tangents = level.tangents(corners[:, rows])
+                across = level.cones[self._ways_at(level, first[end, rows], wall[rows])]
+                result[rows] = is_wall(tangents[0], tangents[1], across)
         return result
+
+    def _ways_at(self, level: Level, blocks: Integers, wall: Integers) -> Integers:
+        """Return which are the cones of the ways across walls where blocks of theirs are."""
+        start = level.start[len(self.surfaces.sheets) + wall]
+        return len(level.low) + start + blocks - level.start[level.sheet[blocks]]
 
     def _ahead(self, level: Level, step: Integers, first: Integers, second: Integers) -> Booleans:
         """Say which pairs of blocks do not meet as all ways from one to the other are ahead.
 
-        They have a step of one along both parameters. All tangents are asked, not a cone of them.
+        They have a step along both parameters. All tangents are asked, not a cone of them: on two
+        sides of a wall those along one side, whichever, and the ways across at the other block.
         """
-        count, (a, b) = len(level.low), (level.sheet[corners[0]] for corners in (first, second))
-        wall = self._wall_of[a, b]
+        wall = self._wall_of[level.sheet[first[0]], level.sheet[second[0]]]
         result = np.zeros(step.shape[1], dtype=bool)
-        for rows in (np.flatnonzero(wall < 0), np.flatnonzero(wall >= 0)):
-            if len(rows) == 0:
-                continue
-            one, other, (s, t) = first[:, rows], second[:, rows], step[:, rows]
-            blocks, signs = [one, count + one], [s, t]
-            if wall[rows[0]] >= 0:
-                start = level.start[len(self.surfaces.sheets) + wall[rows]]
-                blocks += [other, count + other, count + start - level.start[a[rows]] + one]
-                # across walls ways lead to the sheet with the larger number
-                signs += [s, t, np.where(a[rows] < b[rows], 1, -1)]
-            cones = level.cones[np.concatenate(blocks)]
-            result[rows] = is_ahead(cones, np.repeat(np.stack(signs), 4, axis=0))
+        rows = np.flatnonzero(wall < 0)
+        if len(rows):
+            result[rows] = _ahead_on(level, step[:, rows], first[:, rows])
+        for corners, end in ((first, 2), (second, 0)):
+            rows = np.flatnonzero((wall >= 0) & ~result)
+            if len(rows):
+                ways = self._ways_at(level, first[end, rows], wall[rows])
+                # they lead to the sheet with the larger number
+                over = np.where(first[0, rows] < second[0, rows], 1, -1)
+                across = ways[None], over[None]
+                result[rows] = _ahead_on(level, step[:, rows], corners[:, rows], across)
         return result
+
+
+def _ahead_on(
+    level: Level,
+    step: Integers,
+    corners: Integers,
+    across: tuple[Integers, Integers] | None = None,
+) -> Booleans:
+    """Say of which rectangles, with corners (4, n), a plane has all tangents on one side.
+
+    They count as the steps (2, n) say, and so do the ways `across` (1, n), by cones and signs.
+    """
+    blocks = np.concatenate((corners, len(level.low) + corners))
+    signs = np.repeat(step, 4, axis=0)
+    if across is not None:
+        blocks, signs = (np.concatenate(x) for x in ((blocks, across[0]), (signs, across[1])))
+    return is_ahead(level.cones[blocks], signs)
 
 
 def _alike(numbers: Sequence[int], grids: Sequence[Patches]) -> list[list[int]]:

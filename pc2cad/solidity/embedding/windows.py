@@ -26,6 +26,8 @@ _SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 _RIGHT = np.sqrt(2.0)
 #: steps of the search for a plane, and how far the cone that is farthest behind it pulls it
 _TURNS, _PULL = 8, 0.3
+#: where a cone is so far behind a plane that no turn helps: at first, and at least
+_FAR, _BEHIND = 0.5, 0.2
 #: rounding of the sums and products of unit vectors here
 _UNIT = 1e-14
 
@@ -122,22 +124,31 @@ def is_ahead(cones: Cones, signs: Integers) -> Booleans:
 
     No sum of them with positive factors is zero then.
     """
-    axes, sines = cones.axes * signs[..., None], cones.slopes[0]
-    normal = unit(axes.sum(axis=0))
+    # coordinate by coordinate: long rows, not three numbers at a time
+    axes = np.array([cones.axes[..., k] * signs for k in range(3)])
+    sines, normal = cones.slopes[0], _unit_rows(axes.sum(axis=1))
     left, result = np.arange(signs.shape[1]), np.zeros(signs.shape[1], dtype=bool)
-    for _ in range(_TURNS):
-        room = dots(axes, normal) - sines
-        worst = room.argmin(axis=0)
-        fine = room[worst, np.arange(len(left))] > _UNIT
-        result[left[fine]] = True
-        rest = np.flatnonzero(~fine)
+    for turn in range(_TURNS):
+        room = axes[0] * normal[0]
+        room += axes[2] * normal[2]
+        room += axes[1] * normal[1]
+        room -= sines
+        least = room.min(axis=0)
+        result[left[least > _UNIT]] = True
+        rest = np.flatnonzero((least <= _UNIT) & (least > -max(_BEHIND, _FAR / (1 + turn))))
         if len(rest) == 0:
             break
         # the cone that is farthest behind pulls
-        pull = axes[worst[rest], rest]
-        left, axes, sines = left[rest], axes[:, rest], sines[:, rest]
-        normal = unit(normal[rest] + _PULL * pull)
+        pull = axes[:, room[:, rest].argmin(axis=0), rest]
+        left, axes, sines = left[rest], axes[:, :, rest], sines[:, rest]
+        normal = _unit_rows(normal[:, rest] + _PULL * pull)
     return result
+
+
+def _unit_rows(rows: Array) -> Array:
+    """Return vectors (3, n) at length 1; those of no length stay."""
+    size = np.sqrt(_squares(rows))
+    return np.asarray(rows / np.where(size > 0, size, 1.0))
 
 
 def parted_beside(cells: Cells, pairs: Integers, noise: float) -> Booleans:
