@@ -12,12 +12,12 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import combinations_with_replacement, groupby
 
 import numpy as np
 
-from pc2cad.arrays import Array
+from pc2cad.arrays import Array, Booleans
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.geometry.scale import Scale
 from pc2cad.topology.cells import (
@@ -35,6 +35,8 @@ _ACROSS = np.array([0.2137, 1 - 0.2137])
 _TRIED = np.array([0.0713, 0.1931, 0.3877, 0.6173, 0.7919, 0.9377])
 #: distances of points from what may lie beside them, in steps from one place to the next
 _BESIDE = 2
+#: the uniform places next to each one, round the direction
+_NEXT, _BEFORE = (np.arange(_COUNT) + 1) % _COUNT, (np.arange(_COUNT) - 1) % _COUNT
 #: steps of Newton's method, and what is left of a distance after them, in units of "same point"
 _STEPS, _LEFT = 12, 100
 #: steps after which a distance that is not halved is left: it is rounding, or that of no meeting
@@ -99,16 +101,7 @@ def shifts(
     few = _few(mapping)
     for along, rows in enumerate(asked):
         closing = [side for side in rows if _closes(few[along][side.normal, side.limit], scale)]
-        closed = [
-            _Closed(side, *np.split(points, [_COUNT]))
-            for side, points in zip(closing, _along_all(closing), strict=True)
-        ]
-        searches = [
-            _Search(first, second, turned, scale)
-            for first, second in combinations_with_replacement(closed, 2)
-            for turned in (False, True)
-            if _alike(first, second, turned)
-        ]
+        searches = _searches(_all_closed(closing), scale) if closing else []
         _follow(searches)
         for search in searches:
             found[along].update(_cuts(search))
@@ -160,6 +153,7 @@ def folds(
     return found
 
 
+@lru_cache(maxsize=1)
 def _uniform() -> Array:
     return (np.arange(_COUNT) + 0.5) / _COUNT
 
@@ -219,39 +213,66 @@ class _Closed:
     """A side that closes along its direction, and its points at the uniform places."""
 
     side: _Side
+    #: (240, 2, 3)
     points: Array
     #: the points at the places at which a shift is tried, (6, 2, 3)
     tried: Array
-
-    @cached_property
-    def mean(self) -> Array:
-        """The means over the places, (2, 3)."""
-        return np.asarray(self.points.mean(axis=0))
-
-    @cached_property
-    def extent(self) -> float:
-        """The largest extent of all points along an axis."""
-        return float(np.ptp(self.points.reshape(-1, 3), axis=0).max())
-
-    @cached_property
-    def reach(self) -> Array:
-        """How far from each place points may be that lie between it and the next ones, (240,)."""
-        steps = np.linalg.norm(np.roll(self.points, -1, axis=0) - self.points, axis=-1).max(axis=1)
-        if steps.sum() < self.extent:  # waves too short for the places to tell
-            return np.full(len(steps), np.inf)
-        return np.asarray(_BESIDE * np.maximum(steps, np.roll(steps, 1)))
+    #: the means over the places, (2, 3)
+    mean: Array
+    #: the largest extent of all points along an axis
+    extent: float
+    #: how far from each place points may be that lie between it and the next ones, (240,)
+    reach: Array
 
     def may_meet(self, points: Array, places: Array, turned: bool) -> bool:
         """Say whether samples leave it open that the side meets points (n, 2, 3) at places."""
         nearest = (places * _COUNT).astype(int) % _COUNT
         there = self.points[nearest, ::-1] if turned else self.points[nearest]
-        away = np.linalg.norm(there - points, axis=-1).max(axis=1)
-        return bool((away <= self.reach[nearest]).all())
+        return bool((_farthest(there - points) <= self.reach[nearest]).all())
 
 
-def _alike(first: _Closed, second: _Closed, turned: bool) -> bool:
-    there = second.mean[::-1] if turned else second.mean
-    return bool(float(np.abs(first.mean - there).max()) <= _ALIKE * first.extent)
+def _all_closed(sides: Sequence[_Side]) -> list[_Closed]:
+    """Return sides that close along one direction with their points, of all at once."""
+    both = np.stack(_along_all(sides))
+    points, tried = both[:, :_COUNT], both[:, _COUNT:]
+    means = np.add.reduce(points, axis=1) / _COUNT
+    flat = points.reshape(len(sides), -1, 3)
+    extents = (flat.max(axis=1) - flat.min(axis=1)).max(axis=1)
+    steps = _farthest(points[:, _NEXT] - points)
+    reach = _BESIDE * np.maximum(steps, steps[:, _BEFORE])
+    # waves too short for the places to tell
+    reach[steps.sum(axis=1) < extents] = np.inf
+    rows = zip(sides, points, tried, means, extents.tolist(), reach, strict=True)
+    return [_Closed(*row) for row in rows]
+
+
+def _farthest(away: Array) -> Array:
+    """Return the greater length of two vectors, (…) of (…, 2, 3)."""
+    lengths = np.sqrt(np.add.reduce(away * away, axis=-1))
+    return np.asarray(np.maximum(lengths[..., 0], lengths[..., 1]))
+
+
+def _searches(closed: Sequence[_Closed], scale: Scale) -> list[_Search]:
+    """Return the searches for shifts and reflections of sides, or pairs, whose means are alike."""
+    means = np.stack([side.mean for side in closed])
+    limits = np.array([_ALIKE * side.extent for side in closed])[:, None]
+    alike = [
+        np.abs(means[:, None] - there).max(axis=(2, 3)) <= limits
+        for there in (means, means[:, ::-1])
+    ]
+    pairs = [
+        (first, second, turned)
+        for (i, first), (j, second) in combinations_with_replacement(enumerate(closed), 2)
+        for turned in (False, True)
+        if alike[turned][i, j]
+    ]
+    if not pairs:
+        return []
+    there = np.stack([b.points[:, ::-1] if turned else b.points for _, b, turned in pairs])
+    away = _farthest(there - np.stack([a.tried[:1] for a, _, _ in pairs]))
+    lowest = (away <= away[:, _BEFORE]) & (away <= away[:, _NEXT])
+    lowest &= away <= np.stack([b.reach for _, b, _ in pairs])
+    return [_Search(*pair, scale, row) for pair, row in zip(pairs, lowest, strict=True)]
 
 
 class _Search:
@@ -260,20 +281,20 @@ class _Search:
     The points are those of the first side at the first place that is tried.
     """
 
-    def __init__(self, first: _Closed, second: _Closed, turned: bool, scale: Scale) -> None:
+    def __init__(
+        self, first: _Closed, second: _Closed, turned: bool, scale: Scale, lowest: Booleans
+    ) -> None:
+        """Begin at the uniform places where the distance is lowest, and may be none."""
         self.first, self.second, self.scale = first.side, second.side, scale
         self.across = _ACROSS[::-1] if turned else _ACROSS
         self.closed, self.turned = second, turned
         self.points = first.tried
-        there = second.points[:, ::-1] if turned else second.points
-        away = np.linalg.norm(there - self.points[0], axis=-1).max(axis=1)
-        lowest = (away <= np.roll(away, 1)) & (away <= np.roll(away, -1)) & (away <= second.reach)
         #: places at which the points are met, in the end
         self.met: list[float] = []
         if first is second and not turned:
             # it meets itself there
             self.met.append(float(_TRIED[0]))
-            lowest &= np.abs(_uniform() - _TRIED[0]) > 1 / _COUNT
+            lowest = lowest & (np.abs(_uniform() - _TRIED[0]) > 1 / _COUNT)
         self.at = _uniform()[lowest]
         self.is_over = not lowest.any()
         self._off = np.full(len(self.at), np.inf)
