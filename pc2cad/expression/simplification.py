@@ -166,8 +166,7 @@ def _plain_constant(coefficient: Expr) -> Expr | None:
     """
     if not coefficient.symbols:
         return coefficient
-    if not seems_constant(coefficient, _value(coefficient)):
-        return None
+    # no values are asked first: the sum of which it is a coefficient seems not to depend on it
     return _without_symbols(_with_unknown_vectors(coefficient))
 
 
