@@ -100,6 +100,12 @@ def test_root_of_a_square_whose_sign_goes_with_a_parameter():
     assert all(not box.holds({"p": Fraction(2)}) for box in found.proved)
 
 
+@pytest.mark.filterwarnings("error")
+def test_poles_inside_the_box_are_open_without_a_warning():
+    poles = written("u + (3*q + 2*w)*w", "u*v*w/(1 + p*v)", "w", "p", "q")
+    assert proof(poles, p=(-2, -1), q=("-0.001", "0.001")).share == 0
+
+
 def test_side_without_a_value_leaves_sides_open():
     found = proof(written("u", "v", "w*(p + sin(u)/u)", "p"), p=(1, 2))
     assert found.share_of_sides == 0
@@ -120,6 +126,18 @@ def test_enclosures_prove_a_channel_whose_wall_varies():
     found = proof(shipped("channel_ellipse"), delta=("0.3", "0.4"))
     assert found.is_whole
     assert found.spent > 1e6
+
+
+def test_effort_is_counted_by_what_algebra_takes():
+    """A look at a form of thousands of coefficients takes many times that at one of a few."""
+    few = written("u", "v", "w*(1 - 2*p*u)", "p")
+    many = written(
+        "(1 + u*(u + q))*cos(2*pi*v)*(v + p)", "(1 + u*(2 + w))*sin(2*pi*v)*p",
+        "w*min(2, u + w)", "p", "q",
+    )  # fmt: skip
+    one, other = proof(few, 0.001, p=(0, 1)), proof(many, 0.1, p=(-1, 1), q=("0.25", "0.75"))
+    assert one.spent / one.looks < 2e5
+    assert other.spent / other.looks > 3e5
 
 
 def test_at_takes_the_values_of_the_proof_only():

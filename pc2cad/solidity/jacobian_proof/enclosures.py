@@ -250,7 +250,7 @@ class Columns:
             matrix /= size if self._width > 1 else ranked(size, 0.5)
             inverse, sign = inverse_and_sign(matrix)
             largest = np.abs(inverse).max(axis=(1, 2))
-        regular = np.isfinite(largest).all() and largest.max() < SINGULAR
+        regular = np.isfinite(matrix).all() and largest.max() < SINGULAR
         if not regular or abs(sign.sum()) < len(sign):
             return None
         grid = (PLACES,) * 3 + matrix.shape[1:]

@@ -37,7 +37,7 @@ from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.polynomials import polynomials
 from pc2cad.expression.tree import PI, Expr, symbol, walk
 from pc2cad.solidity.jacobian_proof.determinant import determinant
-from pc2cad.solidity.jacobian_proof.integer_bernstein import sign_inside
+from pc2cad.solidity.jacobian_proof.integer_bernstein import along, sign_inside
 
 Range = tuple[Fraction, Fraction]
 #: names of other symbols than u, v and w, and their limits
@@ -305,25 +305,22 @@ def _bernstein(
 
     Given are the coefficients of the terms, and their powers (terms, variables).
     """
-    rows = [_powers(degree, limits) for degree, limits in zip(degrees, ranges, strict=True)]
     common = math.lcm(*(c.denominator for c in numbers))
     total: Any = np.zeros([n + 1 for n in degrees], dtype=object)
-    for own, coefficient in zip(powers.tolist(), numbers, strict=True):
-        term: Any = np.array(int(coefficient * common), dtype=object)
-        for row, power in zip(rows, own, strict=True):
-            term = np.multiply.outer(term, row[power])
-        total = total + term
+    total[tuple(powers.T)] = [int(c * common) for c in numbers]
+    for axis, (degree, limits) in enumerate(zip(degrees, ranges, strict=True)):
+        total = along(_powers(degree, limits), total, axis)
     return np.asarray(total, dtype=object)
 
 
 @lru_cache(maxsize=64)
-def _powers(degree: int, limits: Range) -> list[BigIntegers]:
-    """Return the coefficients of 1, x … x^degree over limits, all times one whole number.
+def _powers(degree: int, limits: Range) -> BigIntegers:
+    """Return the coefficients of 1, x … x^degree over limits as columns, times one whole number.
 
     On them x is high·t + low·(1-t); its powers are raised by those of t + (1-t).
     """
     low, high = limits
-    rows = [
+    columns = [
         [
             sum(
                 (comb(k, j) * high**j * low ** (k - j) * comb(degree - k, i - j)
@@ -334,5 +331,5 @@ def _powers(degree: int, limits: Range) -> list[BigIntegers]:
         ]
         for k in range(degree + 1)
     ]  # fmt: skip
-    common = math.lcm(*(x.denominator for row in rows for x in row))
-    return [np.array([int(x * common) for x in row], dtype=object) for row in rows]
+    common = math.lcm(*(x.denominator for column in columns for x in column))
+    return np.array([[int(x * common) for x in column] for column in columns], dtype=object).T

@@ -9,6 +9,7 @@ Boxes that have a sign are asked for their boundary, and halved along what leave
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from itertools import count
@@ -23,10 +24,10 @@ from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.exact import exact
 from pc2cad.expression.intervals import Interval, enclosed_range
-from pc2cad.expression.normal_form import normal_form
+from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.simplification import simplified
-from pc2cad.expression.tree import Number
+from pc2cad.expression.tree import Expr, Number
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.factors import Spans, sign_of_form
 from pc2cad.solidity.over_ranges.boxes import ProvedBox, RangeProof, halves, joined, volume
@@ -35,9 +36,11 @@ from pc2cad.solidity.over_ranges.margins import Margins
 from pc2cad.topology.complex import BoundaryComplex
 
 #: operations at which what is left stays open, about a second: those on intervals, and what a look
-#: by algebra and samples comes to, and one at the sides; operations on intervals for one box
+#: by algebra and samples comes to, with each of its coefficients, and one at the sides; operations
+#: on intervals for one box
 MOST_OPERATIONS: Final = 1e8
 A_LOOK: Final = 1e5
+A_COEFFICIENT: Final = 50
 SIDES: Final = 5e5
 PER_LOOK: Final = 1e7
 #: share of the ranges below which a box is not halved any more
@@ -136,6 +139,8 @@ class Question:
             for monomial in self._form
             for atom, _ in monomial
         )
+        #: what a look takes before enclosures are tried
+        self._look = A_LOOK + A_COEFFICIENT * _coefficients(self._form or {})
         self._enclosed = Enclosed(coordinates, columns, whole)
         self._sides = FamilySides(coordinates)
         self._margins = Margins(columns, family.names)
@@ -153,15 +158,15 @@ class Question:
         if ascends and self._form is not None:
             sign = sign_of_form(self._form, spans, MOST_COEFFICIENTS)
             if sign:
-                return sign, "", A_LOOK
+                return sign, "", self._look
         folded, worst = self._margins.look(spans, self._whole)
         if folded:
-            return None, "", A_LOOK
+            return None, "", self._look
         if self._is_plain or not ascends:
             # halved boxes are sharper for algebra, too
-            return None, worst, A_LOOK
+            return None, worst, self._look
         sign, spent = self._enclosed.sign(spans, min(PER_LOOK, self._most), self._most)
-        return sign or None, worst, spent + A_LOOK
+        return sign or None, worst, spent + self._look
 
     def boundary(self, spans: Spans) -> _Look[BoundaryComplex]:
         """Return the boundary that is proved for a box, or None and what to halve."""
@@ -173,6 +178,16 @@ class Question:
     def _ascends(self, spans: Spans) -> bool:
         """Say whether u, v and w have domains, whatever the values are."""
         return all(bool(np.all(x.lower > 0)) for x in self._widths(_intervals(spans)))
+
+
+def _coefficients(form: NormalForm) -> int:
+    """Return how many Bernstein coefficients of a form are worked out at most."""
+    degrees: dict[Expr, int] = {}
+    for monomial in form:
+        for atom, power in monomial:
+            degrees[atom] = max(degrees.get(atom, 0), power)
+    count = math.prod(n + 1 for n in degrees.values())
+    return min(count, MOST_COEFFICIENTS)
 
 
 def _intervals(spans: Spans) -> dict[str, Interval]:
