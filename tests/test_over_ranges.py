@@ -129,7 +129,7 @@ def test_enclosures_prove_a_channel_whose_wall_varies():
 
 
 def test_effort_is_counted_by_what_algebra_takes():
-    """A look at a form of thousands of coefficients takes many times that at one of a few."""
+    """A look at thousands of coefficients, or nodes, takes many times that at a few."""
     few = written("u", "v", "w*(1 - 2*p*u)", "p")
     many = written(
         "(1 + u*(u + q))*cos(2*pi*v)*(v + p)", "(1 + u*(2 + w))*sin(2*pi*v)*p",
@@ -138,6 +138,10 @@ def test_effort_is_counted_by_what_algebra_takes():
     one, other = proof(few, 0.001, p=(0, 1)), proof(many, 0.1, p=(-1, 1), q=("0.25", "0.75"))
     assert one.spent / one.looks < 2e5
     assert other.spent / other.looks > 3e5
+    waves = " + ".join(f"exp({k}*p*v)" for k in range(1, 200))
+    large = written("u", "v", f"w*(1 + ({waves})^3/1e20)*(1 - p*u)", "p")
+    found = proof(large, 0.02, p=(0, 2))
+    assert found.spent / found.looks > 3e5
 
 
 def test_at_takes_the_values_of_the_proof_only():

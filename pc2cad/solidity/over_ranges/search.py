@@ -27,7 +27,7 @@ from pc2cad.expression.intervals import Interval, enclosed_range
 from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.simplification import simplified
-from pc2cad.expression.tree import Expr, Number
+from pc2cad.expression.tree import Expr, Number, walk
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.factors import Spans, sign_of_form
 from pc2cad.solidity.over_ranges.boxes import ProvedBox, RangeProof, halves, joined, volume
@@ -36,10 +36,11 @@ from pc2cad.solidity.over_ranges.margins import Margins
 from pc2cad.topology.complex import BoundaryComplex
 
 #: operations at which what is left stays open, about a second: those on intervals, and what a look
-#: by algebra and samples comes to, with each of its coefficients, and one at the sides; operations
-#: on intervals for one box
+#: by algebra and samples comes to, at least and for each node that is sampled and each coefficient,
+#: and one at the sides; operations on intervals for one box
 MOST_OPERATIONS: Final = 1e8
 A_LOOK: Final = 1e5
+A_NODE: Final = 500
 A_COEFFICIENT: Final = 50
 SIDES: Final = 5e5
 PER_LOOK: Final = 1e7
@@ -140,7 +141,8 @@ class Question:
             for atom, _ in monomial
         )
         #: what a look takes before enclosures are tried
-        self._look = A_LOOK + A_COEFFICIENT * _coefficients(self._form or {})
+        nodes = sum(1 for _ in walk(sum(columns, ())))
+        self._look = max(A_LOOK, A_NODE * nodes) + A_COEFFICIENT * _coefficients(self._form or {})
         self._enclosed = Enclosed(coordinates, columns, whole)
         self._sides = FamilySides(coordinates)
         self._margins = Margins(columns, family.names)
