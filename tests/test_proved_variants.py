@@ -111,7 +111,18 @@ def test_no_proof_where_there_is_none_to_be_had() -> None:
     assert proof_of_plan(shipped("bolt"), plan(300, d="2:3"), {}) is None
     # a value that no variant may have is told by the variants
     assert proof_of_plan(template, plan(300, p="0.2:0.8"), {"r": "2"}) is None
+    assert proof_of_plan(template, plan(300, p="2:3"), {}) is None
     assert packed(None) == ""
+
+
+def test_values_that_are_not_allowed_take_nothing_from_a_proof() -> None:
+    rows = [(0.2 + k / 500, 0.25) for k in range(300)]
+    found = proof_of_plan(
+        shipped("pyramid_cut"), Plan(("p", "q"), (*rows, (-3.0, 0.25), (0.5, 1e9))), {}
+    )
+    assert found is not None
+    assert found.is_whole
+    assert found.names == ("p",)
 
 
 @pytest.mark.parametrize(

@@ -78,12 +78,21 @@ def _limits(name: str, given: str | Sequence[float]) -> tuple[float, float]:
 def proof_of_plan(
     template: Template | BodiesTemplate, plan: Plan, fixed: Mapping[str, Any]
 ) -> RangeProof | None:
-    """Return what is proved over the ranges of a study's parameters; None where it does not pay."""
+    """Return what is proved over the ranges of a study's parameters; None where it does not pay.
+
+    Values that the template does not allow are of variants that will not be built.
+    """
     if len(plan) < FEWEST or isinstance(template, BodiesTemplate):
         return None
-    columns = dict(zip(plan.names, zip(*plan.variants, strict=True), strict=True))
-    over = {n: (min(row), max(row)) for n, row in columns.items() if min(row) < max(row)}
-    alike = {name: row[0] for name, row in columns.items() if name not in over}
+    limits = {parameter.name: parameter.limits for parameter in template.parameters}
+    ends = dict[str, tuple[float, float]]()
+    for name, row in zip(plan.names, zip(*plan.variants, strict=True), strict=True):
+        allowed = [x for x in row if limits[name][0] <= x <= limits[name][1]]
+        if not allowed:
+            return None
+        ends[name] = min(allowed), max(allowed)
+    over = {name: (low, high) for name, (low, high) in ends.items() if low < high}
+    alike = {name: low for name, (low, _) in ends.items() if name not in over}
     if not over:
         return None
     from pc2cad.solidity.over_ranges.search import prove_over as prove_family

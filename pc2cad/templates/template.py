@@ -52,6 +52,13 @@ class Parameter:
     maximum: Expr | None = None
     about: str = ""
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Its least and its largest value."""
+        low = evaluate(self.minimum, {}) if self.minimum else float("-inf")
+        high = evaluate(self.maximum, {}) if self.maximum else float("inf")
+        return low, high
+
 
 @dataclass(frozen=True)
 class Definition:
@@ -318,9 +325,7 @@ def _constant(name: str, value: Number | str | Expr) -> Expr:
 
 
 def _check_range(parameter: Parameter, value: Expr) -> None:
-    number = evaluate(value, {})
-    low = evaluate(parameter.minimum, {}) if parameter.minimum else float("-inf")
-    high = evaluate(parameter.maximum, {}) if parameter.maximum else float("inf")
+    number, (low, high) = evaluate(value, {}), parameter.limits
     if not low <= number <= high:
         allowed = (
             f"from {low:g} to {high:g}" if parameter.minimum and parameter.maximum
