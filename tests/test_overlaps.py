@@ -262,16 +262,25 @@ def ball(r, wall):
             rho * pc.cos(pc.pi * V))  # fmt: skip
 
 
-@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-12, -1e-9, -1e-6, -1e-3])
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, 1e-12, -1e-12, -1e-9, -1e-6, -1e-3])
 def test_cells_are_cut_until_a_place_is_told_from_the_boundary(depth: float) -> None:
     analysis = analyse(point_equation(ball(1, 1)))
     table = CellTable(cut(analysis), find_orientation(analysis.map).sign)
     direction = np.array([0.36, 0.48, 0.8])
-    for radius, outside in ((2 - depth, 0), (1 + depth, 0)):
+    for radius in (2 - depth, 1 + depth):
         place = radius * direction
         cells = table.near(place[None], np.full((1, 3), np.nan), 0)
-        expected = None if depth == 0 else 1 if depth > 0 else outside
-        assert told_number(table, place, cells, 0) == expected
+        assert told_number(table, place, cells, 0) == (1 if depth > 0 else 0)
+
+
+@pytest.mark.parametrize("place", [(0, 0, 2), (0, 0, 1), (0.72, 0.96, 1.6)])
+def test_places_of_the_boundary_end_the_cutting(place) -> None:
+    """About a pole all parts round it stay near, however small."""
+    analysis = analyse(point_equation(ball(1, 1)))
+    table = CellTable(cut(analysis), find_orientation(analysis.map).sign)
+    at = np.array(place, dtype=float)
+    cells = table.near(at[None], np.full((1, 3), np.nan), 0)
+    assert told_number(table, at, cells, 0) in (0, 1)
 
 
 @pytest.mark.slow

@@ -164,7 +164,7 @@ class _Mesh:
             if level + 1 == len(REFINEMENTS):
                 for k in left.tolist():
                     number = told_number(self.table, part[k], near, seed)
-                    if number not in (expected, None):
+                    if number != expected:
                         return start + k, number
                 continue
             deeper = self._contradiction(part[left], places[rows][left], expected, seed, level + 1)

@@ -19,16 +19,20 @@ from pc2cad.solidity.winding_number import ray_frame, winding_numbers
 FIRST, THEN = 64, 8
 #: how far a part may leave the box of nine of its points, in terms of the box's largest extent
 BOW: Final = 0.25
+#: parts near a ray that are cut again
+MOST: Final = 4000
 #: parts with less extent than this many roundings of coordinates are places
 ROUNDINGS: Final = 64
 
 
-def told_number(table: CellTable, place: Array, cells: Integers, seed: int) -> int | None:
+def told_number(table: CellTable, place: Array, cells: Integers, seed: int) -> int:
     """Return how often the faces go round a place (3,), from the cells that its ray may meet.
 
-    None where rounding does not tell the place from one of the boundary.
+    Where rounding does not tell the place from one of the boundary, or a whole curve of parts stays
+    near, as about a pole, it is what the finest mesh says.
     """
     turned = place @ ray_frame(seed)
+    least = ROUNDINGS * float(np.spacing(max(table.reach, np.abs(place).max())))
     near, count = [table.parts(cells)], FIRST
     while True:
         number, held, nearer = 0, 0.0, []
@@ -43,10 +47,8 @@ def told_number(table: CellTable, place: Array, cells: Integers, seed: int) -> i
                 nearer.append(inner.chosen(met))
                 extent = (high - low).max(axis=1)[met & within[:, 2]]
                 held = max(held, float(extent.max(initial=0.0)))
-        if held == 0:
+        if held <= least or sum(len(parts.face) for parts in nearer) > MOST:
             return number
-        if held <= ROUNDINGS * float(np.spacing(max(table.reach, np.abs(place).max()))):
-            return None
         near, count = nearer, THEN
 
 
