@@ -132,6 +132,8 @@ def test_values_that_are_not_allowed_take_nothing_from_a_proof() -> None:
         ("torus", {"r": "2:1"}, "the range 2:1 is empty"),
         ("torus", {"r": (2, 2)}, "has two limits"),
         ("torus", {"r": (-1, 2)}, "outside its range"),
+        ("torus", {"r": (1, "x")}, "numbers, are needed"),
+        ("torus", {"r": None}, "numbers, are needed"),
         ("torus", {"x": "1:2"}, "torus has no parameter 'x'"),
         ("bolt", {"d": "1:2"}, "several bodies"),
         ("torus", {}, "say over which ranges"),

@@ -56,7 +56,11 @@ def read_axis(name: str, given: str | Sequence[float]) -> Axis:
     """
     where = f"values of {name[:80]}"
     if not isinstance(given, str):
-        return Axis(name, tuple(dict.fromkeys(read_number(where, repr(float(v))) for v in given)))
+        try:
+            texts = [repr(float(value)) for value in given]
+        except (TypeError, ValueError, OverflowError):
+            raise RangeError(f"{where}: a text such as 0.2:0.8, or numbers, are needed") from None
+        return Axis(name, tuple(dict.fromkeys(read_number(where, text) for text in texts)))
     parts = given.split(":")
     if len(parts) == 1:
         if given.count(",") >= LONGEST:
