@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pc2cad.domain.analysis import analyse, sample_sides
 from pc2cad.errors import InputError
 from pc2cad.solidity.jacobian_proof import proved_sign
-from pc2cad.solidity.over_ranges.boxes import joined
+from pc2cad.solidity.over_ranges.boxes import joined, within
 from pc2cad.solidity.over_ranges.search import prove_over
 from pc2cad.templates.file import parse_template, read_template
 from pc2cad.templates.shipped import template_paths
@@ -266,3 +266,16 @@ def test_map_with_creases_has_no_boundary_over_ranges():
     found = proof(written("u", "v", "w*(2 + p + abs(u - 0.5))", "p"), p=(0, 1))
     assert found.share == 1
     assert found.share_of_sides == 0
+
+
+@given(st.fractions(-2, 2), st.fractions(-2, 2))
+def test_written_limits_are_within_their_box(one, other):
+    low, high = sorted((one, other))
+    ((near, far),) = within((("p", (low, high)),)).values()
+    assert low <= Fraction(repr(near))
+    assert Fraction(repr(far)) <= high
+
+
+def test_written_decimals_stay():
+    spans = (("p", (Fraction(1, 5), Fraction(4, 5))), ("q", (Fraction(-1, 10), Fraction(7))))
+    assert within(spans) == {"p": [0.2, 0.8], "q": [-0.1, 7.0]}

@@ -12,8 +12,7 @@ from pc2cad.cli.output import Progress, one_line, say, table
 from pc2cad.errors import InputError, named
 
 if TYPE_CHECKING:
-    from fractions import Fraction
-
+    from pc2cad.solidity.jacobian_proof.factors import Spans
     from pc2cad.solidity.over_ranges.boxes import RangeProof
     from pc2cad.topology.complex import BoundaryComplex
 
@@ -82,9 +81,12 @@ def _listed(head: list[tuple[str, ...]], rows: list[tuple[str, ...]]) -> str:
     return table([*head, *rows[:MOST_ROWS]]) + more
 
 
-def _limits(spans: Sequence[tuple[str, tuple[Fraction, Fraction]]]) -> tuple[str, ...]:
-    # with every digit: a limit that is rounded away from its box is not proved
-    return tuple(" … ".join(repr(float(x)).removesuffix(".0") for x in row) for _, row in spans)
+def _limits(spans: Spans) -> tuple[str, ...]:
+    """Return limits, as many digits as tell them, of each parameter."""
+    from pc2cad.solidity.over_ranges.boxes import within
+
+    rows = within(spans).values()
+    return tuple(" … ".join(repr(x).removesuffix(".0") for x in row) for row in rows)
 
 
 def _sides(boundary: BoundaryComplex | None) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from math import prod
 from typing import Any
 
 from pc2cad.expression.tree import Expr, Number, as_expr
@@ -82,23 +82,24 @@ class RangeProof:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON; the number of faces is None where it is open."""
         return {
-            "name": self.name, "over": _plain(self.spans), "share": self.share,
+            "name": self.name, "over": within(self.spans), "share": self.share,
             "share_of_sides": self.share_of_sides,
             "proved": [
                 {
-                    "values": _plain(box.spans), "sign": box.sign,
+                    "values": within(box.spans), "sign": box.sign,
                     "faces": None if box.boundary is None else len(box.boundary.faces),
                 }
                 for box in self.proved
             ],
-            "open": [_plain(spans) for spans in self.open], "looks": self.looks,
+            "open": [within(spans) for spans in self.open], "looks": self.looks,
             "operations": self.spent,
         }  # fmt: skip
 
     def at(self, values: Mapping[str, Expr | Number]) -> ProvedBox | None:
         """Return the proved box that values of all the template's parameters lie in, or None.
 
-        Other parameters than those that run must have the very values of the proof.
+        Other parameters than those that run must have the very values of the proof, and points
+        those that they had in it.
         """
         given = {name: as_expr(value) for name, value in values.items()}
         if given.keys() != {name for name, _ in self.spans} | self.fixed.keys():
@@ -113,8 +114,16 @@ class RangeProof:
         return next((box for box in self.proved if box.holds(numbers)), None)
 
 
-def _plain(spans: Spans) -> dict[str, list[float]]:
-    return {name: [float(low), float(high)] for name, (low, high) in spans}
+def within(spans: Spans) -> dict[str, list[float]]:
+    """Return limits as numbers that, written out and read again as decimals, are within them."""
+    return {name: [_near(low, math.inf), _near(high, -math.inf)] for name, (low, high) in spans}
+
+
+def _near(limit: Fraction, inwards: float) -> float:
+    near = float(limit)
+    if (Fraction(repr(near)) < limit) if inwards > 0 else (Fraction(repr(near)) > limit):
+        return math.nextafter(near, inwards)
+    return near
 
 
 def _percent(share: float) -> str:
@@ -125,7 +134,7 @@ def _percent(share: float) -> str:
 def volume(spans: Spans, whole: Spans) -> Fraction:
     """Return the share that a box is of a whole one."""
     rows = zip(spans, whole, strict=True)
-    return prod(((b - a) / (d - c) for (_, (a, b)), (_, (c, d)) in rows), start=Fraction(1))
+    return math.prod(((b - a) / (d - c) for (_, (a, b)), (_, (c, d)) in rows), start=Fraction(1))
 
 
 def halves(spans: Spans, name: str) -> tuple[Spans, Spans]:
