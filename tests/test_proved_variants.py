@@ -1,5 +1,6 @@
 """Variants that take from a proof over ranges what a fresh build finds: the same bytes."""
 
+import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +8,15 @@ from typing import Any
 
 import pytest
 
+from pc2cad import compiler
+from pc2cad.checked import check_map
+from pc2cad.cli import view
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_solid
 from pc2cad.solidity import orientation
-from pc2cad.studies import over_ranges
-from pc2cad.studies.over_ranges import packed, proof_of_plan, prove_over
+from pc2cad.studies import figures, over_ranges
+from pc2cad.studies.adjust import adjust
+from pc2cad.studies.over_ranges import ProvedLater, packed, proof_of_plan, prove_over
 from pc2cad.studies.plan import Plan, grid, read_axes
 from pc2cad.studies.study import study
 from pc2cad.studies.variant import Job, Task, run_variant
@@ -97,6 +102,61 @@ def test_a_study_is_proved_once_where_it_pays(
         for result in (found, without)
     ]
     assert rows[0] == rows[1]
+
+
+def test_who_does_not_know_how_many_there_will_be_proves_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(over_ranges, "LATER", 3)
+    later = ProvedLater(shipped("pyramid_cut"), {"p": (0.2, 0.8)}, {"q": "1/4"})
+    assert [later.at({"p": p}) is None for p in (0.3, 0.4, 0.5, "0.6", 0.9)] == [
+        True, True, False, False, True,
+    ]  # fmt: skip
+    for template, over in (
+        (shipped("bolt"), {"d": (2, 3)}),
+        (shipped("spring"), {"pitch": (2, 3)}),
+    ):
+        never = ProvedLater(template, over, {})
+        assert [never.at({}) for _ in range(5)] == [None] * 5
+
+
+def test_parameters_are_adjusted_alike_with_a_proof(monkeypatch: pytest.MonkeyPatch) -> None:
+    def adjusted() -> Any:
+        found = adjust(
+            "torus", {"R": (4, 8), "r": (0.5, 2)}, ["volume=150"]
+        )  # fmt: skip
+        return found.parameters, found.figures, found.evaluations
+
+    without = adjusted()
+    monkeypatch.setattr(over_ranges, "LATER", 2)
+    asked: list[int] = []
+    monkeypatch.setattr(
+        figures, "find_orientation",
+        lambda mapping, sign: asked.append(sign) or orientation.find_orientation(mapping, sign),
+    )  # fmt: skip
+    assert adjusted() == without
+    # all but the first were told
+    assert asked == [0] + [asked[-1]] * (len(asked) - 1)
+    assert asked[-1] in (-1, 1)
+    assert len(asked) == 6
+
+
+def test_sliders_take_from_a_proof(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(over_ranges, "LATER", 2)
+    parser = argparse.ArgumentParser()
+    view.add_arguments(parser)
+    maker = view._Maker(parser.parse_args(["torus", "--serve", "-s", "r=2", "--slider", "r=1:3"]))
+    asked: list[Any] = []
+
+    def checked(*given: Any, known: Any, **named: Any) -> Any:
+        asked.append(known)
+        return check_map(*given, known=known, **named)
+
+    monkeypatch.setattr(compiler, "check_map", checked)
+    answers = [maker.answer({"r": r}) for r in ("1.5", "2.5", "2.75")]
+    assert [known is None for known in asked] == [True, False, False]
+    fresh = view._Maker(parser.parse_args(["torus", "--serve", "--slider", "r=1:3"]))
+    assert len(fresh.answer({"r": "2.75"})) == len(answers[-1])
 
 
 def plan(count: int, **vary: str) -> Plan:

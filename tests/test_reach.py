@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +13,7 @@ import pc2cad as pc
 from pc2cad.cli.main import main
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import InputError
+from pc2cad.solidity.over_ranges.boxes import ProvedBox, around
 from pc2cad.templates.file import parse_template
 
 #: det J is p (1 - 2 q u): it vanishes at u = 1 where q = 1/2, and everywhere where p = 0
@@ -40,12 +43,38 @@ def test_a_block_reaches_to_where_it_folds() -> None:
     assert found.low.breaks is None
     assert found.low.holds < -5
     assert 15 < found.evaluations < 50
+    # det J is p (1 - 2 q u): it is proved to be positive up to what was found
+    assert found.proved == (found.low.holds, found.high.holds)
 
 
 def test_a_flat_block_is_the_end() -> None:
     found = pc.reach(folding(), "p")
     assert found.low.breaks == pytest.approx(0, abs=3e-3)
     assert 0 < found.low.holds < 0.01
+    assert found.proved is not None
+    assert found.proved[0] <= 0.01
+
+
+def box(low: int, high: int, sign: int = 1) -> ProvedBox:
+    return ProvedBox((("p", (Fraction(low), Fraction(high))),), sign)
+
+
+@pytest.mark.parametrize(
+    ("boxes", "limits"),
+    [
+        ([box(0, 1), box(1, 3)], (0, 3)),
+        ([box(1, 3), box(-2, 1)], (-2, 3)),
+        ([box(0, 1), box(1, 2), box(3, 4)], (0, 2)),
+        ([box(-3, -1), box(1, 3)], (1, 3)),
+        # beyond what is open there is another orientation
+        ([box(-3, -1, -1), box(1, 2), box(4, 5)], (1, 2)),
+        ([box(3, 4)], None),
+        ([box(-4, 1)], None),
+        ([], None),
+    ],
+)
+def test_boxes_that_touch_are_one_range(boxes: list[ProvedBox], limits: Any) -> None:
+    assert around(boxes, Fraction(2) if limits != (1, 2) else Fraction(1)) == limits
 
 
 def test_the_command_line_tells_ranges(
@@ -59,6 +88,7 @@ def test_the_command_line_tells_ranges(
     shown = capsys.readouterr().out
     assert "q = 0.2 may go (found by search)" in shown
     assert "; no end was found" in shown
+    assert "  det J is proved to keep its sign from -" in shown
     assert main(["sensitivities", str(path), "--for", "q", "--reach", "--json"]) == 0
     high = json.loads(capsys.readouterr().out)["reach"]["q"]["high"]
     assert high["holds"] <= 0.5 < high["breaks"]

@@ -74,6 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
         for way, end in (("down", one.low), ("up", one.high)):
             last = "; no end was found" if end.breaks is None else f", not to {end.breaks:.6g}:"
             say(f"  {way} to {end.holds:.6g}{last} {one_line(end.why)}".rstrip())
+        if one.proved is not None:
+            low, high = one.proved
+            say(f"  det J is proved to keep its sign from {low!r} to {high!r}")
     return 0
 
 

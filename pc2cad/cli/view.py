@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from contextlib import closing
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from pc2cad.errors import InputError, PointCadError, named
 
 if TYPE_CHECKING:
     from pc2cad.part import Part
+    from pc2cad.studies.over_ranges import ProvedLater
     from pc2cad.templates.ranges import Axis
     from pc2cad.templates.template import Parameter
     from pc2cad.viewer.page import Slider, Variant
@@ -95,7 +97,23 @@ class _Maker:
     def _compiled(self, values: Mapping[str, str]) -> Part:
         from pc2cad.compiler import compile_solid
 
-        return compile_solid(self.template.bind({**self.settings, **values}), self._options)
+        equation = self.template.bind({**self.settings, **values})
+        known = self._proved.at(values) if self._arguments.serve else None
+        return compile_solid(equation, self._options, known=known)
+
+    @cached_property
+    def sliders(self) -> list[Slider]:
+        """Sliders over ranges, for a page that is served."""
+        given = [_live(text, self) for text in self._arguments.sliders]
+        return given or [_offered(p, self) for p in self.template.parameters]
+
+    @cached_property
+    def _proved(self) -> ProvedLater:
+        from pc2cad.studies.over_ranges import ProvedLater
+
+        over = {slider.name: (slider.low, slider.high) for slider in self.sliders}
+        fixed = {name: value for name, value in self.settings.items() if name not in over}
+        return ProvedLater(self.template, over, fixed)
 
 
 def _write(maker: _Maker, arguments: argparse.Namespace) -> int:
@@ -147,9 +165,7 @@ def _serve(maker: _Maker, arguments: argparse.Namespace) -> int:
     from pc2cad.viewer.recompute import Recompute
     from pc2cad.viewer.serve import FILES, server
 
-    sliders = [_live(text, maker) for text in arguments.sliders] or [
-        _offered(p, maker) for p in maker.template.parameters
-    ]
+    sliders = maker.sliders
     memory = arguments.memory_limit * 1024**3
     with closing(Recompute(maker.answer, arguments.time_limit, memory)) as recompute:
         with Progress(arguments.quiet) as progress, named(arguments.template):

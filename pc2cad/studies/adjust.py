@@ -25,6 +25,7 @@ from pc2cad.errors import InputError, KernelError, NotASolidError
 from pc2cad.integrals.weighing import Density
 from pc2cad.studies.figures import FIGURES, figures_of, figures_of_map
 from pc2cad.studies.least import FINE, Logarithms, descended, find_least
+from pc2cad.studies.over_ranges import ProvedLater
 from pc2cad.templates.bodies import Bodies, BodiesTemplate
 from pc2cad.templates.file import read_template
 from pc2cad.templates.ranges import RangeError, read_axis, read_number, split_setting
@@ -187,6 +188,7 @@ class _Problem:
         self.low, self.high = (np.array([vary[n][k] for n in self.names]) for k in (0, 1))
         self.now = np.array([bound[name] for name in self.names])
         self._known: dict[tuple[float, ...], tuple[dict[str, float], dict[str, Array]] | None] = {}
+        self._proved = ProvedLater(template, vary, values)
         self.refused = ""
         #: relative miss of a goal that is none: several bodies are known no better
         self.near = MET
@@ -220,9 +222,11 @@ class _Problem:
         return self._known[key]
 
     def _worked_out(self, share: Array) -> tuple[dict[str, float], dict[str, Array]] | None:
-        equation = self.template.bind({**self.fixed, **self.settings(share)})
+        settings = self.settings(share)
+        equation = self.template.bind({**self.fixed, **settings})
         try:
-            found = figures_of(equation, self.density, self.names, self.asked)
+            known = self._proved.at(settings)
+            found = figures_of(equation, self.density, self.names, self.asked, known)
         except (NotASolidError, KernelError, NotDifferentiableError) as error:
             self.refused = str(error)
             return None

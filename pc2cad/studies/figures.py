@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from pc2cad.compiler import compile_solid
 from pc2cad.domain.analysis import derive, sample_sides
+from pc2cad.domain.family_sides import own_boundary
 from pc2cad.domain.velocity import NotDifferentiableError
 from pc2cad.integrals.inertia import Mass
 from pc2cad.integrals.mass_properties import integrate
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from pc2cad.checked import CheckedMap
     from pc2cad.equation.point_equation import PointEquation
     from pc2cad.integrals.sensitivity import Sensitivity
+    from pc2cad.solidity.over_ranges.boxes import ProvedBox
 
 #: centroid by its coordinates, inertia about the centre of mass by axes
 FIGURES: Final = (
@@ -41,17 +43,23 @@ class Figures:
 
 
 def figures_of(
-    equation: PointEquation | Bodies, density: Density, names: Sequence[str], asked: frozenset[str]
+    equation: PointEquation | Bodies,
+    density: Density,
+    names: Sequence[str],
+    asked: frozenset[str],
+    known: ProvedBox | None = None,
 ) -> Figures:
     """Return the figures, those that are `asked` for with slopes.
 
+    What is `known` for a box of parameters, in which those of the equation lie, is not asked again.
     Raises NotASolidError, KernelError, and NotDifferentiableError.
     """
     if isinstance(equation, Bodies):
         return _of_bodies(equation, density, names, asked)
     sides = sample_sides(equation)
-    sign = find_orientation(sides.map).sign
-    analysis = derive(sides)
+    sign, boundary = (known.sign, known.boundary) if known else (0, None)
+    sign = find_orientation(sides.map, sign).sign
+    analysis = derive(sides, own_boundary(sides, boundary))
     geometry = integrate(analysis)
     mass = weighed(analysis, geometry, density)
     moved = [derived(analysis, sign, geometry, density, equation.variation(name)) for name in names]

@@ -3,7 +3,8 @@
 Each value that is looked at is checked as a part is: limits of channels, the sign of det J, sides
 that close, and injectivity. Steps grow until one fails; the end is then found by halving. Where
 det J has the other sign it has vanished on the way, so that no step leads beyond that. Else nothing
-is looked at between values that hold: what is found is sampled.
+is looked at between values that hold: what is found is sampled. Over what part of it det J keeps
+its sign is proved at last.
 """
 
 from __future__ import annotations
@@ -13,16 +14,21 @@ from fractions import Fraction
 from typing import Final
 
 from pc2cad.checked import Progress, check_map
+from pc2cad.equation.family import Family
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError, NotASolidError
 from pc2cad.expression.tree import number
+from pc2cad.solidity.over_ranges.boxes import around
+from pc2cad.studies.over_ranges import MANY, attempted
 
 #: first step as a share of the value (of 1 where it is 0), and how often it is doubled
 FIRST: Final = Fraction(1, 16)
 DOUBLINGS: Final = 10
 #: share of the way to the end within which the end is known
 WITHIN: Final = 1e-3
+#: how much of what was found is to be proved; less of it where nothing was round the value
+NEARER: Final = (Fraction(1), Fraction(1, 2), Fraction(1, 4), Fraction(1, 8))
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,8 @@ class Reach:
     high: End
     #: values that were looked at
     evaluations: int
+    #: from where to where, round the value, det J is proved to keep its sign; None: that is open
+    proved: tuple[float, float] | None
 
 
 def reach(equation: PointEquation, name: str, progress: Progress | None = None) -> Reach:
@@ -59,7 +67,23 @@ def reach(equation: PointEquation, name: str, progress: Progress | None = None) 
     variation = equation.variation(name)
     search = _Search(variation, check_map(equation).orientation.sign, progress)
     low, high = (search.end(direction) for direction in (-1, 1))
-    return Reach(name, variation.value, low, high, search.evaluations)
+    proved = _proved(variation, low.holds, high.holds)
+    return Reach(name, variation.value, low, high, search.evaluations, proved)
+
+
+def _proved(variation: Variation, low: float, high: float) -> tuple[float, float] | None:
+    """Return how much of a range round the value is proved; None where that stays open."""
+    name, coordinates, domain = variation.name, variation.coordinates, variation.domain
+    if coordinates is None:
+        return None
+    family, value = Family(name, (name,), {}, coordinates, domain), Fraction(variation.value)
+    for share in NEARER:
+        first, last = (float(value + (Fraction(end) - value) * share) for end in (low, high))
+        proof = attempted(lambda: family, {name: (first, last)}, MANY)
+        found = around(proof.proved, value) if proof is not None else None
+        if found is not None:
+            return found
+    return None
 
 
 class _Search:

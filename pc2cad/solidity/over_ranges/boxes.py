@@ -119,6 +119,26 @@ def within(spans: Spans) -> dict[str, list[float]]:
     return {name: [_near(low, math.inf), _near(high, -math.inf)] for name, (low, high) in spans}
 
 
+def around(boxes: Iterable[ProvedBox], value: Fraction) -> tuple[float, float] | None:
+    """Return the limits between which boxes of one parameter have one sign, round a value.
+
+    None where no box has the value.
+    """
+    rows = sorted((box.spans[0][1], box.sign) for box in boxes)
+    found: tuple[Fraction, Fraction] | None = None
+    sign = 0
+    for (low, high), other in rows:
+        if found is not None and other == sign and low == found[1]:
+            found = found[0], high
+        elif found is not None and value <= found[1]:
+            break
+        else:
+            found, sign = (low, high), other
+    if found is None or not found[0] <= value <= found[1]:
+        return None
+    return _near(found[0], math.inf), _near(found[1], -math.inf)
+
+
 def _near(limit: Fraction, inwards: float) -> float:
     near = float(limit)
     if (Fraction(repr(near)) < limit) if inwards > 0 else (Fraction(repr(near)) > limit):
