@@ -132,9 +132,12 @@ class ProvedLater:
         self._proof: RangeProof | None = None
 
     def at(self, values: Mapping[str, Any]) -> ProvedBox | None:
-        """Return the proved box in which the next variant lies, None where none is known of."""
+        """Return the proved box in which the next variant lies, None where none is known of.
+
+        Nothing is known where something else is set than what runs, a point for example.
+        """
         template, over, fixed = self._template, self._over, self._fixed
-        if isinstance(template, BodiesTemplate):
+        if isinstance(template, BodiesTemplate) or not values.keys() <= over.keys():
             return None
         self._asked += 1
         if self._asked == LATER:
