@@ -12,7 +12,7 @@ from test_hexahedra import check_conforming
 import pc2cad as pc
 from pc2cad.checked import check_map
 from pc2cad.domain.analysis import analyse, sample_sides
-from pc2cad.domain.splits import _closes, _few, _open
+from pc2cad.domain.splits import _closes, _few, _told
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.tree import Expr, number, substitute
@@ -189,18 +189,20 @@ def test_gmsh_reads_and_meshes_a_folded_side_without_healing(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("name", "count"),
-    [("pyramid_cut", 10), ("channel_ellipse", 4), ("torus", 0), ("cone", 2), ("ball", 1)],
-)
-def test_sides_that_close_are_not_called_open_by_their_edges(name, count):
+    ("name", "count", "closed"),
+    [("pyramid_cut", 10, 0), ("channel_ellipse", 4, 4), ("torus", 0, 2), ("cone", 2, 2),
+     ("ball", 1, 1)],
+)  # fmt: skip
+def test_edges_tell_which_sides_close(name, count, closed):
     sides = sample_sides(pc.read_template(name).bind({}))
     boundary = derive_boundary(sides.questions, sides.questions.labels)
-    few, said = _few(sides.map), _open(boundary)
+    few, said = _few(sides.map), _told(boundary)
     closing = {
         (*side, along)
         for along, rows in enumerate(few)
         for side, points in rows.items()
         if _closes(points, sides.questions.scale)
     }
-    assert said.isdisjoint(closing)
-    assert len(said) == count
+    assert {way for way, closes in said.items() if closes} <= closing
+    assert {way for way, closes in said.items() if not closes}.isdisjoint(closing)
+    assert len(said) == count + closed

@@ -45,6 +45,8 @@ _SURE = 3
 MOST_PARTS = 64
 #: a side by its normal and its limit, and a direction along it
 _Way = tuple[int, float, int]
+#: by pieces across, the edge in which one begins or ends and whether it has the edge's direction
+_Ends = dict[int, tuple[int, bool]]
 #: means over a period differ less than this share of the extent where sides may coincide
 _ALIKE = 0.02
 
@@ -90,17 +92,13 @@ def shifts(
     """
     limits = {(d, float(p > 0)) for cell in sides for d, p in enumerate(cell) if p % 2 == 0}
     found: tuple[set[Fraction], ...] = (set(), set(), set())
-    known = _open(boundary) if boundary is not None else set[_Way]()
-    asked = [
-        [_Side(mapping, d, limit, along) for d, limit in sorted(limits)
-         if d != along and (d, limit, along) not in known]
-        for along in DIRECTIONS
-    ]  # fmt: skip
-    if not any(asked):
-        return found
-    few = _few(mapping)
-    for along, rows in enumerate(asked):
-        closing = [side for side in rows if _closes(few[along][side.normal, side.limit], scale)]
+    ways = [(d, limit, along) for along in DIRECTIONS for d, limit in sorted(limits) if d != along]
+    known = _told(boundary) if boundary is not None else dict[_Way, bool]()
+    if any([way not in known for way in ways]):
+        few = _few(mapping)
+        known = {(d, x, way): _closes(few[way][d, x], scale) for d, x, way in ways} | known
+    for along in DIRECTIONS:
+        closing = [_Side(mapping, *way) for way in ways if way[2] == along and known[way]]
         searches = _searches(_all_closed(closing), scale) if closing else []
         _follow(searches)
         for search in searches:
@@ -108,12 +106,13 @@ def shifts(
     return found
 
 
-def _open(boundary: BoundaryComplex) -> set[_Way]:
-    """Return which sides do not close along which directions.
+def _told(boundary: BoundaryComplex) -> dict[_Way, bool]:
+    """Return which sides close along which directions, as far as a closed boundary tells.
 
-    A piece across begins in another edge, or in another point, than it ends in.
+    They do not where a piece across begins in another edge, or in another point, than it ends in;
+    they do where all pieces begin in the edge, the same way round, or the point that they end in.
     """
-    begin, end = defaultdict[_Way, dict[int, int]](dict), defaultdict[_Way, dict[int, int]](dict)
+    begin, end = defaultdict[_Way, _Ends](dict), defaultdict[_Way, _Ends](dict)
     for face in boundary.faces:
         normal = normal_direction(face.patch)
         for use, edge in zip(face.uses, patch_edges(face.patch), strict=True):
@@ -121,12 +120,17 @@ def _open(boundary: BoundaryComplex) -> set[_Way]:
             way, place = (normal, float(face.patch[normal] > 0), along), edge.cell[along]
             if place in (0, 2 * (len(boundary.labels[along]) - 1)):
                 (end if place else begin)[way][across] = (
-                    ~use.vertex if use.edge is None else use.edge
-                )
-    return {
-        way for way, ends in end.items()
-        if any([begin[way].get(across, edge) != edge for across, edge in ends.items()])
-    }  # fmt: skip
+                    (~use.vertex, True) if use.edge is None
+                    else (use.edge, use.forward == edge.forward)
+                )  # fmt: skip
+    told = dict[_Way, bool]()
+    for way, ends in end.items():
+        starts, pieces = begin[way], len(boundary.labels[3 - way[0] - way[2]]) - 1
+        if any([across in starts and starts[across][0] != ends[across][0] for across in ends]):
+            told[way] = False
+        elif len(ends) == pieces and starts == ends:
+            told[way] = True
+    return told
 
 
 def folds(
@@ -354,6 +358,12 @@ def _lines(searches: Sequence[_Search], still: bool = False) -> list[list[Array]
     return [np.split(side.ordered(values), ends) for values in found]
 
 
+@lru_cache(maxsize=64)  # a side always meets itself at the first place that is tried
+def _simple(shift: float) -> Fraction:
+    """Return the nearest fraction of few parts, less than 1."""
+    return Fraction(shift).limit_denominator(MOST_PARTS) % 1
+
+
 def _cuts(search: _Search) -> set[Fraction]:
     """Return where a direction has to be cut for two sides (or one) to coincide cell by cell."""
     second, points, own = search.second, search.points, search.first == search.second
@@ -362,7 +372,7 @@ def _cuts(search: _Search) -> set[Fraction]:
     for place in search.met:
         for reverse in (False, True):
             shift = (place + _TRIED[0] if reverse else place - _TRIED[0]) % 1
-            part = Fraction(shift).limit_denominator(MOST_PARTS) % 1
+            part = _simple(shift)
             if abs((float(part) - shift + 0.5) % 1 - 0.5) > 1e-9:
                 if not reverse:
                     continue
