@@ -22,6 +22,7 @@ from pc2cad.expression.tree import ZERO
 
 #: values of the other two parameters: of the line that is searched, then of those that are asked
 _LINES = ((0.4142135, 0.7320508), *product((0.11, 0.53, 0.87), (0.23, 0.61, 0.94)))
+_FIRST_LINE = np.array(_LINES[0])[:, None]
 #: parts of the line at first, what is left of the tangent from one to the next where they are
 #: looked at closely, and how often these are halved
 _PARTS, _FAST, _HALVINGS = 256, 0.7, 36
@@ -51,23 +52,22 @@ def with_cusps(
     breaks: tuple[tuple[Break, ...], ...], mapping: Mapping3
 ) -> tuple[tuple[Break, ...], ...]:
     """Return the breaks of u, v and w, ascending, with those at cusps."""
-    result = []
-    for direction, row in enumerate(breaks):
+    result = list(breaks)
+    for direction, slow in _slow_parts(mapping).items():
+        row = breaks[direction]
         places = [
             place
-            for place in _along(mapping, direction, [b.position for b in row])
+            for place in _along(mapping, direction, slow, [b.position for b in row])
             if all(abs(place - b.position) > SAME_POSITION for b in row)
         ]
         both = [*row, *(Break(place, 0) for place in places)]
-        result.append(tuple(sorted(both, key=lambda b: b.position)))
+        result[direction] = tuple(sorted(both, key=lambda b: b.position))
     return tuple(result)
 
 
-def _along(mapping: Mapping3, direction: int, known: list[float]) -> tuple[float, ...]:
-    if _has_even_coordinate(mapping, direction):
-        return ()
+def _along(mapping: Mapping3, direction: int, slow: Array, known: list[float]) -> tuple[float, ...]:
     found: list[float] = []
-    for low, high in _vanishing(mapping, direction, known):
+    for low, high in _vanishing(mapping, direction, slow, known):
         place = _turning_point(mapping, direction, low, high)
         if place is not None and all(abs(place - other) > SAME_POSITION for other in found):
             found.append(place)
@@ -83,31 +83,45 @@ def _has_even_coordinate(mapping: Mapping3, direction: int) -> bool:
     return any([PARAMETERS[direction] not in x.symbols and x is not ZERO for x in slopes])
 
 
-def _slow_parts(mapping: Mapping3, direction: int) -> Array:
-    """Return where parts of the first line begin in which the tangent shortens fast.
+def _slow_parts(mapping: Mapping3) -> dict[int, Array]:
+    """Return by direction where parts of the first line begin in which the tangent shortens fast.
 
     It does so before it vanishes, unless it comes back between two of the places that are looked
-    at: enclosures of all parts are dear.
+    at: enclosures of all parts are dear. Directions in which there are none are left out.
     """
-    places: list[Array] = [np.asarray(x) for x in _LINES[0]]
-    at = np.arange(1, _PARTS) / _PARTS
-    places.insert(direction, at)
-    (tangents,) = mapping.tangents((direction,), *places)
-    lengths = np.linalg.norm(tangents, axis=-1)
-    first, second = lengths[:-1], lengths[1:]
-    fast = ~(np.minimum(first, second) > _FAST * np.maximum(first, second))
-    fast[:-1] |= fast[1:]
-    fast[1:] |= fast[:-1]
-    return np.asarray(at[:-1][fast])
+    directions = [d for d in range(3) if not _has_even_coordinate(mapping, d)]
+    if not directions:
+        return {}
+    at, count = np.arange(1, _PARTS) / _PARTS, _PARTS - 1
+    # the lines one after the other: one call takes less, and its program serves later stages
+    places = np.empty((3, count * len(directions)))
+    for k, d in enumerate(directions):
+        line = slice(k * count, (k + 1) * count)
+        places[[x for x in range(3) if x != d], line] = _FIRST_LINE
+        places[d, line] = at
+    _, *tangents = mapping.frame(*places)
+    found = {}
+    for k, d in enumerate(directions):
+        tangent = tangents[d][k * count : (k + 1) * count]
+        lengths = np.sqrt(np.add.reduce(tangent * tangent, axis=-1))
+        first, second = lengths[:-1], lengths[1:]
+        fast = ~(np.minimum(first, second) > _FAST * np.maximum(first, second))
+        if fast.any():
+            fast[:-1] |= fast[1:]
+            fast[1:] |= fast[:-1]
+            found[d] = at[:-1][fast]
+    return found
 
 
-def _vanishing(mapping: Mapping3, direction: int, known: list[float]) -> list[tuple[float, float]]:
+def _vanishing(
+    mapping: Mapping3, direction: int, low: Array, known: list[float]
+) -> list[tuple[float, float]]:
     """Return the shortest parts of the first line in which the tangent may vanish.
 
-    At breaks that are `known` it jumps: parts end beside them.
+    Parts that begin at `low` are looked at. At breaks that are `known` it jumps: parts end beside
+    them.
     """
-    low = _slow_parts(mapping, direction)
-    if not 0 < len(low) <= _MOST_PARTS:
+    if len(low) > _MOST_PARTS:
         return []
     low, high = _cut(low, low + 1 / _PARTS, known)
     ask = IntervalProgram(mapping.derivatives[direction])
