@@ -45,7 +45,9 @@ def cancel_terms(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
 def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
     """Return a node of whose operands nothing is lost without the terms that it loses."""
     if node.op == "add":
-        left, right = _terms_of(node.args[0], terms), _terms_of(node.args[1], terms)
+        a, b = node.args
+        left = terms[a] if a in terms else _terms_of(a, terms)
+        right = terms[b] if b in terms else _terms_of(b, terms)
         if left.keys().isdisjoint(right):
             return node
         total = _terms_of(node, terms)
@@ -53,7 +55,7 @@ def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
             node = ZERO
             for atom, coefficient in total.items():
                 node = node + number(coefficient) * atom
-    elif _is_multiple(node) and _is_multiple(node.args[1]):
+    elif node.op == "mul" and _is_multiple(node) and _is_multiple(node.args[1]):
         found = _terms_of(node, terms)
         if len(found) == 1:  # a number times a multiple is one multiple
             ((atom, coefficient),) = found.items()
@@ -63,14 +65,15 @@ def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
 
 def _terms_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
     """Return the linear form of a tree as it is; `terms` holds those found before."""
-    if _is_known(node, terms):
-        return terms[node]
+    found = _known(node, terms)
+    if found is not None:
+        return found
 
     def below(inner: Expr) -> tuple[Expr, ...]:
-        return () if _is_known(inner, terms) else _summed(inner)
+        return () if _known(inner, terms) is not None else _summed(inner)
 
     # of most sums the operands were met before
-    missing = tuple([arg for arg in _summed(node) if not _is_known(arg, terms)])
+    missing = tuple([arg for arg in _summed(node) if _known(arg, terms) is None])
     for inner in (*walk(missing, below), node) if missing else (node,):
         if inner not in terms:
             terms[inner] = _form_of(inner, terms)
@@ -79,23 +82,25 @@ def _terms_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
     return terms[node]
 
 
-def _is_known(node: Expr, terms: dict[Expr, _Terms]) -> bool:
-    """Say whether a node has its form in `terms`, which those of atoms and remembered ones join."""
-    if node not in terms:
+def _known(node: Expr, terms: dict[Expr, _Terms]) -> _Terms | None:
+    """Return a node's form from `terms`, which those of atoms and remembered ones join, or None."""
+    found = terms.get(node)
+    if found is None:
         found = _forms.get(node)
-        if found is None and not _summed(node):
-            found = _form_of(node, terms)
         if found is None:
-            return False
+            if _summed(node):
+                return None
+            found = _form_of(node, terms)
         terms[node] = found
-    return True
+    return found
 
 
 def _summed(node: Expr) -> tuple[Expr, ...]:
     """Return the operands that a node's form is made of: none for an atom."""
-    if node.op in ("add", "neg"):
-        return node.args
-    return node.args[1:] if _is_multiple(node) else ()
+    op = node.op
+    if op == "mul":
+        return node.args[1:] if node.args[0].op == "number" else ()
+    return node.args if op == "add" or op == "neg" else ()
 
 
 def _is_multiple(node: Expr) -> bool:
@@ -104,10 +109,10 @@ def _is_multiple(node: Expr) -> bool:
 
 def _form_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
     """Return the linear form of a node whose operands have theirs."""
-    if node.op == "number":
-        return {ONE: node.payload} if node.payload else {}
-    if node.op == "add":
-        left, right = (terms[arg] for arg in node.args)
+    op = node.op
+    if op == "add":
+        a, b = node.args
+        left, right = terms[a], terms[b]
         if left.keys().isdisjoint(right):
             return left | right
         total = dict(left)
@@ -115,9 +120,11 @@ def _form_of(node: Expr, terms: dict[Expr, _Terms]) -> _Terms:
             before = total.get(atom)
             total[atom] = coefficient if before is None else before + coefficient
         return {atom: coefficient for atom, coefficient in total.items() if coefficient}
-    if node.op == "neg":
+    if op == "neg":
         return {a: -c for a, c in terms[node.args[0]].items()}
-    if _is_multiple(node):
+    if op == "mul" and node.args[0].op == "number":
         factor: Fraction = node.args[0].payload
         return {a: factor if c is _UNIT else factor * c for a, c in terms[node.args[1]].items()}
+    if op == "number":
+        return {ONE: node.payload} if node.payload else {}
     return {node: _UNIT}

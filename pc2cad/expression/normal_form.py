@@ -40,6 +40,8 @@ LARGEST_FORM: Final = 3000
 #: the same for the angles of sines and cosines
 LARGEST_ANGLE: Final = 12
 _angles: Final[Recent[NormalForm]] = Recent()
+#: forms of products all of whose factors are one term each: sums of the same products are met
+_monomials: Final[Recent[NormalForm]] = Recent()
 #: most coefficients are this very object, which needs no multiplication
 _UNIT: Final = Fraction(1)
 
@@ -64,15 +66,22 @@ def normal_form(
     def below(node: Expr) -> tuple[Expr, ...]:
         if node in forms:
             return ()
-        if whole is not None and whole(node):
-            forms[node] = {((node, 1),): _UNIT}
+        if whole is not None:
+            if whole(node):
+                forms[node] = {((node, 1),): _UNIT}
+                return ()
+        elif (remembered := _monomials.get(node)) is not None:
+            forms[node] = remembered
             return ()
         return _inner(node)
 
     try:
-        for node in walk((root,), _inner if whole is None and known is None else below):
+        for node in walk((root,), below):
             if node not in forms:
-                forms[node] = _form_of(node, forms, largest)
+                forms[node] = form = _form_of(node, forms, largest)
+                term = whole is None and node.op == "mul" and len(form) == 1
+                if term and all(map(_is_monomial, node.args)):
+                    _monomials.keep(node, form)
     except _TooLargeError:
         return None
     return forms[root]
@@ -162,21 +171,31 @@ def _is_repeated(exponent: Expr) -> bool:
     return bool(0 < exponent.payload.numerator <= 64)
 
 
-def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
-    if node.op == "number":
-        return {(): node.payload} if node.payload else {}
-    if node.op == "add":
-        return _sum(forms[node.args[0]], forms[node.args[1]], largest)
-    if node.op == "within":
-        return forms[node.args[0]]
-    if node.op == "neg":
-        return {m: -c for m, c in forms[node.args[0]].items()}
-    if node.op == "mul":
-        return _product(forms[node.args[0]], forms[node.args[1]], largest)
+def _is_monomial(node: Expr) -> bool:
+    """Say whether a factor is one term, and so is every factor of it: no form below is longer."""
     if node.op == "div":
+        node = node.args[0]
+    return not _inner(node) or _monomials.get(node) is not None
+
+
+def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
+    op = node.op
+    if op == "mul":
+        a, b = node.args
+        return _product(forms[a], forms[b], largest)
+    if op == "add":
+        a, b = node.args
+        return _sum(forms[a], forms[b], largest)
+    if op == "number":
+        return {(): node.payload} if node.payload else {}
+    if op == "within":
+        return forms[node.args[0]]
+    if op == "neg":
+        return {m: -c for m, c in forms[node.args[0]].items()}
+    if op == "div":
         inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): _UNIT}
         return _product(forms[node.args[0]], inverse, largest)
-    if node.op == "pow" and _is_repeated(node.args[1]):
+    if op == "pow" and _is_repeated(node.args[1]):
         return _raised(forms[node.args[0]], int(node.args[1].payload), largest)
     return {((node, 1),): _UNIT}
 
@@ -193,15 +212,23 @@ def _reciprocal(denominator: Expr) -> Expr:
 
 
 def _sum(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
-    result = dict(a)
-    for monomial, coefficient in b.items():
-        _accumulate(result, monomial, coefficient)
+    if a.keys().isdisjoint(b):
+        result = a | b
+    else:
+        result = dict(a)
+        for monomial, coefficient in b.items():
+            _accumulate(result, monomial, coefficient)
     if len(result) > largest:
         raise _TooLargeError
     return result
 
 
 def _product(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
+    if len(a) == 1 == len(b):  # as of most products
+        ((left, p),), ((right, q),) = a.items(), b.items()
+        terms = _join(left, right)
+        if len(terms) == 1:
+            return {terms[0][0]: _times(p, q)}
     if len(a) * len(b) > 20 * largest:
         raise _TooLargeError
     for one, other in ((a, b), (b, a)):

@@ -43,7 +43,8 @@ class Recent(Generic[Found]):
         what is settled or remembered nothing is looked at: it is not in what is returned. What is
         above a node with the `worst` has that as well, and then nothing more is looked at.
         """
-        remembered, known, opened = self._found, dict[Expr, Found](), list[Expr]()
+        remember, known, opened = self._found, dict[Expr, Found](), list[Expr]()
+        recall = remember.get
         # as `walk` does; None stands for the node that was opened last
         stack: list[Expr | None] = []
         pop, push, fresh = stack.pop, stack.append, roots
@@ -52,10 +53,10 @@ class Recent(Generic[Found]):
                 if arg not in known:
                     found = settled(arg)
                     if found is None:
-                        found = remembered.get(arg)
-                    if found is None:
-                        push(arg)
-                        continue
+                        found = recall(arg)
+                        if found is None:
+                            push(arg)
+                            continue
                     known[arg] = found
                     if found is worst:
                         return self._spoilt(opened, known, found)
@@ -70,7 +71,11 @@ class Recent(Generic[Found]):
                     push(None)
                     break
                 known[node] = found = find(node, known)
-                self.keep(node, found)
+                if len(remember) < MOST and remember is self._found:
+                    remember[node] = found
+                else:
+                    self.keep(node, found)
+                    remember = self._found
                 if found is worst:
                     return self._spoilt(opened, known, found)
             else:
