@@ -237,9 +237,11 @@ class Program:
             slot, run, before = step
             if slot not in kept:
                 continue
-            last = tuple([x for x in before if x not in kept])
-            if last:
-                kept.update(last)
+            last: tuple[int, ...] = ()
+            for x in before:
+                if x not in kept:
+                    kept.add(x)
+                    last += (x,)
             timed = slot, run, before, last
             # plans for pieces are many, and have most of their steps in common
             steps.append(self._timed.setdefault((id(step), *last), timed) if among else timed)

@@ -43,8 +43,7 @@ class Recent(Generic[Found]):
         what is settled or remembered nothing is looked at: it is not in what is returned. What is
         above a node with the `worst` has that as well, and then nothing more is looked at.
         """
-        remember, known, opened = self._found, dict[Expr, Found](), list[Expr]()
-        recall = remember.get
+        recall, known, opened = self._found.get, dict[Expr, Found](), list[Expr]()
         # as `walk` does; None stands for the node that was opened last
         stack: list[Expr | None] = []
         pop, push, fresh = stack.pop, stack.append, roots
@@ -71,11 +70,9 @@ class Recent(Generic[Found]):
                     push(None)
                     break
                 known[node] = found = find(node, known)
-                if len(remember) < MOST and remember is self._found:
-                    remember[node] = found
-                else:
-                    self.keep(node, found)
-                    remember = self._found
+                if len(self._found) >= MOST:  # as `keep` does
+                    self._found = {}
+                self._found[node] = found
                 if found is worst:
                     return self._spoilt(opened, known, found)
             else:
