@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from math import nextafter
 from typing import Final
 
 import numpy as np
@@ -45,12 +46,13 @@ class Interval:
         return self + -other
 
     def __mul__(self, other: Interval) -> Interval:
-        if self.lower is self.upper or other.lower is other.upper:
+        a, b, c, d = self.lower, self.upper, other.lower, other.upper
+        if a is b or c is d:
             # one of them is a number each: two products do
-            ends = [self.lower * other.lower, self.upper * other.upper]
+            ends = [a * c, b * d]
             lower, upper = np.minimum(*ends), np.maximum(*ends)
         else:
-            ends = [a * b for a in (self.lower, self.upper) for b in (other.lower, other.upper)]
+            ends = [a * c, a * d, b * c, b * d]
             lower = np.minimum(np.minimum(ends[0], ends[1]), np.minimum(ends[2], ends[3]))
             upper = np.maximum(np.maximum(ends[0], ends[1]), np.maximum(ends[2], ends[3]))
         if np.isnan(lower).any():
@@ -58,17 +60,18 @@ class Interval:
             ends = [np.where(np.isnan(end), 0.0, end) for end in ends]
             lower, upper = np.min(ends, axis=0), np.max(ends, axis=0)
         product = rounded(lower, upper, 1)
-        positive = (self.lower >= 0) & (other.lower >= 0)
-        if not positive.any():
-            return product
-        return Interval(np.where(positive, np.maximum(product.lower, 0.0), product.lower),
-                        product.upper)  # fmt: skip
+        # of what is not negative the rounding beyond 0 is cut off
+        np.maximum(product.lower, 0.0, out=product.lower, where=(a >= 0) & (c >= 0))
+        return product
 
     def __truediv__(self, other: Interval) -> Interval:
         return self * other.reciprocal()
 
     def reciprocal(self) -> Interval:
         """Return 1/x; the whole line where x can be 0 and has both signs."""
+        if (self.lower > 0).all():  # as what is divided by mostly is
+            result = rounded(1 / self.upper, 1 / self.lower, 1)
+            return Interval(np.maximum(result.lower, 0.0), result.upper)
         with np.errstate(divide="ignore"):
             lower = np.where(self.upper == 0, -INFINITE, 1 / self.upper)
             upper = np.where(self.lower == 0, INFINITE, 1 / self.lower)
@@ -117,12 +120,14 @@ def interval(lower: ArrayLike, upper: ArrayLike | None = None) -> Interval:
 def enclosed_number(value: Fraction) -> Interval:
     """Return the tightest interval round an exact number."""
     near = float(value)
-    there = Fraction(near)
-    if there == value:
+    # as a fraction it is compared in whole numbers
+    (n, d), (m, e) = near.as_integer_ratio(), value.as_integer_ratio()
+    off = n * e - m * d
+    if off == 0:
         return interval(near)
-    lower = near if there <= value else np.nextafter(near, -INFINITE)
-    upper = near if there >= value else np.nextafter(near, INFINITE)
-    return Interval(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float))
+    lower = near if off < 0 else nextafter(near, -INFINITE)
+    upper = near if off > 0 else nextafter(near, INFINITE)
+    return Interval(np.array(lower), np.array(upper))
 
 
 def enclosed_range(low: Fraction, high: Fraction) -> Interval:
@@ -135,10 +140,15 @@ def enclosed_range(low: Fraction, high: Fraction) -> Interval:
 
 def rounded(lower: Array, upper: Array, ulps: int) -> Interval:
     """Return the interval widened by some units in the last place; nan is no knowledge."""
-    lower = np.minimum(lower, LARGEST)
-    upper = np.maximum(upper, -LARGEST)
-    lower = lower - (np.abs(lower) * (ulps * ULP) + ulps * TINIEST)
-    upper = upper + (np.abs(upper) * (ulps * ULP) + ulps * TINIEST)
+    lower, upper = np.minimum(lower, LARGEST), np.maximum(upper, -LARGEST)
+    below, above = np.abs(lower), np.abs(upper)
+    share, least = ulps * ULP, ulps * TINIEST
+    below *= share
+    below += least
+    above *= share
+    above += least
+    lower -= below
+    upper += above
     return Interval(np.asarray(lower), np.asarray(upper))
 
 
