@@ -18,6 +18,7 @@ from pc2cad.expression.end_roots import root_exponent
 from pc2cad.expression.kinks import take_kinks_apart
 from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.rewriting import nodes_of
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.sign_changes import keeps_sign, on_cells, sign_changes
 from pc2cad.expression.tree import (
@@ -49,9 +50,8 @@ def inner_roots(trees: tuple[Expr, ...]) -> tuple[tuple[Fraction, ...], ...]:
     (see `sign_changes`), and so are double zeros at fractions.
     """
     found: tuple[list[Fraction], ...] = ([], [], [])
-    if _ROOTS.isdisjoint(ops_of(trees)):
-        return (), (), ()
-    for below in {base for node in walk(trees) if (base := _below(node)) is not None}:
+    rooted = [node for op in _ROOTS & ops_of(trees) for node in nodes_of(trees, op)]
+    for below in {base for node in rooted if (base := _below(node)) is not None}:
         for name in below.symbols:
             found[PARAMETERS.index(name)].extend(_lines(below, name))
     return tuple(_apart(places) for places in found)

@@ -20,15 +20,26 @@ from pc2cad.expression.intervals import interval
 from pc2cad.expression.kink_curves import refuse_curve
 from pc2cad.expression.magnitudes import largest_seen
 from pc2cad.expression.normal_form import NormalForm, normal_form, ordered, tree_of
-from pc2cad.expression.rewriting import among
+from pc2cad.expression.rewriting import among, nodes_of
 from pc2cad.expression.rounded_identity import is_zero_to_rounding
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.sign_changes import in_pieces, sign_changes
-from pc2cad.expression.tree import ONE, PI, Expr, call, number, power, rebuild, substitute
+from pc2cad.expression.tree import (  # fmt: skip
+    ONE,
+    PI,
+    Expr,
+    call,
+    number,
+    ops_of,
+    power,
+    rebuild,
+    substitute,
+)
 
 #: the functions that may hold kinks: a root of a square and the arc of a wave are absolute values
 _KINKED = frozenset(("abs", "sign", "sqrt", "acos", "asin")) | CHOICES
 _BENT = _KINKED | {"pieces"}
+_ROOTS = frozenset(("sqrt",))
 #: where a wave is looked at between two kinks
 _SHARES = (0.21, 0.5, 0.68)
 #: places per parameter at which an argument of two, or three, parameters is looked at
@@ -46,6 +57,9 @@ def take_kinks_apart(roots: tuple[Expr, ...], shown: tuple[Expr, ...]) -> tuple[
     function whose zeros are too many to be found stays. Raises BreaksNotAlignedError where an
     argument of several parameters changes its sign.
     """
+    held = _BENT & ops_of(roots)
+    if not held or (held == _ROOTS and not any(map(_is_absolute, nodes_of(roots, "sqrt")))):
+        return roots
     nodes = among(roots, lambda n: not _BENT.isdisjoint(n.ops))
     if not any(node.op in _KINKED or is_bent_table(node) for node in nodes):
         return roots
@@ -113,6 +127,11 @@ def _half(square: Expr) -> tuple[Expr, int] | None:
         if half.denominator == 1 and half > 0:
             return square.args[0], int(half)
     return None
+
+
+def _is_absolute(node: Expr) -> bool:
+    """Say whether a root is that of a square of one parameter."""
+    return len(node.symbols) == 1 and _half(node.args[0]) is not None
 
 
 def _root(node: Expr) -> Expr:

@@ -15,6 +15,12 @@ def among(roots: tuple[Expr, ...], holds: Callable[[Expr], bool]) -> list[Expr]:
     return walk(tuple(filter(holds, roots)), lambda node: tuple(filter(holds, node.args)))
 
 
+@lru_cache(maxsize=64)  # the same trees are asked about their roots by one after another
+def nodes_of(roots: tuple[Expr, ...], op: str) -> tuple[Expr, ...]:
+    """Return the nodes of one operation below some trees once, operands first."""
+    return tuple([node for node in among(roots, lambda n: op in n.ops) if node.op == op])
+
+
 def has_more(root: Expr, most: int, leaves: bool = True) -> bool:
     """Say whether a tree has more than `most` different nodes, leaves counted or not.
 
@@ -40,7 +46,8 @@ def rewrite(
     module then, and tells by the node alone.
     """
     within = tuple([root for root in roots if op in root.ops])
-    if not within:
+    keep = keep and not is_counted()
+    if not within or (keep and _stay(within, op, change)):
         return roots
 
     def find(node: Expr, done: dict[Expr, Expr]) -> Expr:
@@ -48,9 +55,22 @@ def rewrite(
         moved = node if args == node.args else rebuild(node, args)
         return change(moved) if moved.op == op else moved
 
-    known = _changed(op, change) if keep and not is_counted() else Recent[Expr]()
+    known = _changed(op, change) if keep else Recent[Expr]()
     done = known.of(within, find, lambda node: None if op in node.ops else node)
     return tuple([done.get(root, root) for root in roots])
+
+
+def _stay(roots: tuple[Expr, ...], op: str, change: Callable[[Expr], Expr]) -> bool:
+    """Say whether no node of an operation changes: then nothing above them has to be looked at."""
+    known = _changed(op, change)
+    for node in nodes_of(roots, op):
+        moved = known.get(node)
+        if moved is None:
+            moved = change(node)
+            known.keep(node, moved)
+        if moved is not node:
+            return False
+    return True
 
 
 @lru_cache(maxsize=16)
