@@ -58,3 +58,10 @@ def test_what_holds_of_sines_roots_and_quotients_holds_of_residues():
 )
 def test_others_are_told_at_once(tree):
     assert not may_be_square(tree)
+
+
+def test_a_prime_in_a_denominator_tells_nothing_and_others_do():
+    prime = (1 << 31) - 1
+    share = number(Fraction(1, prime))
+    assert may_be_square((u + share) * (u + share))
+    assert not may_be_square(u * u + share)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -12,7 +11,7 @@ from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.rewriting import among
 from pc2cad.expression.simplification import cancel
-from pc2cad.expression.tree import Expr, number, substitute, symbol
+from pc2cad.expression.tree import Expr, number, ops_of, substitute, symbol
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.topology.cells import Cell
 
@@ -79,7 +78,11 @@ class Pieces:
             side = substitute(trees, put)
             # what one piece alone makes of a root or a quotient could not be seen before, nor
             # what a side makes of a root
-            new = single or (_may_make_roots(trees, put.keys()) and _has_new_root(side, trees))
+            new = single or (
+                "sqrt" in ops_of(side)
+                and _may_make_roots(trees, frozenset(put))
+                and _has_new_root(side, trees)
+            )
             self._sides[spans, at] = cancel(side) if new else side
         return self._sides[spans, at]
 
@@ -113,7 +116,8 @@ def has_pieces(trees: tuple[Expr, ...], name: str) -> bool:
     return any(node.op == "pieces" for node in among_pieces)
 
 
-def _may_make_roots(trees: tuple[Expr, ...], names: AbstractSet[str]) -> bool:
+@lru_cache(maxsize=64)  # of opposite sides
+def _may_make_roots(trees: tuple[Expr, ...], names: frozenset[str]) -> bool:
     """Say whether trees may hold other roots of symbols once there are numbers for some names.
 
     What becomes a number holds none, and sums, products and quotients make none.

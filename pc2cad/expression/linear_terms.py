@@ -46,6 +46,8 @@ def _without_lost(node: Expr, terms: dict[Expr, _Terms]) -> Expr:
     """Return a node of whose operands nothing is lost without the terms that it loses."""
     if node.op == "add":
         a, b = node.args
+        if a is not b and not _summed(a) and not _summed(b):
+            return node  # two atoms, or one and a number
         left = terms[a] if a in terms else _terms_of(a, terms)
         right = terms[b] if b in terms else _terms_of(b, terms)
         if left.keys().isdisjoint(right):

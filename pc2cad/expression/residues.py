@@ -23,7 +23,7 @@ _PLACES, _ENOUGH = 16, 8
 
 def may_be_square(root: Expr) -> bool:
     """Say whether residues leave it open that a tree is a number times a square."""
-    below = {node: _operands(node) for node in walk((root,), _operands)}
+    below = [(node, node.op, _operands(node)) for node in walk((root,), _operands)]
     for prime in _PRIMES:
         kinds = []
         for value in islice(_values(below, prime), _ENOUGH):
@@ -35,17 +35,34 @@ def may_be_square(root: Expr) -> bool:
     return True
 
 
-def _values(below: dict[Expr, tuple[Expr, ...]], prime: int) -> Iterator[int]:
+def _values(below: list[tuple[Expr, str, tuple[Expr, ...]]], prime: int) -> Iterator[int]:
     """Yield the residues of the last of some nodes, where they have one other than 0."""
-    value, store = 0, dict[Expr, int]()
+    value = 0
+    try:
+        store = {node: _of_number(node.payload, prime) for node, op, _ in below if op == "number"}
+    except ValueError:  # the prime divides a denominator
+        return
+    rest = [row for row in below if row[1] != "number"]
     for place in range(_PLACES):
         try:
-            for node, args in below.items():
-                value = store[node] = _residue(node, [store[arg] for arg in args], place, prime)
+            for node, op, args in rest:
+                if op == "mul":
+                    a, b = args
+                    value = store[a] * store[b] % prime
+                elif op == "add":
+                    a, b = args
+                    value = (store[a] + store[b]) % prime
+                else:
+                    value = _residue(node, [store[arg] for arg in args], place, prime)
+                store[node] = value
         except (ValueError, _NoResidueError):  # a division by zero, or a root that there is not
             continue
         if value:
             yield value
+
+
+def _of_number(value: Fraction, prime: int) -> int:
+    return value.numerator * pow(value.denominator, -1, prime) % prime
 
 
 class _NoResidueError(Exception):
@@ -63,17 +80,10 @@ def _operands(node: Expr) -> tuple[Expr, ...]:
 
 
 def _residue(node: Expr, args: list[int], place: int, prime: int) -> int:
-    """Return the residue of a node from those of its operands."""
+    """Return the residue of a node that is no number, sum or product from its operands'."""
     op = node.op
-    if op == "number":
-        value: Fraction = node.payload
-        return value.numerator * pow(value.denominator, -1, prime) % prime
-    if op == "add":
-        return (args[0] + args[1]) % prime
     if op == "neg":
         return -args[0] % prime
-    if op == "mul":
-        return args[0] * args[1] % prime
     if op == "div":
         return args[0] * pow(args[1], -1, prime) % prime
     if op == "within":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import lru_cache
+from operator import attrgetter
 
 from pc2cad.expression.budget import is_counted
 from pc2cad.expression.recent import Recent
@@ -32,6 +33,8 @@ def substituted(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr,
     known = Recent[Expr]() if is_counted() else _known(put)
     chosen: dict[Expr, tuple[tuple[Expr, ...], Fraction]] = {}
 
+    plain = not any(["pieces" in root.ops for root in roots])
+
     def below(node: Expr) -> tuple[Expr, ...]:
         if node.op == "pieces" and node.args[0].symbols <= names:
             (at,) = substituted(node.args[:1], values)
@@ -50,7 +53,10 @@ def substituted(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr,
         return rebuild(node, tuple([done[arg] for arg in node.args]))
 
     done = known.of(
-        roots, find, lambda node: node if node.symbols.isdisjoint(names) else None, below
+        roots,
+        find,
+        lambda node: node if node.symbols.isdisjoint(names) else None,
+        attrgetter("args") if plain else below,
     )
     return tuple([done[root] for root in roots])
 
