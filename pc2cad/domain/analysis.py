@@ -159,9 +159,8 @@ def recut(analysis: Analysis, places: tuple[set[Fraction], ...]) -> Analysis:
 
 def _all_cuts(sides: SampledSides) -> tuple[set[Fraction], ...]:
     """Return where directions may have to be cut, if the boundary does not close without."""
-    u, v, w = (len(row) - 1 for row in sides.bounds)
+    (u, v, w), span = (len(row) - 1 for row in sides.bounds), partial(_span, sides.bounds)
     patches, scale = boundary_patches((u, v, w)), sides.questions.scale
-    span = partial(_span, sides.bounds)
     found = shifts(sides.map, patches, scale), folds(sides.map, patches, span, scale)
     return tuple(a | b for a, b in zip(*found, strict=True))
 
@@ -322,15 +321,15 @@ class MapQuestions:
         last = (-1,) * (first.ndim - 1)
         if max(map(abs, (first[last] - second[last]).tolist())) >= 1000 * self._one:
             return False
-        gap = float(np.sqrt(((first - second) ** 2).sum(axis=-1)).max())
+        away = (first - second) ** 2
+        gap = float(np.sqrt((away[..., 0] + away[..., 1] + away[..., 2]).max()))
         if gap <= self._one:
             return True
         if gap < 1000 * self._one:
-            names = (cell_name(cell, self.labels) for cell in cells)
-            size = self.scale.size
+            named = what.format(*(cell_name(cell, self.labels) for cell in cells))
             raise TooCloseToDecideError(
-                f"{what.format(*names)} are {gap:.3g} apart on a part of size {size:.3g}: too "
-                "far for one place and too near for two in double precision; separate or join them"
+                f"{named} are {gap:.3g} apart on a part of size {self.scale.size:.3g}: too far for "
+                "one place and too near for two in double precision; separate or join them"
             )
         return False
 
@@ -394,6 +393,8 @@ class MapQuestions:
 
 
 def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:
-    pairs = zip(with_plain_constants(first), with_plain_constants(second), strict=True)
+    if first != second:  # equal trees are one object
+        first, second = with_plain_constants(first), with_plain_constants(second)
+    pairs = zip(first, second, strict=True)
     proved = all(a is b or is_identically_zero(a - b) for a, b in pairs)
     return Verdict.PROVED if proved else Verdict.UNDECIDED
