@@ -99,13 +99,17 @@ def on_all_cells(tree: Expr, name: str) -> Interval:
 
     More cells cost next to nothing: it is the operations that do.
     """
+    remembered = _enclosed(name)
+    known = remembered.get(tree)
+    if known is not None:
+        return known
     boxes = {name: interval(*even_cells())}
 
-    def find(node: Expr, known: dict[Expr, Interval]) -> Interval:
-        return enclose(node, tuple([known[arg] for arg in operands(node)]), boxes)
+    def find(node: Expr, below: dict[Expr, Interval]) -> Interval:
+        return enclose(node, tuple([below[arg] for arg in operands(node)]), boxes)
 
     with np.errstate(all="ignore"):
-        return _enclosed(name).of((tree,), find, lambda _: None, operands)[tree]
+        return remembered.of((tree,), find, lambda _: None, operands)[tree]
 
 
 @lru_cache(maxsize=1)
