@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 import pc2cad as pc
+from pc2cad.expression import normal_form as terms
 from pc2cad.expression import recent
+from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.recent import Holding
 from pc2cad.expression.tree import Expr
 
@@ -32,3 +34,26 @@ def test_holding_everywhere(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
         assert not plain.of((second,))
         assert plain.of((third,))
     assert plain.of(())
+
+
+@pytest.mark.parametrize("most", [recent.MOST, 2])
+def test_normal_forms_do_not_depend_on_what_was_asked_before(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recent, "MOST", most)
+    sine, cosine = pc.sin(U), pc.cos(U)
+    product = 3 * (sine * (V * 2)) * (cosine / W) * (V / 7)
+    trees = [product, product * sine, sine * sine * (sine * sine), product * (U + V + W)]
+    trees += [product - product * 1, (U + V) ** 3 - (V + U) ** 3 + product, product * product]
+
+    def forms(largest: int) -> list[object]:
+        return [normal_form(tree, largest) for tree in trees]
+
+    alone = []
+    for largest in (3, 50):
+        monkeypatch.setattr(terms, "_monomials", recent.Recent())
+        alone.append(forms(largest))
+    assert alone == [forms(3), forms(50)] == [forms(3), forms(50)]
+    assert alone[0][3] is not None
+    assert alone[0][5] is None
+    assert alone[1][5] == alone[1][0]
