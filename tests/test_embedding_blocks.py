@@ -14,10 +14,12 @@ from pc2cad.geometry.sheets import (
     elevated,
     patches_of,
     projected,
+    restriction,
     surface_limits,
     surface_patches,
 )
 from pc2cad.solidity.embedding.above_planes import sides_of_planes
+from pc2cad.solidity.embedding.blocks import near_pairs
 from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
 from pc2cad.solidity.embedding.separation import boxes
 from pc2cad.solidity.embedding.surfaces import Surfaces
@@ -238,6 +240,38 @@ def test_blocks_are_parted_where_all_their_patches_are():
     sheet = np.array([0] * 8 + [1])
     rows = np.column_stack((np.arange(8), np.full(8, 8)))
     assert merged.part(rows, sheet).tolist() == parted(surfaces).all(axis=1).tolist()
+
+
+# -- blocks on one line ----------------------------------------------------------------------------
+
+
+def curl(x, y, pieces: int):
+    """A sheet over a curve of cubic Bernstein coefficients, in so many equal pieces."""
+    ends = np.linspace(0, 1, pieces + 1)
+    curve = restriction(3, ends[:-1], ends[1:]) @ np.stack((x, y, 0 * x, 1 + 0 * x), axis=-1)
+    nets = np.stack((curve, curve + np.array([0.0, 0, 1, 0])), axis=1)[None]
+    unit = np.array([0.0, 1.0])
+    sides = (SheetSide(0, (0, 1), unit), SheetSide(1, (1, 2), ends),
+             SheetSide(2, (3, 2), unit), SheetSide(3, (0, 3), ends))  # fmt: skip
+    return Surfaces([Sheet(0, 0, patches_of(nets), sides)], np.full((4, 2, 3), np.nan))
+
+
+@pytest.mark.parametrize("pieces", [3, 4])
+def test_blocks_on_one_line_are_parted_though_ways_along_the_other_lead_both_ways(pieces):
+    """The parabola (t², t/2) for |t| < 1, with boxes that part nothing."""
+    surfaces = curl(np.array([1, -1 / 3, -1 / 3, 1]), np.array([-1, -1 / 3, 1 / 3, 1]) / 2, pieces)
+    assert len(near_pairs(surfaces, 1e-12, near=10.0)[0]) == 0
+
+
+@pytest.mark.parametrize("pieces", [2, 3, 4, 6])
+def test_blocks_on_one_line_that_meet_are_left(pieces):
+    """The loop (t² - 1, t³ - t) for |t| < 1.3 meets itself at t = ±1: in its end pieces."""
+    ends = np.array([-1.3, 1.3])
+    c = np.array([ends[[0] * (3 - k) + [1] * k] for k in range(4)])
+    square = (c[:, 0] * c[:, 1] + c[:, 0] * c[:, 2] + c[:, 1] * c[:, 2]) / 3
+    surfaces = curl(square - 1, c.prod(axis=1) - c.mean(axis=1), pieces)
+    left = near_pairs(surfaces, 1e-12)[0].tolist()
+    assert [0, pieces - 1] in left
 
 
 # -- pieces ----------------------------------------------------------------------------------------

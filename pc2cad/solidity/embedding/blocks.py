@@ -32,6 +32,8 @@ from pc2cad.solidity.embedding.windows import (
 FEW = 128
 #: blocks of so many are few enough to be compared each with each
 FEW_BLOCKS = 640
+#: blocks on one line that are at most so many steps apart are looked at in one rectangle
+_ON_LINE = 3
 #: of two sheets: one alone, and none that are a wall
 ALONE, NO_WALL = -1, -2
 
@@ -227,13 +229,29 @@ class _Search:
         """Return the pairs of blocks that are not parted as rectangles."""
         rows, step, first, second = self._rectangles(level, pairs)
         parted = self._parted(level, first, second)
-        across = np.flatnonzero(~parted & (step[0] != 0) & (step[1] != 0))
-        if len(across):
-            chosen = step[:, across], first[:, across], second[:, across]
-            parted[across] = self._ahead(level, *chosen)
+        rest = np.flatnonzero(~parted & step.any(axis=0))
+        if len(rest):
+            chosen = np.sign(step[:, rest]), first[:, rest], second[:, rest]
+            parted[rest] = self._ahead_either_way(level, *chosen)
         left = np.ones(len(pairs), dtype=bool)
         left[rows[parted]] = False
         return pairs[left]
+
+    def _ahead_either_way(
+        self, level: Level, step: Integers, first: Integers, second: Integers
+    ) -> Booleans:
+        """Say which pairs of blocks do not meet as all ways from one to the other are ahead.
+
+        Along a parameter without a step these lead one way or the other, and either is asked.
+        """
+        either = np.flatnonzero(~step.all(axis=0))
+        rows = np.concatenate((np.arange(step.shape[1]), either))
+        signs = np.concatenate((step + (step == 0), step[:, either]), axis=1)
+        signs[signs == 0] = -1
+        ahead = self._ahead(level, signs, first[:, rows], second[:, rows])
+        result = ahead[: step.shape[1]]
+        result[either] &= ahead[step.shape[1] :]
+        return result
 
     def meet(self, level: Level, pairs: Integers) -> Booleans:
         """Say of which pairs the limits meet."""
@@ -259,21 +277,26 @@ class _Search:
         one, other = level.sheet[a], level.sheet[b]
         fit = level.narrow[a] & level.narrow[b] & (self._wall_of[one, other] > NO_WALL)
         rows = np.flatnonzero(fit)
-        steps, ends = [], []
+        steps, places = [], []
         for axis in (0, 1):
             size, place = level.shapes[one[rows], axis], level.place[:, axis]
-            step = place[b[rows]] - place[a[rows]]
+            start = place[a[rows]]
+            step = place[b[rows]] - start
             closed = self.surfaces.closed[:, axis]
             round_ = closed[one[rows]] & closed[other[rows]]
             step = np.where(round_, (step + size // 2) % size - size // 2, step)
+            # of blocks on one line, up to two that are between both
+            between = np.sign(step) * (np.abs(step) > 1)
+            places.append(np.array((start, start + between, start + step - between, start + step)))
+            places[-1] %= size
             steps.append(step)
-            ends.append((place[a[rows]], (place[a[rows]] + step) % size))
-        near = np.flatnonzero((np.abs(steps[0]) <= 1) & (np.abs(steps[1]) <= 1))
+        far = np.abs(steps)
+        most = np.where(far.min(axis=0) == 0, _ON_LINE, 1)
+        near = np.flatnonzero(far.max(axis=0) <= most)
         rows = rows[near]
-        (s, s_end), (t, t_end) = ((x[near], y[near]) for x, y in ends)
-        across = level.shapes[one[rows], 1]
-        s, s_end = s * across, s_end * across
-        index = np.array([s + t, s_end + t, s_end + t_end, s + t_end])
+        s, t = (x[:, near] for x in places)
+        s *= level.shapes[one[rows], 1]
+        index = np.array((s[0] + t[0], s[2] + t[1], s[3] + t[3], s[1] + t[2]))
         first, second = (index + level.start[sheet[rows]] for sheet in (one, other))
         return rows, np.array(steps)[:, near], first, second
 
@@ -301,9 +324,9 @@ class _Search:
         return len(level.low) + start + blocks - level.start[level.sheet[blocks]]
 
     def _ahead(self, level: Level, step: Integers, first: Integers, second: Integers) -> Booleans:
-        """Say which pairs of blocks do not meet as all ways from one to the other are ahead.
+        """Say between which pairs of blocks no ways with these signs come back to where they began.
 
-        They have a step along both parameters. All tangents are asked, not a cone of them: on two
+        All tangents are asked, not a cone of them: on two
         sides of a wall those along one side, whichever, and the ways across at the other block.
         """
         wall = self._wall_of[level.sheet[first[0]], level.sheet[second[0]]]

@@ -24,10 +24,10 @@ from pc2cad.solidity.embedding.surfaces import Surfaces
 _SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 #: the chord of a right angle
 _RIGHT = np.sqrt(2.0)
-#: steps of the search for a plane, and how far the cone that is farthest behind it pulls it
-_TURNS, _PULL = 8, 0.3
+#: steps of the search for a plane, and how far before it the cone farthest behind is to be then
+_TURNS, _BEFORE = 8, 0.02
 #: where a cone is so far behind a plane that no turn helps: at first, and at least
-_FAR, _BEHIND = 0.5, 0.2
+_FAR, _BEHIND = 0.8, 0.2
 #: rounding of the sums and products of unit vectors here
 _UNIT = 1e-14
 
@@ -122,7 +122,8 @@ def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
 def is_ahead(cones: Cones, signs: Integers) -> Booleans:
     """Say where a plane has all vectors of cones (k, n), with signs (k, n), on one side.
 
-    No sum of them with positive factors is zero then.
+    No sum of them with positive factors is zero then. The plane is sought: as far as a cone is
+    behind it, the cone is to be before it after the next step.
     """
     # coordinate by coordinate: long rows, not three numbers at a time
     axes = np.array([cones.axes[..., k] * signs for k in range(3)])
@@ -140,8 +141,9 @@ def is_ahead(cones: Cones, signs: Integers) -> Booleans:
             break
         # the cone that is farthest behind pulls
         pull = axes[:, room[:, rest].argmin(axis=0), rest]
+        pull *= _BEFORE - 2 * least[rest]
         left, axes, sines = left[rest], axes[:, :, rest], sines[:, rest]
-        normal = _unit_rows(normal[:, rest] + _PULL * pull)
+        normal = _unit_rows(normal[:, rest] + pull)
     return result
 
 
