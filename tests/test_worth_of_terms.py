@@ -12,7 +12,9 @@ import pc2cad as pc
 from pc2cad.domain.analysis import analyse
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.expression.magnitudes import PLACES, bound, extent, rounding
+from pc2cad.expression.enclosures import IntervalProgram
+from pc2cad.expression.intervals import interval
+from pc2cad.expression.magnitudes import PLACES, bound, extent, least, rounding
 from pc2cad.expression.normal_form import NormalForm, normal_form
 from pc2cad.expression.tree import ZERO, Expr, number
 from pc2cad.geometry.carriers import Cylinder, Frame, Line, Plane, Torus
@@ -237,3 +239,11 @@ def test_normal_forms_do_not_depend_on_what_is_remembered() -> None:
     assert normal_form(large, 40) is None
     assert normal_form(large, 40, known=known) is None
     assert normal_form(roots[0], 40, known=known) == alone[0]
+
+
+def test_functions_of_one_parameter_are_bounded_by_their_enclosures_over_even_parts() -> None:
+    ends = np.linspace(0.0, 1.0, 33)
+    for tree in (pc.sqrt(2 + COS(7 * V)) / (1 + V * V), needle(V), pc.abs(3 * V - 1), 2 * V):
+        parts = IntervalProgram((tree,))({"v": interval(ends[:-1], ends[1:])})[0].magnitude()
+        assert bound(((tree, 1),)) >= parts.upper.max()
+        assert np.array_equal(least(tree)[0, :, 0], parts.lower)

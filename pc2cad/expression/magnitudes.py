@@ -21,6 +21,7 @@ from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import ULP, Interval
 from pc2cad.expression.normal_form import Monomial
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.sign_changes import PARTS, on_parts
 from pc2cad.expression.tree import Expr
 
 #: what rounding leaves, as a share of the extent that is seen
@@ -29,8 +30,6 @@ ROUNDING: Final = 1e-13
 MOST_LOST: Final = 1e-10
 #: roundings of the largest term
 ROUNDINGS: Final = 16
-#: parts of the unit interval over which functions are enclosed
-PARTS: Final = 32
 #: samples per parameter: both ends and irrational places
 PLACES: Final = np.sort(np.append(scattered(17, 1, 0.0), (0.0, 1.0)))
 
@@ -71,14 +70,19 @@ def least(root: Expr) -> Array:
 @lru_cache(maxsize=4096)
 def _sizes(root: Expr) -> tuple[Array, Array]:
     """Return the least and the largest size of a tree over the parts of the unit box."""
+    shape = [PARTS if name in root.symbols else 1 for name in PARAMETERS]
+    # sums of waves are products of matrices, whose last bits depend on how many places there are
+    if len(root.symbols) == 1 and "fourier" not in root.ops:
+        size = on_parts(root, *root.symbols).magnitude()
+        lower, upper = (np.broadcast_to(x, PARTS) for x in (size.lower, size.upper))
+        return lower.reshape(shape), upper.reshape(shape)
     ends = np.linspace(0.0, 1.0, PARTS + 1)
     boxes = {}
     for axis, name in enumerate(PARAMETERS):
-        shape = [1] * len(PARAMETERS)
-        shape[axis] = PARTS
-        boxes[name] = Interval(ends[:-1].reshape(shape), ends[1:].reshape(shape))
+        open_shape = [1] * len(PARAMETERS)
+        open_shape[axis] = PARTS
+        boxes[name] = Interval(ends[:-1].reshape(open_shape), ends[1:].reshape(open_shape))
     size = IntervalProgram((root,))(boxes)[0].magnitude()
-    shape = [PARTS if name in root.symbols else 1 for name in PARAMETERS]
     return np.broadcast_to(size.lower, shape), np.broadcast_to(size.upper, shape)
 
 

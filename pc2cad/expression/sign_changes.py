@@ -35,6 +35,8 @@ _FIRST, _MOST, _NARROW = 16, 2048, 2.0**-44
 #: even cells over which a function is enclosed at once: those that say whether it changes at short
 #: length (`narrow`), and those that are looked at before its zeros are looked for
 EVEN = 16, 64
+#: and those over which its size is bounded (`magnitudes`)
+PARTS = 32
 #: cells of each other parameter, and the places of it at which zeros are compared first
 _CELLS, _ASKED = 6, (0.37, 0.83)
 #: where between the ends of an interval a function is looked at
@@ -90,20 +92,32 @@ def sign_changes(tree: Expr, name: str | None = None) -> SignChanges | None:
 
 def on_cells(tree: Expr, name: str) -> Interval:
     """Return the enclosures of a function of one parameter on the last of the `EVEN` cells."""
-    both = on_all_cells(tree, name)
-    return Interval(both.lower[EVEN[0] :], both.upper[EVEN[0] :]) if both.lower.ndim else both
+    return _taken(_on_every_cell(tree, name), EVEN[0], sum(EVEN))
 
 
 def on_all_cells(tree: Expr, name: str) -> Interval:
-    """Return the enclosures of a function of one parameter on all `EVEN` cells of [0, 1].
+    """Return the enclosures of a function of one parameter on all `EVEN` cells of [0, 1]."""
+    return _taken(_on_every_cell(tree, name), 0, sum(EVEN))
 
-    More cells cost next to nothing: it is the operations that do.
-    """
+
+def on_parts(tree: Expr, name: str) -> Interval:
+    """Return the enclosures of a function of one parameter on `PARTS` even cells of [0, 1]."""
+    return _taken(_on_every_cell(tree, name), sum(EVEN), None)
+
+
+def _taken(values: Interval, first: int, last: int | None) -> Interval:
+    if not values.lower.ndim:
+        return values
+    return Interval(values.lower[first:last], values.upper[first:last])
+
+
+def _on_every_cell(tree: Expr, name: str) -> Interval:
+    """Return all these enclosures: more cells cost next to nothing, operations do."""
     remembered = _enclosed(name)
     known = remembered.get(tree)
     if known is not None:
         return known
-    boxes = {name: interval(*even_cells())}
+    boxes = {name: interval(*_every_cell())}
 
     def find(node: Expr, below: dict[Expr, Interval]) -> Interval:
         return enclose(node, tuple([below[arg] for arg in operands(node)]), boxes)
@@ -112,10 +126,15 @@ def on_all_cells(tree: Expr, name: str) -> Interval:
         return remembered.of((tree,), find, lambda _: None, operands)[tree]
 
 
-@lru_cache(maxsize=1)
 def even_cells() -> tuple[Array, Array]:
     """Return the lower and the upper ends of the `EVEN` cells."""
-    ends = [np.arange(count + 1) / count for count in EVEN]
+    low, high = _every_cell()
+    return low[: sum(EVEN)], high[: sum(EVEN)]
+
+
+@lru_cache(maxsize=1)
+def _every_cell() -> tuple[Array, Array]:
+    ends = [np.arange(count + 1) / count for count in (*EVEN, PARTS)]
     return np.concatenate([x[:-1] for x in ends]), np.concatenate([x[1:] for x in ends])
 
 
