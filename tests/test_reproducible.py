@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pc2cad.arrays.linear import inverse, product, solve, tensor
+from pc2cad.arrays.linear import inverse, product, solve, tensor, thickness
 
 SCRIPT = """
 import json
@@ -127,3 +127,23 @@ def test_systems_are_solved_with_pivots(size: int) -> None:
 def test_a_singular_system_is_said_to_be() -> None:
     with pytest.raises(np.linalg.LinAlgError):
         solve(np.ones((80, 80)), np.ones(80))
+
+
+@pytest.mark.parametrize("flat", [1.0, 1e-2, 1e-5, 1e-9, 0.0])
+@pytest.mark.parametrize("size", [1.0, 1e-8, 1e40])
+def test_the_least_singular_value_is_bounded_from_below(flat: float, size: float) -> None:
+    random = np.random.default_rng(5)
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    for count in (3, 20, 500):
+        vectors = random.normal(size=(count, 3)) * (1.0, 0.5, flat) @ axes * size
+        values = np.linalg.svd(vectors, compute_uv=False)
+        least, whole = thickness(vectors)
+        assert 0 <= least <= values[2]
+        assert whole == pytest.approx(np.linalg.norm(vectors), rel=1e-12)
+        if flat >= 1e-2:
+            assert least > 0.2 * values[2]
+
+
+def test_what_is_no_number_has_no_thickness() -> None:
+    for value in (0.0, np.nan, 1e120):
+        assert thickness(np.full((4, 3), value))[0] == 0.0

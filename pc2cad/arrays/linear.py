@@ -9,6 +9,7 @@ Nothing is set for the process; products of vectors, which need no BLAS, go with
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,21 @@ def heights(vectors: Array, axes: Array) -> Array:
 def lengths(vectors: Array) -> Array:
     """Return the lengths of vectors (…, 3)."""
     return np.asarray(np.sqrt(dots(vectors, vectors)))
+
+
+def thickness(vectors: Array) -> tuple[float, float]:
+    """Return a lower bound of the least singular value of vectors (n, 3), and their size.
+
+    The size is the root of the sum of all squares, which no singular value exceeds. The bound is 0
+    where rounding leaves none; else it spares the singular values, which take ten times as long.
+    """
+    (a, b, c), (_, d, e), (_, _, f) = product(vectors.T, vectors).tolist()
+    trace = a + d + f
+    # the three squares' product; two of them are at most (trace / 2)² together
+    squared = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+    squared -= 4e-15 * (len(vectors) + 8) * trace * trace * trace
+    least = 2 * sqrt(squared) / trace if 0 < squared < inf else 0.0
+    return least * (1 - 1e-9), sqrt(trace)
 
 
 def unit(vectors: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.arrays.linear import cross
+from pc2cad.arrays.linear import cross, thickness
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.pieces import has_pieces, piece_at
@@ -304,8 +304,12 @@ def _together(
 def _flat_rank(points: Array, origins: Array) -> int:
     """Return the dimension of the space of the steps from origins to points, to rounding."""
     steps = (points - origins).reshape(-1, 3)
+    lost = 1e-14 * float(np.abs(points).max()) * len(steps)
+    least, size = thickness(steps)
+    if least > 1e-9 * size + lost:
+        return 3
     values = np.linalg.svd(steps, compute_uv=False)
-    rounding = 1e-9 * values[0] + 1e-14 * float(np.abs(points).max()) * len(steps)
+    rounding = 1e-9 * values[0] + lost
     return int((values > rounding).sum())
 
 

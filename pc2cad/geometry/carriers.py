@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import sqrt
 from typing import Literal
 
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import thickness
 
 #: exact: same point set, coefficients rounded once; bounded: a proved upper bound of the deviation;
 #: sampled: deviation measured, not proved
@@ -266,9 +268,13 @@ def fit_plane(points: Array, rounding: float) -> Plane | None:
     Points on one line have no plane of their own: None.
     """
     centre = points.mean(axis=0)
-    _, values, axes = np.linalg.svd(points - centre, full_matrices=False)
+    away = points - centre
+    # most faces lie in no plane: no direction has all points so near
+    if thickness(away)[0] > 2 * rounding * sqrt(len(points)):
+        return None
+    _, values, axes = np.linalg.svd(away, full_matrices=False)
     if values[1] <= rounding:
         return None
-    if float(np.abs((points - centre) @ axes[2]).max()) > rounding:
+    if float(np.abs(away @ axes[2]).max()) > rounding:
         return None
     return Plane(centre, axes[2])
