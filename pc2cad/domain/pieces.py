@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from pc2cad.expression.breaks import resolve_pieces
 from pc2cad.expression.linear_terms import cancel_terms
@@ -17,6 +17,8 @@ from pc2cad.topology.cells import Cell
 
 _Span: TypeAlias = tuple[float, float]
 _Spans: TypeAlias = tuple[_Span, ...]
+#: operations that make no roots of what they are given
+_ARITHMETIC: Final = frozenset(("add", "mul", "neg", "div"))
 
 
 def piece_at(cell: Cell, bounds: Sequence[Sequence[float]]) -> tuple[_Spans, dict[str, Expr]]:
@@ -122,11 +124,19 @@ def _may_make_roots(trees: tuple[Expr, ...], names: frozenset[str]) -> bool:
 
     What becomes a number holds none, and sums, products and quotients make none.
     """
-
-    def holds(node: Expr) -> bool:
-        return not (names.isdisjoint(node.symbols) or node.symbols <= names)
-
-    return any([node.op not in ("add", "mul", "neg", "div") for node in among(trees, holds)])
+    seen, stack = set[Expr](), [*trees]
+    pop, push, apart = stack.pop, stack.append, names.isdisjoint
+    while stack:
+        node = pop()
+        symbols = node.symbols
+        if node in seen or apart(symbols) or symbols <= names:
+            continue
+        if node.op not in _ARITHMETIC:
+            return True
+        seen.add(node)
+        for arg in node.args:
+            push(arg)
+    return False
 
 
 def _has_new_root(side: tuple[Expr, ...], trees: tuple[Expr, ...]) -> bool:

@@ -42,6 +42,9 @@ from pc2cad.geometry.splines.spline_profile import SplineProfile
 from pc2cad.geometry.splines.spline_space import SplineSpace
 from pc2cad.representation.tightening import Aim
 
+#: what stands for a wave that nobody has asked for
+_ASK = Wave(0.0, 0)
+
 
 @dataclass(frozen=True, eq=False)
 class FaceDirection:
@@ -68,6 +71,11 @@ class FaceDirection:
         if self.axis not in known:
             known[self.axis] = _wave(self.function, self.axis)
         return known[self.axis]
+
+    @property
+    def is_no_wave(self) -> bool:
+        """Say whether it is known already that it is none."""
+        return self.function.waves.get(self.axis, _ASK) is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +135,10 @@ class Parametrisations:
         if powers or not directions:
             return None
         complete = any(self._completes_a_face(s) for s in directions)
-        if not complete and any(s.wave is None for s in directions):
+        # most often the faces were asked just now, and no edge has to be
+        if not complete and (
+            any(s.is_no_wave for s in directions) or any(s.wave is None for s in directions)
+        ):
             return None
         waves = [wave for s in directions if (wave := s.wave) is not None]
         ratios = [_ratio(wave.extent, waves[0].extent) for wave in waves]
@@ -308,10 +319,8 @@ def exact_course(
 def _wave(function: RestrictedMap, axis: int) -> Wave | None:
     trees, names = function.trees
     form = function.form if function.may_be_exact(axis) and is_wave(trees, names[axis]) else None
-    if form is None or not form.axes[axis].is_linear:
-        return None
-    first, last = form.axes[axis].turn(1, np.array([0.0, 1.0])).tolist()
-    return Wave(abs(last - first), form.order(axis))
+    extent = None if form is None else form.axes[axis].extent
+    return None if form is None or extent is None else Wave(extent, form.order(axis))
 
 
 def _ratio(a: float, b: float) -> Fraction | None:

@@ -48,8 +48,10 @@ def coplanar_groups(
     )
     for first, second in pairs:
         a, b = planes[first], planes[second]
+        if a is None or b is None:
+            continue
         one, other = boundary.faces[first].patch, boundary.faces[second].patch
-        if a is None or b is None or _side(one) != _side(other):
+        if _side(one) != _side(other):
             continue
         if not across and _parted(analysis, one, other):
             continue
@@ -224,6 +226,8 @@ def _chains(
             del left[chain[-1]]
             here = _ends(boundary, chain[-1])[1]
         wires.append(tuple(chain))
+    if len(wires) == 1:
+        return tuple(wires)
     return tuple(sorted(wires, key=lambda wire: -_extent(wire, edges)))
 
 
@@ -233,13 +237,14 @@ def _ends(boundary: BoundaryComplex, item: tuple[int, bool]) -> tuple[int, int]:
 
 
 def _extent(wire: Wire, edges: list[ModelEdge]) -> float:
-    points = []
+    parts = []
     for edge, _ in wire:
         carrier = edges[edge].carrier
         if isinstance(carrier, Line):
-            points += [carrier.start, carrier.end]
+            parts += [carrier.start[None], carrier.end[None]]
         elif isinstance(carrier, Arc):
-            points += list(carrier.points(np.linspace(carrier.start, carrier.end, 33)))
+            parts.append(carrier.points(np.linspace(carrier.start, carrier.end, 33)))
         else:
-            points += list(carrier.poles)
-    return float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
+            parts.append(carrier.poles)
+    points = np.concatenate(parts)
+    return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))

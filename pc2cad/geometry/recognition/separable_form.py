@@ -51,7 +51,7 @@ class Term(NamedTuple):
 CONSTANT: Final = Term("power")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Axis:
     """One parameter of a cell and the kind of functions in which the point depends on it."""
 
@@ -79,13 +79,21 @@ class Axis:
         return np.asarray(wave(self.turn(term.order, t)))
 
     @property
-    def is_linear(self) -> bool:
-        """True where the angle is a multiple of the parameter."""
-        form = normal_form(self.angle, largest=12)
-        if form is None:
-            return False
-        free = [[(a, e) for a, e in monomial if a.symbols] for monomial in form]
-        return all(len(f) == 1 and f[0][1] == 1 and f[0][0].op == "symbol" for f in free)
+    def extent(self) -> float | None:
+        """How far a wave turns over [0, 1] where its angle is a multiple of the parameter."""
+        return _extent(self)
+
+
+@lru_cache(maxsize=64)  # all cells of a channel turn by the same angle
+def _extent(axis: Axis) -> float | None:
+    form = normal_form(axis.angle, largest=12)
+    if form is None:
+        return None
+    free = [[(a, e) for a, e in monomial if a.symbols] for monomial in form]
+    if not all(len(f) == 1 and f[0][1] == 1 and f[0][0].op == "symbol" for f in free):
+        return None
+    first, last = axis.turn(1, np.array([0.0, 1.0])).tolist()
+    return float(abs(last - first))
 
 
 @dataclass(frozen=True, eq=False)
