@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from fractions import Fraction
+from itertools import combinations
 
 import mpmath
 import numpy as np
@@ -14,16 +15,20 @@ from shipped import every_template
 from test_intervals import TREES, X, Y, inside, truth
 
 import pc2cad as pc
+from pc2cad.bounds.known import Known
 from pc2cad.domain.jacobian_watch import FoldedMapError
 from pc2cad.domain.map import local_map
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.expression.centred import CentredProgram
+from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import interval
-from pc2cad.solidity.jacobian_proof import proved_sign, separable
+from pc2cad.expression.tree import ONE, call, div, number, symbol
+from pc2cad.solidity.jacobian_proof import proved_sign, separable, triple_models
 from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
 from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
 from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
 from pc2cad.solidity.jacobian_proof.separable import sign_from_products
+from pc2cad.solidity.jacobian_proof.triples import Scaled, triple
 from pc2cad.solidity.orientation import find_orientation
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import template_paths
@@ -311,6 +316,42 @@ def test_slopes_bound_every_change(root, a, b, c, d, s, t):
 def test_products_of_functions_of_one_parameter_agree(name):
     mapping = local_map(read_template(template_paths()[name]).bind({}))
     assert sign_from_products(mapping) == (-1 if name in NEGATIVE else 1)
+
+
+def test_models_of_vectors_hold_their_triple_products():
+    u = symbol("u")
+    one, root = call("cos", u) + 2, div(ONE, call("sqrt", u * u + 1))
+    rows = [
+        Scaled(ONE, (u, u * u, call("sin", u)), ONE),
+        Scaled(root, (one, call("sin", 3 * u), u * u * u), ONE),
+        Scaled(-one, (u * root, one * one, call("sin", u) * u), ONE),
+        Scaled(call("sin", u) - 2, (u, ONE, one), ONE),
+    ]
+    place = separable._boxes(16, 1, ())
+    every = [(k, i, j) for i, j in combinations(range(4), 2) for k in range(4)]
+    for triples in (every, [(k, 1, 2) for k in range(4)]):
+        middle, off = triple_models.ranges(rows, triples, "u", place, Known())
+        assert (off < 0.4 * np.abs(middle).max()).all()
+        for share in (-1, -0.3, 0.8, 1):
+            at = {"u": place.centre + share * place.half}
+            lengths = np.array(Program(tuple(row.length for row in rows))(at)[1:])
+            for row, (k, i, j) in enumerate(triples):
+                (value,) = Program((triple(rows, k, i, j, "u"),))(at)
+                if triples is not every:  # what all have in common is left out
+                    value = value / np.abs(lengths[i - 1] * lengths[j - 1])
+                gap = np.abs(value * place.half - middle[row])
+                assert (gap <= off[row] * (1 + 1e-12) + 1e-15).all()
+
+
+def test_a_length_that_may_vanish_leaves_triple_products_open():
+    u = symbol("u")
+    rows = [
+        Scaled(u - number(Fraction(1, 2)), (u, ONE, u * u), ONE),
+        Scaled(ONE, (call("sin", u), u, ONE), ONE),
+    ]
+    middle, off = triple_models.ranges(rows, [(0, 0, 1)], "u", separable._boxes(8, 1, ()), Known())
+    clear = off < np.abs(middle)
+    assert not clear[0, 3:5].any()
 
 
 def test_a_section_that_shrinks_to_an_axis_off_its_middle():

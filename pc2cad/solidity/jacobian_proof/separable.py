@@ -10,7 +10,7 @@ one by one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -25,10 +25,12 @@ from pc2cad.domain.map import Mapping3
 from pc2cad.expression.breaks import find_breaks
 from pc2cad.expression.normal_form import Monomial, normal_form, tree_of
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.rewriting import has_more
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
-from pc2cad.solidity.jacobian_proof.triples import Products, minor, scaled, triple
+from pc2cad.solidity.jacobian_proof.triple_models import ranges
+from pc2cad.solidity.jacobian_proof.triples import MOST_NODES, Products, minor, scaled, triple
 
 #: boxes of two parameters
 _Boxes = tuple[Place, Place]
@@ -70,7 +72,7 @@ def sign_from_products(mapping: Mapping3, left: list[Array] | None = None) -> in
         cells = [tuple(b.position for b in row if 0 < b.position < 1) for row in breaks]
         axes = [(d + i) % 3 for i in range(3)]
         names = tuple(PARAMETERS[i] for i in axes)
-        terms = _Sum(products, names)
+        terms = _Sum(products, names, Known())
         sign = terms.sign([cells[i] for i in axes])
         if sign:
             return sign
@@ -82,9 +84,9 @@ def sign_from_products(mapping: Mapping3, left: list[Array] | None = None) -> in
 class _Sum:
     """det J as a sum of products: a tree in the first parameter times one in the others each."""
 
-    def __init__(self, products: Products, names: tuple[str, ...]) -> None:
-        self._names = names
-        rows = scaled(products, names[0])
+    def __init__(self, products: Products, names: tuple[str, ...], known: Known) -> None:
+        self._names, self._known = names, known
+        self._rows = rows = scaled(products, names[0])
         factors = tuple([row.factor for row in rows])
         minors = {
             (i, j): found
@@ -92,37 +94,66 @@ class _Sum:
             if (found := minor(factors[i], factors[j], names[1:])) is not ZERO
         }
         #: what all terms share, and what is known to be positive inside taken out of it
-        self._common = next(iter(minors.values())) if len(minors) == 1 else ONE
+        common = next(iter(minors.values())) if len(minors) == 1 else ONE
+        self._common = _without_powers(common, names[1:])
+        #: det(A_k', A_i, A_j) by k, i and j, and their factors in the other parameters
+        self._triples = {
+            (k, i, j): factor if of_pair is common else factor * of_pair
+            for (i, j), of_pair in minors.items()
+            for k, factor in enumerate(factors)
+        }
+        #: middles of the boxes where the last refinement found no sign, (3, n)
+        self.left: Array | None = None
+
+    @cached_property
+    def _terms(self) -> list[tuple[Expr, Expr]]:
         terms: dict[Expr, Expr] = {}
-        for (i, j), of_pair in minors.items():
-            for k, factor in enumerate(factors):
-                first = triple(rows, k, i, j, names[0])
-                second = factor if of_pair is self._common else factor * of_pair
-                if first is not ZERO:
-                    terms[first] = terms.get(first, ZERO) + second
-        firsts = _without_common_power(list(terms), names[0])
-        self._terms = [
+        for (k, i, j), second in self._triples.items():
+            first = triple(self._rows, k, i, j, self._names[0])
+            if first is not ZERO:
+                terms[first] = terms.get(first, ZERO) + second
+        firsts = _without_common_power(list(terms), self._names[0])
+        return [
             (first, second)
             for first, second in zip(firsts, terms.values(), strict=True)
             if second is not ZERO
         ]
-        self._common = _without_powers(self._common, names[1:])
-        #: models: what all terms share is made of the same functions as the terms
-        self._known = Known()
-        #: middles of the boxes where the last refinement found no sign, (3, n)
-        self.left: Array | None = None
 
     def sign(self, breaks: list[tuple[float, ...]]) -> int:
         """Return the sign of the sum where it is proved to be one, else 0."""
-        if not self._terms:
-            return 0
-        common, _ = _refined(self._common_in, self._names, breaks)
+        levels = _levels(self._names, breaks)
+        sign = self._sign_of_vectors(levels)
+        if sign or not self._terms:
+            return sign
+        common, _ = _refined(self._common_in, levels, breaks)
         if not common:
             return 0
-        sign, last = _refined(self._terms_in, self._names, breaks)
+        sign, last = _refined(self._terms_in, levels, breaks)
         if not sign:
             self._leave(*last)
         return common * sign
+
+    def _sign_of_vectors(self, levels: list[list[Place]]) -> int:
+        """Return the sign where models of long vectors show it on the first boxes, else 0.
+
+        The same as from the terms, without their trees: these can become shorter than the vectors.
+        """
+        rows = self._rows
+        if not self._triples or not all(
+            any(has_more(x, MOST_NODES) for x in (*rows[i].vector, *rows[j].vector))
+            for _, i, j in self._triples
+        ):
+            return 0
+        (first, *_), *of_others = levels
+        others = _grid(of_others[0][0], of_others[1][0])
+        trees = [self._common, *self._triples.values()]
+        b, db = _enclosed(trees, self._names[1:], others, self._known)
+        common, bad, _ = _signs(b[:1], db[:1], 0)
+        if bad.any():
+            return 0
+        a, da = ranges(rows, list(self._triples), self._names[0], first, self._known)
+        sign, bad, _ = _signs(*_summed(a, da, b[1:], db[1:]), 0)
+        return 0 if bad.any() else common * sign
 
     def _common_in(self, first: Place, others: _Boxes) -> _Ranges:
         """Return the common factor in boxes of the others: middles and half widths, (1, boxes)."""
@@ -130,16 +161,9 @@ class _Sum:
 
     def _terms_in(self, first: Place, others: _Boxes) -> _Ranges:
         """Return the same of the sum of the terms, (boxes of the first, those of the others)."""
-        a, da = _enclosed([x for x, _ in self._terms], self._names[:1], (first,))
+        a, da = _enclosed([x for x, _ in self._terms], self._names[:1], (first,), self._known)
         b, db = _enclosed([x for _, x in self._terms], self._names[1:], others, self._known)
-        with np.errstate(all="ignore"):  # what is not bounded is nan, and of no sign
-            size = product(np.abs(a).T, np.abs(b))
-            off = (
-                product(np.abs(a).T, db)
-                + product(da.T, np.abs(b) + db)
-                + (len(a) + 4) * UNIT * size
-            )
-            return product(a.T, b), off
+        return _summed(a, da, b, db)
 
     def _leave(self, first: Place, others: _Boxes, ranges: _Ranges) -> None:
         """Keep the worst boxes: those whose values may have the other sign."""
@@ -152,15 +176,16 @@ class _Sum:
         self.left = np.stack([first.centre[row], *(x.ravel()[column] for x in pairs)])
 
 
-def _refined(
-    ranges_in: Callable[[Place, _Boxes], _Ranges],
-    names: tuple[str, ...],
-    breaks: list[tuple[float, ...]],
-) -> tuple[int, tuple[Place, _Boxes, _Ranges]]:
-    """Return the sign that is proved on boxes, smaller ones where it is not at once; 0 for none.
+def _summed(a: Array, da: Array, b: Array, db: Array) -> _Ranges:
+    """Return the ranges of the sums of products of a ± da, (terms, n), and b ± db, (terms, m)."""
+    with np.errstate(all="ignore"):  # what is not bounded is nan, and of no sign
+        size = product(np.abs(a).T, np.abs(b))
+        off = product(np.abs(a).T, db) + product(da.T, np.abs(b) + db) + (len(a) + 4) * UNIT * size
+        return product(a.T, b), off
 
-    With it come the boxes that were looked at last, and their ranges.
-    """
+
+def _levels(names: tuple[str, ...], breaks: list[tuple[float, ...]]) -> list[list[Place]]:
+    """Return the boxes of each parameter, from coarse to fine."""
     rows = [
         [
             _boxes(max(1, count // (FEWER if name == PARAMETERS[2] else 1)), least, b)
@@ -168,12 +193,26 @@ def _refined(
         ]
         for name, b in zip(names, breaks, strict=True)
     ]
-    room, sign = MOST_LOOKS * rows[1][0].centre.size * rows[2][0].centre.size, 0
     if any(breaks):
         # where breaks cut them anyway, half as many may do
         for name, b, row in zip(names, breaks, rows, strict=True):
             count = BOXES[0][0] // (FEWER if name == PARAMETERS[2] else 1)
             row.insert(0, _boxes(max(1, count // 2), 1, b) if b else row[0])
+    return rows
+
+
+def _refined(
+    ranges_in: Callable[[Place, _Boxes], _Ranges],
+    rows: list[list[Place]],
+    breaks: list[tuple[float, ...]],
+) -> tuple[int, tuple[Place, _Boxes, _Ranges]]:
+    """Return the sign that is proved on boxes, smaller ones where it is not at once; 0 for none.
+
+    With it come the boxes that were looked at last, and their ranges.
+    """
+    # the first boxes without breaks
+    k = len(rows[0]) - len(BOXES)
+    room, sign = MOST_LOOKS * rows[1][k].centre.size * rows[2][k].centre.size, 0
     others = _grid(rows[1][0], rows[2][0])
     for depth, first in enumerate(rows[0]):
         middle, off = ranges_in(first, others)
@@ -297,8 +336,8 @@ def _enclosed(
         return middle, reach
     models = enclose(trees, names, places, ORDER, known)
     shape = np.broadcast_shapes(*(p.spread(axis).centre.shape for axis, p in enumerate(places)))
-    middle, reach = (
-        np.stack([np.broadcast_to(x, shape).ravel() for x in values])
-        for values in ([m.centre for m in models], [m.reach for m in models])
-    )
+    found = np.empty((2, len(models), *shape))
+    for i, model in enumerate(models):
+        found[0, i], found[1, i] = model.centre, model.reach
+    middle, reach = found.reshape(2, len(models), -1)
     return middle, reach
