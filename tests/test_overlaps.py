@@ -11,12 +11,16 @@ import numpy as np
 import pytest
 
 import pc2cad as pc
+from pc2cad.bounds.known import Known
+from pc2cad.bounds.taylor_evaluation import enclose
+from pc2cad.bounds.taylor_models import Place
 from pc2cad.checked import Stages
 from pc2cad.compiler import compile_solid
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import PointCadError, ToleranceNotReachedError
-from pc2cad.solidity import solidity
+from pc2cad.expression.tree import symbol
+from pc2cad.solidity import continuity, solidity
 from pc2cad.solidity.cell_table import CellTable
 from pc2cad.solidity.continuity import is_continuous
 from pc2cad.solidity.face_mesh import cut
@@ -25,6 +29,8 @@ from pc2cad.solidity.near_parts import told_number
 from pc2cad.solidity.orientation import find_orientation
 from pc2cad.solidity.self_intersection import Contact, find_contact
 from pc2cad.solidity.solidity import Question
+from pc2cad.templates.file import read_template
+from pc2cad.templates.shipped import template_paths
 
 U, V, W = pc.parameters()
 THETA, PHI = 2 * pc.pi * U, 2 * pc.pi * V
@@ -407,3 +413,32 @@ def test_a_check_that_was_put_off_is_made_once_and_has_the_first_word() -> None:
 def test_what_is_made_of_continuous_functions_does_not_jump(tree, proved: bool) -> None:
     coordinates = point_equation((tree, V, W)).coordinates
     assert is_continuous(coordinates) == proved
+
+
+def test_what_the_sign_was_proved_with_is_not_asked_again(monkeypatch):
+    name = "channel_sine"
+    analysis = analyse(read_template(template_paths()[name]).bind({}))
+    found = find_orientation(analysis.map)
+    coordinates = analysis.map.coordinates
+    assert found.models
+    asked = []
+    monkeypatch.setattr(continuity, "_stay", lambda names, trees: asked.append(names) or True)
+    assert is_continuous(coordinates, found.models)
+    assert not asked
+    assert is_continuous(coordinates)
+    assert asked
+
+
+@pytest.mark.parametrize(
+    ("tree", "proved"), [(U + Fraction(1, 10), True), (U, False), (U - Fraction(1, 2), False)]
+)
+def test_models_show_where_operands_keep_off_zero(tree, proved: bool) -> None:
+    (coordinate, _, _) = point_equation((pc.log(tree), V, W)).coordinates
+    known, ends = Known(), np.linspace(0, 1, 65)
+    half = np.diff(ends) / 2 * (1 + 1e-12)
+    places = [Place((ends[1:] + ends[:-1]) / 2, half, half)]
+    enclose(coordinate.args, ("u",), places, 3, known)
+    models = known.at(("u",), places, 3)
+    assert continuity._is_known("log", coordinate.args[0], models) == proved
+    assert continuity._is_known("div", coordinate.args[0], models) == proved
+    assert not continuity._is_known("log", symbol("v"), models)

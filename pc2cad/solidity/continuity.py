@@ -18,10 +18,11 @@ from typing import Final
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
+from pc2cad.bounds.known import Models
 from pc2cad.domain.analysis import Analysis
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.enclosures import IntervalProgram
-from pc2cad.expression.intervals import Interval
+from pc2cad.expression.intervals import ULP, Interval
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr, ops_of, walk
 from pc2cad.solidity.face_mesh import FaceMesh, by_shape
@@ -59,8 +60,11 @@ class DiscontinuousMapError(NotASolidError):
     """The map jumps inside its box: the image falls into parts."""
 
 
-def is_continuous(roots: tuple[Expr, ...]) -> bool:
-    """Say whether trees are proved to be finite and continuous over the unit box."""
+def is_continuous(roots: tuple[Expr, ...], models: Sequence[Models] = ()) -> bool:
+    """Say whether trees are proved to be finite and continuous over the unit box.
+
+    What models that are known on boxes that fill it say of trees is not asked again.
+    """
     if ops_of(roots) <= _CONTINUOUS:
         return True
     asked: list[tuple[tuple[str, ...], str, Expr]] = []
@@ -70,7 +74,11 @@ def is_continuous(roots: tuple[Expr, ...]) -> bool:
         found = _asked(node)
         if found is None:
             return False
-        asked += [(tuple(sorted(tree.symbols)), op, tree) for op, tree in found if tree.symbols]
+        asked += [
+            (tuple(sorted(tree.symbols)), op, tree)
+            for op, tree in found
+            if tree.symbols and not any(_is_known(op, tree, of) for of in models)
+        ]
     # by parameters: variants of a template have some trees in common
     asked.sort(key=lambda row: row[0])
     return all(
@@ -93,7 +101,19 @@ def _asked(node: Expr) -> list[tuple[str, Expr]] | None:
         return [("sqrt" if positive else "log", base)]
     if node.op not in _RANGES:
         return None
+    if node.op == "div" and node.args[1].op == "sqrt":
+        return [("log", node.args[1].args[0])]
     return [(node.op, node.args[-1])]
+
+
+def _is_known(op: str, tree: Expr, models: Models) -> bool:
+    """Say whether models, on boxes that fill the box, show that an operand stays in its range."""
+    model = models.stored(tree)
+    if model is None:
+        return False
+    middle, reach = model.centre, model.reach * (1 + 4 * ULP)
+    low, high = middle - reach, middle + reach
+    return _RANGES[op](Interval(low - np.abs(low) * ULP, high + np.abs(high) * ULP))
 
 
 @lru_cache(maxsize=64)

@@ -9,7 +9,7 @@ over the box. Zeros on collapsed sides and along tangent edges are normal; both 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from math import hypot, prod
@@ -17,6 +17,7 @@ from math import hypot, prod
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.bounds.known import Models
 from pc2cad.domain.jacobian_watch import ERROR, ROUNDING, JacobianWatch
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.expression.identity import Verdict
@@ -47,6 +48,8 @@ class Orientation:
     verdict: Verdict
     #: a sentence on an inner place where det J vanishes without changing its sign, or nothing
     warning: str = ""
+    #: what the proof found of trees, on boxes that fill the box
+    models: tuple[Models, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def is_proved(self) -> bool:
@@ -66,9 +69,11 @@ def find_orientation(mapping: Mapping3, known: int = 0) -> Orientation:
     value from the worst places. Raises FlatMapError or FoldedMapError.
     """
     unproved: list[Array] = []
-    proved = known or proved_sign(mapping, unproved)
+    models: list[Models] = []
+    proved = known or proved_sign(mapping, unproved, models)
     if proved:
-        return Orientation(proved, Verdict.PROVED, _inner_zero(mapping, proved))
+        warning = _inner_zero(mapping, proved)
+        return Orientation(proved, Verdict.PROVED, warning, tuple(models))
     nodes = (np.polynomial.legendre.leggauss(SWEEP - 2)[0] + 1) / 2
     axis = np.concatenate(([0.0], nodes, [1.0]))
     watch = JacobianWatch(mapping, partial(_proved_within, mapping))

@@ -67,7 +67,7 @@ class Question:
         return (
             self.faces
             and self.orientation.verdict is Verdict.PROVED
-            and is_continuous(self.analysis.map.coordinates)
+            and is_continuous(self.analysis.map.coordinates, self.orientation.models)
             and self._material is not None
         )
 

@@ -18,7 +18,7 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.distinct import distinct
 from pc2cad.arrays.linear import product
-from pc2cad.bounds.known import Known
+from pc2cad.bounds.known import Known, Models
 from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import UNIT, Place
 from pc2cad.domain.map import Mapping3
@@ -59,10 +59,13 @@ MOST_LEFT = 1000
 NEXT = 1e-9
 
 
-def sign_from_products(mapping: Mapping3, left: list[Array] | None = None) -> int:
+def sign_from_products(
+    mapping: Mapping3, left: list[Array] | None = None, models: list[Models] | None = None
+) -> int:
     """Return the sign of det J where it is proved to be one inside the box, else 0.
 
-    Middles of boxes that may hold another sign are added to `left`, (3, n).
+    Middles of boxes that may hold another sign are added to `left`, (3, n). Where there is a sign,
+    models of trees on boxes that fill the box are added to `models`.
     """
     for d, name in enumerate(PARAMETERS):
         products = vector_products(mapping.coordinates, name)
@@ -75,6 +78,8 @@ def sign_from_products(mapping: Mapping3, left: list[Array] | None = None) -> in
         terms = _Sum(products, names, Known())
         sign = terms.sign([cells[i] for i in axes])
         if sign:
+            if models is not None:
+                models += terms.models
             return sign
         if left is not None and terms.left is not None:
             left.append(terms.left[np.argsort(axes)])
@@ -102,6 +107,8 @@ class _Sum:
             for (i, j), of_pair in minors.items()
             for k, factor in enumerate(factors)
         }
+        #: models of what was asked for, on boxes that fill the box
+        self.models: list[Models] = []
         #: middles of the boxes where the last refinement found no sign, (3, n)
         self.left: Array | None = None
 
@@ -151,7 +158,8 @@ class _Sum:
         common, bad, _ = _signs(b[:1], db[:1], 0)
         if bad.any():
             return 0
-        a, da = ranges(rows, list(self._triples), self._names[0], first, self._known)
+        a, da, models = ranges(rows, list(self._triples), self._names[0], first, self._known)
+        self.models = [models, self._known.at(self._names[1:], others, ORDER)]
         sign, bad, _ = _signs(*_summed(a, da, b[1:], db[1:]), 0)
         return 0 if bad.any() else common * sign
 

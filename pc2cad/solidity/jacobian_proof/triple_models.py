@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.bounds.known import Known
+from pc2cad.bounds.known import Known, Models
 from pc2cad.bounds.taylor_evaluation import enclose
 from pc2cad.bounds.taylor_models import SLACK, TINY, UNIT, Model, Place, add, mul, neg
 from pc2cad.expression.tree import ONE
@@ -30,10 +30,11 @@ _Ranges = tuple[Array, Array]
 def ranges(
     rows: Sequence[Scaled], triples: Sequence[tuple[int, int, int]], name: str, place: Place,
     known: Known,
-) -> _Ranges:  # fmt: skip
+) -> tuple[Array, Array, Models]:  # fmt: skip
     """Return middles and half widths of det(A_k', A_i, A_j), (triples (k, i, j), boxes).
 
     In each box all are times one positive number: half its length, and what all have in common.
+    With them come the models that were taken.
     """
     wide = Place(place.centre, place.half, WIDER * place.half, place.error)
     # vectors and, where their lengths are not outside of the derivative, with these
@@ -57,7 +58,8 @@ def ranges(
         if len({pair[1:] for pair in triples}) == 1:
             # all terms have both: their signs are enough
             middle, off = np.where(off < np.abs(middle), np.sign(middle), np.nan), 0 * middle
-        return _times(_times(found, (middle[i], off[i])), (middle[j], off[j]))
+        found = _times(_times(found, (middle[i], off[i])), (middle[j], off[j]))
+    return *found, known.at((name,), (wide,), ORDER)
 
 
 def _products(vectors: Model, derived: list[int], i: list[int], j: list[int]) -> _Ranges:
