@@ -23,6 +23,7 @@ from pc2cad.brep.kernel import as_edge, children
 from pc2cad.brep.plane_wires import is_in_order, outer_wire
 from pc2cad.brep.spline_numbers import spline_curve
 from pc2cad.geometry.plane_chains import outer_chain, turn_of
+from pc2cad.geometry.round_chains import round_chains
 
 #: a plane that is not along the axes
 PLANE = gp_Ax3(gp_Pnt(1, 2, 3), gp_Dir(1, 2, 2), gp_Dir(2, 1, -2))
@@ -288,3 +289,75 @@ def test_which_way_a_chain_runs(degree):
     assert turn_of(nets[::-1, ::-1]) == -1
     flat = np.linspace(corners[:2], corners[1::-1], degree + 1, axis=1)
     assert turn_of(flat) == 0
+
+
+# -- chains round one place, a sufficient test that comes first ------------------------------------
+
+
+def crowded(nets, count=12):
+    """Return points of each of some pieces (n, d+1, 2), one after the other."""
+    share = np.linspace(0, 1, count, endpoint=False)[:, None, None, None]
+    rows = np.broadcast_to(nets, (count, *nets.shape))
+    while rows.shape[2] > 1:
+        rows = (1 - share) * rows[:, :, :-1] + share * rows[:, :, 1:]
+    return rows[:, :, 0].swapaxes(0, 1).reshape(-1, 2)
+
+
+def random_chain(random, degree):
+    """Return the pieces of a closed curve: round the origin, or folded, or far off."""
+    count = int(random.integers(3, 24))
+    angle = 2 * np.pi * np.arange(count * degree) / (count * degree)
+    spoilt = random.choice((0.0, 0.02, 0.3))
+    r = random.choice((0.5, 0.9, 1.0, 2.0)) * (1 + spoilt * random.normal(size=len(angle)))
+    angle = angle + spoilt * random.normal(size=len(angle))
+    points = np.stack((random.choice((0.6, 1, 1.8)) * r * np.cos(angle), r * np.sin(angle)), axis=1)
+    points = points + random.choice((0.0, 0.3, 2.0)) * random.normal(size=2)
+    if random.random() < 0.5:
+        points = points[::-1]
+    places = degree * np.arange(count)[:, None] + np.arange(degree + 1)
+    return points[places % len(points)]
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+def test_chains_round_one_place_do_not_cross(degree):
+    random = np.random.default_rng(degree)
+    proved = crossed = 0
+    for _ in range(150):
+        nets = [random_chain(random, degree) for _ in range(random.integers(1, 3))]
+        found = round_chains(nets, 1e-3)
+        met = crossing([crowded(one, 1 if degree == 1 else 3) for one in nets])
+        crossed += met
+        if found is None:
+            continue
+        outer, senses = found
+        assert not met
+        assert list(senses) == [turn_of(one) for one in nets]
+        known = outer_chain(nets, 1e-3)
+        assert known in (None, outer)
+        if len(nets) == 2:
+            one, other = map(crowded, nets)
+            assert np.linalg.norm(one[:, None] - other, axis=2).min() > 1e-3
+        proved += 1
+    assert proved > 10
+    assert crossed > 10
+
+
+def test_what_winds_twice_or_is_near_to_itself_is_not_proved_round():
+    quarters = np.linspace(0, 2 * np.pi, 13)[:-1]
+
+    def closed(points):
+        return np.stack((points, np.roll(points, -1, axis=0)), axis=1)
+
+    once = np.stack((np.cos(quarters), np.sin(quarters)), axis=1)
+    assert round_chains([closed(once)], 1e-3) == (0, (1,))
+    assert round_chains([closed(np.concatenate((once, 1.1 * once)))], 1e-3) is None
+    assert round_chains([closed(once)], 0.2) is None
+    # a half as high, a tenth, and beside a second one: near to it, or not around it
+    assert round_chains([closed(once * [1, 0.5])], 1e-3) == (0, (1,))
+    assert round_chains([closed(once * [1, 0.1])], 1e-3) is None
+    assert round_chains([closed(once), closed(1.2 * once)], 0.05) == (1, (1, 1))
+    assert round_chains([closed(once), closed(1.2 * once)], 0.3) is None
+    assert round_chains([closed(once), closed(1.2 * once + 0.5)], 1e-3) is None
+    assert round_chains([closed(once), closed(1.2 * once + 3.0)], 1e-3) is None
+    assert round_chains([closed(once)] * 3, 1e-3) is None
+    assert round_chains([np.zeros((3, 2, 2))], 1e-3) is None

@@ -18,10 +18,11 @@ from pc2cad.brep.kernel import as_edge, children
 from pc2cad.brep.spline_integrals import read_curve
 from pc2cad.geometry.carriers import SplineCurve
 from pc2cad.geometry.plane_chains import outer_chain, turn_of
+from pc2cad.geometry.round_chains import round_chains
 from pc2cad.geometry.sheets import curve_pieces, elevated
 
 #: points that the kernel takes of all edges of a face from which on proving is the faster way
-WORTH_WHILE = 200
+WORTH_WHILE = 120
 #: as many of them as an edge that is no spline takes as long as
 _STRAIGHT = 4
 #: points that the kernel takes of a spline at most (``Geom2dInt_Geom2dCurveTool::NbSamples``)
@@ -172,6 +173,9 @@ def _outer_of(
     What is read back is asked for again with the same bytes.
     """
     chains = [np.frombuffer(one).reshape(shape) for one, shape in zip(data, shapes, strict=True)]
+    found = round_chains(chains, margin)
+    if found is not None:
+        return found
     outer = outer_chain(chains, margin)
     return (None, ()) if outer is None else (outer, tuple(map(turn_of, chains)))
 
