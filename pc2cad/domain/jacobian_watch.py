@@ -38,8 +38,14 @@ class FoldedMapError(NotASolidError):
 class JacobianWatch:
     """Watches the extremes of det J / |M_u||M_v||M_w| wherever the map is looked at."""
 
-    def __init__(self, mapping: Mapping3, proves: Proves | None = None) -> None:
-        self.mapping = mapping
+    def __init__(
+        self,
+        mapping: Mapping3,
+        proves: Proves | None = None,
+        speeds: tuple[float, float, float] | None = None,
+    ) -> None:
+        """Watch a map, whose `speeds` may be known."""
+        self.mapping, self._speeds = mapping, speeds
         self._proves = proves
         #: largest value of +sine and of -sine seen
         self.extremes = {1: 0.0, -1: 0.0}
@@ -57,7 +63,7 @@ class JacobianWatch:
 
     def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
-        x, y, z = self.mapping.speeds
+        x, y, z = self._speeds or self.mapping.speeds
         determinant, size, (a, b, c) = volumes(tangents)
         with np.errstate(all="ignore"):
             rounding = ERROR * (x * b * c + a * y * c + a * b * z)

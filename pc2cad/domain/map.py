@@ -42,6 +42,8 @@ _BLUNT = 1e-4, 1e-5
 _NOISE = 1e-9
 #: what programs are made of: the points, or these with all derivatives
 _POINTS, _FRAME = ("M",), ("M", *PARAMETERS)
+#: places along each parameter at which it is asked how fast a map runs
+SPEED_PLACES = (0.03, 0.24, 0.52, 0.79, 0.97)
 #: parts of the box that are looked at where roots vanish inside
 _MOST_PARTS = 64
 
@@ -137,12 +139,7 @@ class Mapping3:
 
         A derivative is a difference of terms as large as these.
         """
-        inside = np.array([0.03, 0.24, 0.52, 0.79, 0.97])
-        points, *tangents = self.frame(*open_grid(inside, inside, inside))
-        coordinates = float(np.nanmax(np.abs(points)))
-        squares = (x * x + y * y + z * z for x, y, z in (np.moveaxis(m, -1, 0) for m in tangents))
-        u, v, w = (max(float(np.nanmax(np.sqrt(square))), coordinates) for square in squares)
-        return u, v, w
+        return speeds_of(*self.frame(*open_grid(*[SPEED_PLACES] * 3)))
 
     def _run(self, keys: tuple[str, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         # points are often all that is asked for; derivatives have most of their trees in common, so
@@ -360,6 +357,15 @@ def _powers(mapping: Mapping3, direction: int, far: float, close: float) -> list
             moving = np.isfinite(slopes) & (finite > _NOISE * finite.max())
             powers.append(1 + (float(slopes[moving].min()) if moving.any() else 0.0))
     return powers
+
+
+def speeds_of(points: Array, *tangents: Array) -> tuple[float, float, float]:
+    """Return `Mapping3.speeds` from M, M_u, M_v and M_w (…, 3) on the grid of its places."""
+    coordinates = np.fmax.reduce(np.abs(points), axis=None)
+    of_each = ((m[..., 0], m[..., 1], m[..., 2]) for m in tangents)
+    squares = [np.fmax.reduce(x * x + y * y + z * z, axis=None) for x, y, z in of_each]
+    u, v, w = (float(max(np.sqrt(square), coordinates)) for square in squares)
+    return u, v, w
 
 
 def open_grid(u: ArrayLike, v: ArrayLike, w: ArrayLike) -> tuple[Array, Array, Array]:

@@ -19,7 +19,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.bounds.known import Models
 from pc2cad.domain.jacobian_watch import ERROR, ROUNDING, JacobianWatch
-from pc2cad.domain.map import Mapping3, open_grid
+from pc2cad.domain.map import SPEED_PLACES, Mapping3, speeds_of
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.polynomials import Polynomials, polynomials
@@ -102,14 +102,25 @@ def _proved_within(mapping: Mapping3, direction: int, low: float, high: float, s
 
 def _inner_zero(mapping: Mapping3, sign: int) -> str:
     """Return a warning where one of a few inner places has det J = 0."""
-    axis = np.array(INNER)
     known = polynomials(mapping.coordinates)
     if known is not None and _is_clear(known):
         return ""
-    watch = JacobianWatch(mapping)
-    sine = sign * watch.see(*open_grid(axis, axis, axis))
-    index = np.unravel_index(np.argmin(sine), sine.shape)
-    return _zero_near(watch, float(sine[index]), np.array([axis[i] for i in index]))
+    places = _inner_places()
+    count = len(INNER) ** 3
+    points, *tangents = mapping.frame(*places)
+    speeds = speeds_of(points[count:], *(m[count:] for m in tangents))
+    inner = places[:, :count]
+    watch = JacobianWatch(mapping, speeds=speeds)
+    sine = sign * watch.note([m[:count] for m in tangents], tuple(inner))[2]
+    least = int(np.argmin(sine))
+    return _zero_near(watch, float(sine[least]), inner[:, least])
+
+
+@lru_cache(maxsize=1)
+def _inner_places() -> Array:
+    """Return the inner places and, to be evaluated with them, those of a map's speeds, (3, n)."""
+    grids = (np.meshgrid(*[axis] * 3, indexing="ij") for axis in (INNER, SPEED_PLACES))
+    return np.concatenate([np.reshape(grid, (3, -1)) for grid in grids], axis=1)
 
 
 def _is_clear(known: Polynomials) -> bool:

@@ -138,6 +138,11 @@ class _Sum:
         sign, last = _refined(self._terms_in, levels, breaks)
         if not sign:
             self._leave(*last)
+        first, second, third = (row[0] for row in levels)
+        self.models = [
+            self._known.at(self._names[:1], (first,), ORDER),
+            self._known.at(self._names[1:], _grid(second, third), ORDER),
+        ]
         return common * sign
 
     def _sign_of_vectors(self, levels: list[list[Place]]) -> int:
