@@ -41,6 +41,8 @@ SAFE_DEGREE = 8
 LARGEST_LOSS = 1e-9
 #: cells that are evaluated together: places, and cells, whose pieces are all met
 MOST_PLACES, MOST_CELLS = 100_000, 32
+#: places on grids of several faces up to which these are evaluated sooner together
+MOST_TOGETHER = 20_000
 
 #: the ends of an edge
 ENDS = np.array([0.0, 1.0])
@@ -209,6 +211,19 @@ def look(functions: Sequence[RestrictedMap], *asked: Array) -> None:
             own = points[low:high, low:high].transpose(2, 0, 1)
             # one coordinate after the other in memory, as all points of maps are
             function._points[_key((places, places))] = own.copy().transpose(1, 2, 0)
+
+
+def look_on_grids(functions: Sequence[RestrictedMap], *grids: tuple[Array, Array]) -> None:
+    """Do the same for faces that extend alike, on several products of places, of moderate size.
+
+    What depends on one parameter alone, they have in common.
+    """
+    if not (len(functions) > 1 and functions[0].analysis.map.is_alike_together):
+        return
+    for local in grids:
+        if len(functions) * len(local[0]) * len(local[1]) <= MOST_TOGETHER:
+            for function, points in zip(functions, sampled(functions, *local), strict=True):
+                function._points[_key(local)] = points
 
 
 def look_along(asked: Sequence[_Asked]) -> None:

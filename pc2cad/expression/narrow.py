@@ -18,7 +18,6 @@ from pc2cad.arrays.distinct import distinct
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.rewriting import among
 from pc2cad.expression.sign_changes import EVEN, even_cells, on_all_cells, on_cells
 from pc2cad.expression.tree import Expr
 
@@ -61,7 +60,16 @@ def _are_quiet(functions: frozenset[Expr], name: str) -> bool:
 
 @lru_cache(maxsize=8)  # each parameter of the same trees is asked for
 def _steep(trees: tuple[Expr, ...]) -> list[Expr]:
-    return [node for node in among(trees, lambda n: bool(n.symbols)) if _is_steep(node)]
+    found, seen, stack = list[Expr](), set[Expr](), [*trees]
+    while stack:
+        node = stack.pop()
+        if node in seen or not node.symbols or node.ops <= _PLAIN:
+            continue
+        seen.add(node)
+        if _is_steep(node):
+            found.append(node)
+        stack += node.args
+    return found
 
 
 @lru_cache(maxsize=256)  # the faces and edges of a part are made of few such functions

@@ -132,12 +132,13 @@ def _attempt(work: _Work, plan: Plan, aim: Aim) -> Attempt[_Carriers | int]:
     made: dict[tuple[int, ...], ModelFace] = {}
     share = SAMPLED_SHARE * work.tolerance
     for late in (False, True):
-        for group in groups:
-            if (group[0] in work.cells.between) is late:
-                face = fits.face(group, edges)
-                if face is None:
-                    return Attempt(group[0], 0.0, 0.0)
-                made[group] = face
+        row = [group for group in groups if (group[0] in work.cells.between) is late]
+        plan.look_at_faces([group[0] for group in row], fits.parametrisations)
+        for group in row:
+            face = fits.face(group, edges)
+            if face is None:
+                return Attempt(group[0], 0.0, 0.0)
+            made[group] = face
         seen = _judged(work, edges, list(made.values()), share)
         if seen.deviation > share:
             return seen

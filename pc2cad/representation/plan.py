@@ -7,6 +7,7 @@ all faces lie on; `settle` takes faces off their surfaces until that holds every
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,10 +15,11 @@ import numpy as np
 
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.direction_classes import DirectionClasses
-from pc2cad.domain.restrictions import RestrictedMap, look_along
+from pc2cad.domain.restrictions import RestrictedMap, look_along, look_on_grids
 from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement
+from pc2cad.geometry.splines.rational import Parametrisation
 from pc2cad.geometry.splines.spline_profile import SplineProfile
 from pc2cad.representation.between_faces import between_others
 from pc2cad.representation.face_carriers import (
@@ -168,6 +170,20 @@ class Plan:
             for i in self.fitted_edges
         ]
         look_along([(edge, (run.sites, run.checks, *near)) for edge, run in runs])
+
+    def look_at_faces(self, faces: Sequence[int], parametrisations: Parametrisations) -> None:
+        """Evaluate those of some faces together that are fitted alike."""
+        alike: dict[tuple[Parametrisation, ...], list[RestrictedMap]] = {}
+        for i in faces:
+            if self.cells.planes[i] is None and self.placements[i] is None:
+                function = self.cells.faces[i]
+                runs = [
+                    parametrisations.parametrisation(FaceDirection(function, a)) for a in (0, 1)
+                ]
+                if not all(run.exact for run in runs):
+                    alike.setdefault(tuple(runs), []).append(function)
+        for (s, t), functions in alike.items():
+            look_on_grids(functions, (s.sites, t.sites), (s.checks, t.checks))
 
     @cached_property
     def parametrisations(self) -> Parametrisations:
