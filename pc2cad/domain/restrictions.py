@@ -41,8 +41,9 @@ SAFE_DEGREE = 8
 LARGEST_LOSS = 1e-9
 #: cells that are evaluated together: places, and cells, whose pieces are all met
 MOST_PLACES, MOST_CELLS = 100_000, 32
-#: places on grids of several faces up to which these are evaluated sooner together
-MOST_TOGETHER = 20_000
+#: places on grids of several faces up to which these are evaluated sooner together, and places up
+#: to which they are in one row, though what depends on one parameter is worked out at all of them
+MOST_TOGETHER, FEW_PLACES = 20_000, 1_000
 
 #: the ends of an edge
 ENDS = np.array([0.0, 1.0])
@@ -97,6 +98,10 @@ class RestrictedMap:
         along_s, along_t = self.analysis.map.tangents((s, t), *grid)
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
         return cross(along_s, along_t)[keep]
+
+    def knows_normals(self, places: Array) -> bool:
+        """Say whether normals on the square grid of places are known."""
+        return _key((places, places)) in self._normals
 
     def shown(self, *local: float) -> str:
         """Return a place as the equation's own parameters, for a message."""
@@ -282,6 +287,35 @@ def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
         along_s, along_t = tangents[s], tangents[t]
         for function, normals in zip(several, cross(along_s, along_t), strict=True):
             function._normals[_key(local)] = normals
+
+
+def look_across_each(*asked: tuple[Sequence[RestrictedMap], Array]) -> None:
+    """Do so for faces that are asked on the square grids of different places."""
+    first = next((functions[0] for functions, _ in asked if functions), None)
+    if first is None:
+        return
+    count = sum(len(functions) * len(places) ** 2 for functions, places in asked)
+    if count <= FEW_PLACES and first.analysis.map.is_alike_together:
+        _look_across_in_row([(f, places) for functions, places in asked for f in functions], count)
+        return
+    for functions, places in asked:
+        look_across(functions, places, places)
+
+
+def _look_across_in_row(asked: Sequence[tuple[RestrictedMap, Array]], count: int) -> None:
+    """Evaluate all in one row, whatever ways they go: few places cost less than operations do."""
+    table, start, rows = np.empty((len(PARAMETERS), count)), 0, []
+    for face, places in asked:
+        row = slice(start, start := start + len(places) ** 2)
+        line = np.repeat(places, len(places)), np.tile(places, len(places))
+        for values, place in zip(table, face.places(*line), strict=True):
+            values[row] = place
+        rows.append(row)
+    _, *tangents = asked[0][0].analysis.map.frame(*table)
+    for (face, places), row in zip(asked, rows, strict=True):
+        s, t = directions_of(face.cell)
+        normals = cross(tangents[s][row], tangents[t][row])
+        face._normals[_key((places, places))] = normals.reshape(len(places), len(places), 3)
 
 
 def _directions(function: RestrictedMap) -> tuple[int, ...]:

@@ -16,6 +16,7 @@ from pc2cad.domain.restrictions import (
     RestrictedMap,
     look,
     look_across,
+    look_across_each,
     look_along,
 )
 from pc2cad.domain.sections import SECTIONS
@@ -59,7 +60,11 @@ def planes_of(
     nodes = irrational(9)
     seen = [f.exact_plane or fit_plane(f(nodes, nodes).reshape(-1, 3), slack) for f in functions]
     pairs = list(zip(functions, seen, strict=True))
-    look_across([f for f, p in pairs if p is not None and f.exact_plane is None], MIDDLE, MIDDLE)
+    look_across_each(
+        ([f for f, p in pairs if p is not None and f.exact_plane is None], MIDDLE),
+        # those that `placements_of` will ask for
+        ([f for f, p in pairs if p is None and not f.may_be_swept], nodes),
+    )
     return [
         None if plane is None else _plane_of(function, plane, sign, slack)
         for (function, plane), sign in zip(pairs, signs, strict=True)
@@ -105,7 +110,8 @@ def placements_of(
         (f.may_be_swept and f.form and lay(f.form)) or None for f in functions
     ]
     nodes = irrational(9)
-    look_across([f for f, p in zip(functions, placed, strict=True) if p is None], nodes, nodes)
+    unplaced = [f for f, p in zip(functions, placed, strict=True) if p is None]
+    look_across([f for f in unplaced if not f.knows_normals(nodes)], nodes, nodes)
     return [p or _fitted(f, slack) for f, p in zip(functions, placed, strict=True)]
 
 
