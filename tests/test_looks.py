@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pc2cad.domain.analysis import analyse
-from pc2cad.domain.restrictions import ENDS, MOST_CELLS, RestrictedMap, look_along
+from pc2cad.domain.looks import MOST_CELLS, look_across_each, look_along, look_at_all, look_on_grids
+from pc2cad.domain.restrictions import ENDS, RestrictedMap
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.templates.file import read_template
 from pc2cad.templates.shipped import template_paths
@@ -37,3 +38,30 @@ def test_edges_and_corners_in_one_row(name: str, times: int) -> None:
                 assert np.array_equal(seen, alone(*local))
             else:
                 assert np.allclose(seen, alone(*local), rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["channel_ellipse", "pyramid_cut", "stellarator_wall"])
+@pytest.mark.parametrize("times", [1, MOST_CELLS])
+def test_faces_in_one_row_or_on_grids(name: str, times: int) -> None:
+    analysis = analyse(read_template(template_paths()[name]).bind({}))
+    faces = [RestrictedMap(analysis, face.patch) for face in analysis.complex.faces] * times
+    few, inside = np.array([0.1, 0.6, 0.7]), SECTIONS[::2]
+    look_at_all(faces, (few, inside), [(RestrictedMap(analysis, (0, 0, 0)), ())])
+    flat, curved = faces[:1], faces[1:]
+    look_across_each((flat, few[:1]), (curved, few))
+    alike = [face for face in faces if face.pieces == faces[0].pieces]
+    look_on_grids(alike, (few, inside))
+    for i, face in enumerate(faces):
+        alone = RestrictedMap(analysis, face.cell)
+        places = few[:1] if i == 0 else few
+        rows = [(face(*local), alone(*local)) for local in ((few, few), (inside, inside))]
+        rows += [
+            (face(few, inside), alone(few, inside)),
+            (face.normals(places, places), alone.normals(places, places)),
+        ]
+        for seen, own in rows:
+            assert seen.shape == own.shape
+            if analysis.map.is_alike_together:
+                assert np.array_equal(seen, own)
+            else:
+                assert np.allclose(seen, own, rtol=1e-12, atol=1e-12)

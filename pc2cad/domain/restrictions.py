@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import groupby, islice, pairwise
-from math import prod
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,18 +38,10 @@ UNIT = 2.0**-53
 SAFE_DEGREE = 8
 #: what rounding in the kernel may make of an exact form, relative to the part's size
 LARGEST_LOSS = 1e-9
-#: cells that are evaluated together: places, and cells, whose pieces are all met
-MOST_PLACES, MOST_CELLS = 100_000, 32
-#: places on grids of several faces up to which these are evaluated sooner together, and places up
-#: to which they are in one row, though what depends on one parameter is worked out at all of them
-MOST_TOGETHER, FEW_PLACES = 20_000, 1_000
-
 #: the ends of an edge
 ENDS = np.array([0.0, 1.0])
 #: local parameters by their bytes
 _Places = tuple[bytes, ...]
-#: an edge, and the arrays of places that it is asked for; a corner, and none
-_Asked = tuple["RestrictedMap", tuple[Array, ...]]
 #: a direction (0, 1, 2) and the position of one of its pieces (odd)
 Piece = tuple[int, int]
 
@@ -67,7 +58,7 @@ class RestrictedMap:
     degrees: dict[int, int | None] = field(default_factory=dict, repr=False)
     #: what it is per axis as a wave of a linear angle (None: no such wave), filled in on demand
     waves: dict[int, Wave | None] = field(default_factory=dict, repr=False)
-    #: points and normals on products of parameters, that `look` and `look_across` have seen
+    #: points and normals on products of parameters, that somebody has looked at (`looks`)
     _points: dict[_Places, Array] = field(default_factory=dict, repr=False)
     _normals: dict[_Places, Array] = field(default_factory=dict, repr=False)
 
@@ -98,6 +89,14 @@ class RestrictedMap:
         along_s, along_t = self.analysis.map.tangents((s, t), *grid)
         keep = tuple(slice(None) if p % 2 else 0 for p in self.cell)
         return cross(along_s, along_t)[keep]
+
+    def keep(self, local: tuple[Array, ...], points: Array) -> None:
+        """Remember points on a product of parameters."""
+        self._points[_key(local)] = points
+
+    def keep_normals(self, local: tuple[Array, ...], normals: Array) -> None:
+        """Remember normals on a product of parameters."""
+        self._normals[_key(local)] = normals
 
     def knows_normals(self, places: Array) -> bool:
         """Say whether normals on the square grid of places are known."""
@@ -192,162 +191,8 @@ class RestrictedMap:
         return any(_flat_rank(v[1:], v[:1]) < 3 for v in (values, values.transpose(1, 0, 2)))
 
 
-def sampled(functions: Sequence[RestrictedMap], *local: Array) -> Iterator[Array]:
-    """Yield what each of several cells is at the product of local parameters, (len, …, 3).
-
-    Cells that follow one another, and extend along the same directions, are evaluated together.
-    """
-    for several, grid in _together(functions, local):
-        yield from several[0].analysis.map.points(*grid)
-
-
-def look(functions: Sequence[RestrictedMap], *asked: Array) -> None:
-    """Evaluate several faces together: each knows its points when it is asked for them.
-
-    That is on the square grid of each of several arrays of places.
-    """
-    if not (functions and functions[0].analysis.map.is_alike_together):
-        return
-    functions = sorted(functions, key=_directions)
-    every = np.concatenate(asked)
-    ends = np.cumsum([0, *(len(places) for places in asked)]).tolist()
-    for function, points in zip(functions, sampled(functions, every, every), strict=True):
-        for places, low, high in zip(asked, ends, ends[1:], strict=False):
-            own = points[low:high, low:high].transpose(2, 0, 1)
-            # one coordinate after the other in memory, as all points of maps are
-            function._points[_key((places, places))] = own.copy().transpose(1, 2, 0)
-
-
-def look_on_grids(functions: Sequence[RestrictedMap], *grids: tuple[Array, Array]) -> None:
-    """Do the same for faces that extend alike, on several products of places, of moderate size.
-
-    What depends on one parameter alone, they have in common.
-    """
-    if not (len(functions) > 1 and functions[0].analysis.map.is_alike_together):
-        return
-    for local in grids:
-        if len(functions) * len(local[0]) * len(local[1]) <= MOST_TOGETHER:
-            for function, points in zip(functions, sampled(functions, *local), strict=True):
-                function._points[_key(local)] = points
-
-
-def look_along(asked: Sequence[_Asked]) -> None:
-    """Do the same for edges, each asked for several arrays of places, and corners, for none.
-
-    All are evaluated in one row, whatever ways they go.
-    """
-    if not (asked and asked[0][0].analysis.map.is_alike_together):
-        for cell, arrays in asked:
-            (points,) = sampled([cell], *_joined(arrays))
-            _remember(cell, arrays, points)
-        return
-    row, count = list[_Asked](), 0
-    for cell, arrays in asked:
-        count += max(1, sum(map(len, arrays)))
-        if row and (count > MOST_PLACES or len(row) == MOST_CELLS):
-            _look_in_row(row)
-            row, count = [], 0
-        row.append((cell, arrays))
-    _look_in_row(row)
-
-
-def _look_in_row(asked: Sequence[_Asked]) -> None:
-    lines = [_joined(arrays) for _, arrays in asked]
-    counts = [len(line[0]) if line else 1 for line in lines]
-    table, start = np.empty((len(PARAMETERS), sum(counts))), 0
-    for (cell, _), line, count in zip(asked, lines, counts, strict=True):
-        for values, place in zip(table, cell.places(*line), strict=True):
-            values[start : start + count] = place
-        start += count
-    points, start = asked[0][0].analysis.map.points(*table), 0
-    for (cell, arrays), count in zip(asked, counts, strict=True):
-        _remember(cell, arrays, points[start : start + count] if arrays else points[start])
-        start += count
-
-
-def _joined(arrays: tuple[Array, ...]) -> list[Array]:
-    return [np.concatenate(arrays)] if arrays else []
-
-
-def _remember(cell: RestrictedMap, arrays: tuple[Array, ...], points: Array) -> None:
-    """Let an edge know its points at several arrays of places, one after the other; or a corner."""
-    if not arrays:
-        cell._points[()] = points
-    start = 0
-    for places in arrays:
-        cell._points[_key((places,))] = points[start : start + len(places)]
-        start += len(places)
-
-
-def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
-    """Do the same for the normals of faces."""
-    for several, grid in _together(sorted(functions, key=_directions), local):
-        s, t = directions_of(several[0].cell)
-        _, *tangents = several[0].analysis.map.frame(*grid)
-        along_s, along_t = tangents[s], tangents[t]
-        for function, normals in zip(several, cross(along_s, along_t), strict=True):
-            function._normals[_key(local)] = normals
-
-
-def look_across_each(*asked: tuple[Sequence[RestrictedMap], Array]) -> None:
-    """Do so for faces that are asked on the square grids of different places."""
-    first = next((functions[0] for functions, _ in asked if functions), None)
-    if first is None:
-        return
-    count = sum(len(functions) * len(places) ** 2 for functions, places in asked)
-    if count <= FEW_PLACES and first.analysis.map.is_alike_together:
-        _look_across_in_row([(f, places) for functions, places in asked for f in functions], count)
-        return
-    for functions, places in asked:
-        look_across(functions, places, places)
-
-
-def _look_across_in_row(asked: Sequence[tuple[RestrictedMap, Array]], count: int) -> None:
-    """Evaluate all in one row, whatever ways they go: few places cost less than operations do."""
-    table, start, rows = np.empty((len(PARAMETERS), count)), 0, []
-    for face, places in asked:
-        row = slice(start, start := start + len(places) ** 2)
-        line = np.repeat(places, len(places)), np.tile(places, len(places))
-        for values, place in zip(table, face.places(*line), strict=True):
-            values[row] = place
-        rows.append(row)
-    _, *tangents = asked[0][0].analysis.map.frame(*table)
-    for (face, places), row in zip(asked, rows, strict=True):
-        s, t = directions_of(face.cell)
-        normals = cross(tangents[s][row], tangents[t][row])
-        face._normals[_key((places, places))] = normals.reshape(len(places), len(places), 3)
-
-
-def _directions(function: RestrictedMap) -> tuple[int, ...]:
-    return tuple(directions_of(function.cell))
-
-
 def _key(local: tuple[Array, ...]) -> _Places:
     return tuple([x.tobytes() for x in local])
-
-
-def _together(
-    functions: Sequence[RestrictedMap], local: tuple[Array, ...]
-) -> Iterator[tuple[list[RestrictedMap], list[Array]]]:
-    """Yield cells that extend along the same directions, and u, v and w of all their places.
-
-    Each of these has one row per cell, and an axis per direction along which the cells extend.
-    """
-    alike = bool(functions) and functions[0].analysis.map.is_alike_together
-    most = min(MOST_CELLS, MOST_PLACES // prod(len(x) for x in local)) if alike else 1
-    for directions, same in groupby(functions, _directions):
-        while several := list(islice(same, max(1, most))):
-            columns = zip(*(function.places(*local) for function in several), strict=True)
-            shapes = [
-                [-1 if axis == d else 1 for axis in directions] for d in range(len(PARAMETERS))
-            ]
-            yield (
-                several,
-                [
-                    np.array(column).reshape(len(several), *shape)
-                    for column, shape in zip(columns, shapes, strict=True)
-                ],
-            )
 
 
 def _flat_rank(points: Array, origins: Array) -> int:

@@ -12,8 +12,9 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.looks import look_across
 from pc2cad.domain.pieces import piece_at
-from pc2cad.domain.restrictions import RestrictedMap, look_across
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.integrals.quadrature import gauss
 from pc2cad.topology.cells import Cell, directions_of

@@ -11,14 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.restrictions import (
-    ENDS,
-    RestrictedMap,
-    look,
-    look_across,
-    look_across_each,
-    look_along,
-)
+from pc2cad.domain.looks import look_across, look_across_each, look_at_all
+from pc2cad.domain.restrictions import ENDS, RestrictedMap
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.evaluation import Program
@@ -44,10 +38,13 @@ def look_at(
     faces: Sequence[RestrictedMap], edges: Sequence[RestrictedMap], corners: Sequence[RestrictedMap]
 ) -> None:
     """Evaluate faces, edges and corners together where the questions below ask for them."""
-    look([f for f in faces if f.exact_plane is None], irrational(9), SECTIONS[::2])
     inside = SECTIONS[::2]
     along = [(f, (ENDS,) if f.is_exactly_straight else (inside, ENDS)) for f in edges]
-    look_along([*along, *((corner, ()) for corner in corners)])
+    look_at_all(
+        [f for f in faces if f.exact_plane is None],
+        (irrational(9), inside),
+        [*along, *((corner, ()) for corner in corners)],
+    )
 
 
 def planes_of(

@@ -23,12 +23,8 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.direction_classes import DirectionClasses
-from pc2cad.domain.restrictions import (
-    Piece,
-    RestrictedMap,
-    polynomial_space,
-    sampled,
-)
+from pc2cad.domain.looks import sampled
+from pc2cad.domain.restrictions import Piece, RestrictedMap, polynomial_space
 from pc2cad.domain.sections import sections
 from pc2cad.expression.angle_multiples import common
 from pc2cad.expression.breaks import Break

@@ -15,7 +15,8 @@ import numpy as np
 
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.direction_classes import DirectionClasses
-from pc2cad.domain.restrictions import RestrictedMap, look_along, look_on_grids
+from pc2cad.domain.looks import look_along, look_on_grids
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import SurfacePlacement

@@ -19,8 +19,9 @@ from pc2cad.arrays import Array, Integers
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.direction_classes import DirectionClasses
+from pc2cad.domain.looks import sampled
 from pc2cad.domain.pieces import piece_at
-from pc2cad.domain.restrictions import Piece, RestrictedMap, sampled
+from pc2cad.domain.restrictions import Piece, RestrictedMap
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr, walk
 from pc2cad.geometry.carriers import fit_plane
