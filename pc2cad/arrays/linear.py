@@ -124,6 +124,14 @@ def product(a: NDArray[Any], b: NDArray[Any]) -> Array:
     return np.concatenate([_by_rows(a, b[:, i : i + BLOCK]) for i in parts], axis=1)
 
 
+def times(a: Array, b: Array, out: Array) -> None:
+    """Put what `product` returns of two matrices where it is wanted."""
+    if len(a) * b.size <= ONE_THREAD:
+        np.matmul(a, b, out=out)
+    else:
+        out[...] = product(a, b)
+
+
 def _by_rows(a: NDArray[Any], b: NDArray[Any]) -> Array:
     """Return a @ b for a small b, in one call of a stack of blocks of rows."""
     rows = max(1, ONE_THREAD // b.size)

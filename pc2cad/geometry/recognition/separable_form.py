@@ -26,7 +26,7 @@ from pc2cad.expression.polynomials import Vectors
 from pc2cad.expression.recent import Holding
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, ZERO, Expr, number, power
-from pc2cad.geometry.recognition.sines_of_sums import parted
+from pc2cad.geometry.recognition.sines_of_sums import are_plain, parted
 
 #: normal forms of a coordinate that are larger are not looked at
 LARGEST_FORM = 400
@@ -196,9 +196,16 @@ def is_wave(roots: Sequence[Expr], name: str) -> bool:
 @lru_cache(maxsize=64)
 def _forms(roots: tuple[Expr, ...]) -> list[NormalForm] | None:
     """Return the normal forms of trees where these are sums of products of one-parameter atoms."""
+    if _sums.of(tuple(filter(_is_mixed, roots))):
+        forms = _forms_of(roots)
+        # forms are sums of products of atoms: there is no sine of a sum but in one of these
+        if forms is not None and are_plain({atom for f in forms for m in f for atom, _ in m}):
+            return forms
     trees = tuple([parted(root) for root in roots])
-    if not _sums.of(tuple(filter(_is_mixed, trees))):
-        return None
+    return _forms_of(trees) if _sums.of(tuple(filter(_is_mixed, trees))) else None
+
+
+def _forms_of(trees: tuple[Expr, ...]) -> list[NormalForm] | None:
     forms = []
     for root in trees:
         form = _form(root)

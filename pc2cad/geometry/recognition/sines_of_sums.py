@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Final
 
@@ -25,13 +26,18 @@ def _has_no_sum(node: Expr) -> bool:
 _plain: Final = Holding(_has_no_sum, lambda node: tuple(filter(_has_waves, node.args)))
 
 
+def are_plain(nodes: Iterable[Expr]) -> bool:
+    """Say whether trees hold no sine or cosine of a sum that `parted` would write out."""
+    return _plain.of(tuple(filter(_has_waves, nodes)))
+
+
 @lru_cache(maxsize=1024)
 def parted(root: Expr) -> Expr:
     """Return a tree with sines and cosines of sums written out, parameter by parameter.
 
     Cells side by side often have a coordinate in common.
     """
-    if _plain.of(tuple(filter(_has_waves, (root,)))):
+    if are_plain((root,)):
         return root
     (written,) = rewrite(rewrite((root,), "sin", _sum_apart), "cos", _sum_apart)
     return written

@@ -58,7 +58,7 @@ class DirectionRules:
     def space(self, degree: int, points: Array) -> SplineSpace:
         """Return the space with these points; breaks get the multiplicity that they need."""
         multiplicity = {b.position: max(1, degree - b.smoothness) for b in self.breaks}
-        inner = [multiplicity.get(float(x), 1) for x in points[1:-1]]
+        inner = [multiplicity.get(x, 1) for x in points[1:-1].tolist()] if multiplicity else None
         seam = multiplicity.get(0.0, 1) if self.periodic else None
         return SplineSpace(degree, points, inner, seam)
 
@@ -192,7 +192,8 @@ def _interval_errors(portrait: Portrait, space: SplineSpace) -> Array:
     gap = (space.check_basis @ space.fit(seen) - truth).reshape(len(places), -1, 3)
     size = longest(gap)
     # a knot belongs to both its intervals
-    return np.asarray(np.maximum(np.maximum.reduceat(size[:-1], starts), size[[*starts[1:], -1]]))
+    ends = np.append(size[starts[1:]], size[-1:])
+    return np.asarray(np.maximum(np.maximum.reduceat(size[:-1], starts), ends))
 
 
 def _at_best(errors: Array, degree: int) -> float:

@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
-from pc2cad.arrays.linear import product, squares
+from pc2cad.arrays.linear import product, squares, times
 from pc2cad.errors import ToleranceNotReachedError
 
 #: values at parameters t of shape (m,): shape (m, columns, 3)
@@ -55,7 +55,7 @@ class Portrait:
             result = np.empty((len(places), self._flat[0].shape[1]))
             for first, last, flat in zip(cuts, cuts[1:], self._flat, strict=False):
                 if first < last:
-                    result[first:last] = product(own[first:last], flat)
+                    times(own[first:last], flat, result[first:last])
             start += len(places)
             results.append(result)
         return results
@@ -109,7 +109,7 @@ def _chebyshev(x: Array, count: int) -> Array:
 
 def longest(vectors: Array) -> Array:
     """Return the length of the longest of vectors (…, columns, 3), (…)."""
-    return np.asarray(np.sqrt(squares(vectors).max(axis=-1)))
+    return np.asarray(np.sqrt(np.maximum.reduce(squares(vectors), axis=-1)))
 
 
 @lru_cache
