@@ -183,3 +183,17 @@ def test_models_of_one_parameter_hold_the_rims_of_their_discs(order: int) -> Non
         off = np.abs(value(centre + 0.2 * rim) - terms).max(axis=0)
         assert (off <= model.radius[:, 0] * (1 + 1e-12) + 1e-15).all()
         assert (model.radius[:, 0] <= 500 * off + 1e-12).all()
+
+
+def test_what_is_told_sooner_of_rounding_is_no_less() -> None:
+    generator = np.random.default_rng(5)
+    for k in range(40):
+        inner = np.sort(generator.uniform(0.01, 0.99, size=(2, 6)), axis=1)
+        inner[0, 2:4] = inner[0, 2]
+        p, q = int(generator.integers(1, 6)), int(generator.integers(1, 6))
+        knots = [np.concatenate((np.zeros(n + 1), row, np.ones(n + 1)))
+                 for n, row in zip((p, q), inner, strict=True)]  # fmt: skip
+        counts = [len(row) - n - 1 for n, row in zip((p, q), knots, strict=True)]
+        poles = generator.normal(size=(*counts, 3 + k % 2)) * 10.0 ** generator.integers(-5, 5)
+        spline = HomogeneousSpline((p, q), tuple(knots), poles)
+        assert spline.rounding <= spline.most_rounding

@@ -124,7 +124,9 @@ def _bound(
     function = function_of(trees, names, known)
     expected = seen or _first_look(function, spline, directions)
     least = spline.least_weight
-    allowed = max(REMAINDER_SHARE * expected * least, 4 * spline.rounding, floor)
+    allowed = max(REMAINDER_SHARE * expected * least, floor)
+    if not 4 * spline.most_rounding <= allowed:
+        allowed = max(allowed, 4 * spline.rounding)
     size = float(np.ptp(spline.poles[..., :3].reshape(-1, 3), axis=0).max())
     reach = [
         _reach(d, expected / size if size else 1.0, p)

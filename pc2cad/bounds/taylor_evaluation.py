@@ -158,7 +158,9 @@ def _without_products(level: _Level, found: Store, fresh: Store, order: int) -> 
         if len(nodes) == 1:
             left.append((nodes[0], _operands(nodes[0])))
             continue
-        whole = known(mul(beside(first), beside(second), order))
+        one = beside(first)
+        other = one if first == second else beside(second)  # as of squares
+        whole = known(mul(one, other, order))
         new = dict(zip(nodes, parts(whole, len(nodes)), strict=True))
         found |= new
         fresh |= new
