@@ -22,8 +22,10 @@ from pc2cad.equation.point_equation import point_equation
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import interval
+from pc2cad.expression.normal_form import determinant_form, normal_form
 from pc2cad.expression.tree import ONE, call, div, number, symbol
 from pc2cad.solidity.jacobian_proof import proved_sign, separable, triple_models
+from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
 from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
 from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
@@ -341,6 +343,20 @@ def test_models_of_vectors_hold_their_triple_products():
                     value = value / np.abs(lengths[i - 1] * lengths[j - 1])
                 gap = np.abs(value * place.half - middle[row])
                 assert (gap <= off[row] * (1 + 1e-12) + 1e-15).all()
+
+
+@pytest.mark.parametrize("name", ["helical_channel", "ball", "pyramid_cut", "turned_ring", "coil"])
+def test_a_determinant_in_whole_numbers_is_the_same_form(name):
+    columns = local_map(read_template(template_paths()[name]).bind({})).derivatives
+    found = determinant_form(columns)
+    form = normal_form(determinant(columns))
+    assert found is not None
+    assert form is not None
+    assert list(found) == list(form)
+    (factor,) = {found[monomial] / c for monomial, c in form.items()}
+    assert factor > 0
+    assert all(int(c) == c for c in found.values())
+    assert determinant_form(columns, 1) is None or len(form) == 1
 
 
 def test_a_length_that_may_vanish_leaves_triple_products_open():

@@ -8,10 +8,11 @@ sin² = 1 - cos² is applied here.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import Final
+from math import lcm
+from typing import Final, cast
 
 from pc2cad.expression.exact import ValueDomainError
 from pc2cad.expression.recent import Recent
@@ -94,6 +95,42 @@ def times(form: NormalForm, factor: Expr, largest: int = LARGEST_FORM) -> Normal
         return None if other is None else _product(form, other, largest)
     except _TooLargeError:
         return None
+
+
+def determinant_form(
+    columns: Sequence[Sequence[Expr]], largest: int = LARGEST_FORM
+) -> NormalForm | None:
+    """Return the normal form of a determinant (3 × 3) times some positive number.
+
+    None beyond `largest` terms. The number makes all coefficients of each column whole, as
+    fractions are dear to multiply.
+    """
+    known: dict[Expr, NormalForm] = {}
+    whole: list[list[NormalForm]] = []
+    for column in columns:
+        forms = []
+        for tree in column:
+            form = normal_form(tree, largest, known=known)
+            if form is None:
+                return None
+            forms.append(form)
+        common = lcm(*(c.denominator for form in forms for c in form.values()))
+        whole.append([_whole(form, common) for form in forms])
+    a, b, c = whole
+    total: NormalForm = {}
+    try:
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            second = {m: -x for m, x in _product(b[k], c[j], largest).items()}
+            minor = _sum(_product(b[j], c[k], largest), second, largest)
+            total = _sum(total, _product(a[i], minor, largest), largest)
+    except _TooLargeError:
+        return None
+    return total
+
+
+def _whole(form: NormalForm, common: int) -> NormalForm:
+    """Return a form times a common denominator, in whole numbers."""
+    return {m: cast("Fraction", c.numerator * (common // c.denominator)) for m, c in form.items()}
 
 
 def with_square(

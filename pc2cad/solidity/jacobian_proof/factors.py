@@ -32,11 +32,10 @@ from pc2cad.arrays.scatter import scattered
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import enclosed_range, interval
-from pc2cad.expression.normal_form import NormalForm, normal_form, ordered
+from pc2cad.expression.normal_form import NormalForm, determinant_form, normal_form, ordered
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.polynomials import polynomials
 from pc2cad.expression.tree import PI, Expr, symbol, walk
-from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.integer_bernstein import along, sign_inside
 
 Range = tuple[Fraction, Fraction]
@@ -116,7 +115,7 @@ def _form(mapping: Mapping3) -> NormalForm | None:
     """Return the normal form of det J, times a positive number; None where it is too large."""
     known = polynomials(mapping.coordinates)
     if known is None:
-        return normal_form(determinant(mapping.derivatives), MOST_TERMS)
+        return determinant_form(mapping.derivatives, MOST_TERMS)
     own = [symbol(name) for name in PARAMETERS]
     form = {
         ordered(dict(zip(own, powers, strict=True))): Fraction(c)
