@@ -369,6 +369,8 @@ def _sharpened(work: Array, goals: Array) -> Array:
     for depth in range(2 * SHARPEST + 1):
         sizes = np.sqrt(_squares(work, 1).max(axis=(1, 2)))
         keep = sizes > goals[cells]
+        if depth == 0 and not keep.any():
+            return np.asarray(sizes)
         if depth == 2 * SHARPEST:
             keep[:] = False
         np.maximum.at(result, cells[~keep], sizes[~keep])

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays.linear import product
 from pc2cad.bounds.cells import Cells, Direction, Groups
 from pc2cad.bounds.remainder import DEEPEST, MORE, MOST_BAD, MOST_CELLS, RAISED, Remainders, Vectors
 from pc2cad.bounds.taylor_models import UNIT, Place
@@ -101,8 +102,19 @@ def first_discs(vectors: Vectors, direction: Direction, reach: float) -> Discs:
     count = whole.cells.count
     size = max(1, int(min(SHARE * reach, count / FEW)))
     # a whole power of 2, so that functions alike get the same boxes
-    groups = whole.groups(np.ones(count, dtype=bool), 1 << (size.bit_length() - 1))
-    return discs_round(vectors, whole, groups)
+    size = 1 << (size.bit_length() - 1)
+    known = vectors.known.discs
+    key = vectors.trees, whole.key, whole.exact, whole.breaks, size
+    if key not in known:
+        groups = whole.groups(np.ones(count, dtype=bool), size)
+        known[key] = discs_round(vectors, whole, groups)
+    return known[key]
+
+
+def _weighted(vectors: Vectors, rows: Array) -> Array:
+    """Return the sum of what is known of each vector (k, …), times their weights."""
+    total = product(np.array([vectors.weights]), rows.reshape(len(rows), -1))
+    return total.reshape(rows.shape[1:])
 
 
 def remainders_along(
@@ -193,7 +205,7 @@ class _Line:
         middle = (points[:-1] + points[1:]) / 2
         room = discs.radius - np.abs(middle - discs.centre) - half - 8 * UNIT
         share = half / (2 * room) * (1 + 1e-12)
-        deviation = np.tensordot(self._vectors.weights, discs.deviation, 1) * (4 * (1 + 1e-12))
+        deviation = _weighted(self._vectors, discs.deviation) * (4 * (1 + 1e-12))
         # nothing is known of a cell that its disc has no room for
         deviation = np.where(np.isfinite(deviation) & (room > 0), deviation, np.inf)
         share = np.where(room > 0, share, 1.0)
@@ -203,7 +215,7 @@ class _Line:
         """Note what ranges of values say of the cells in which no disc says anything."""
         direction, trees = self.direction, self._vectors.trees
         off, sizes = ranges(trees, [direction.name], [direction.cells], unknown[:, None])
-        found = np.tensordot(self._vectors.weights, off[..., 0], 1)
+        found = _weighted(self._vectors, off[..., 0])
         found = (1 + direction.cells.lebesgue) * found * (1 + 1e-9)
         self._by_values = np.minimum(self._by_values, found)
         sizes = np.minimum(self._discs.sizes, sizes[..., 0])
@@ -211,7 +223,7 @@ class _Line:
 
     def remainders(self) -> Remainders:
         """Return what is known."""
-        rounding = np.tensordot(self._vectors.weights, self._discs.rounding, 1) * (1 + 1e-12)
+        rounding = _weighted(self._vectors, self._discs.rounding) * (1 + 1e-12)
         along = self.off[:, None], np.zeros((len(self.off), 1))
         return Remainders(
             along, rounding[:, None], self._discs.sizes[..., None], self._by_values[:, None]

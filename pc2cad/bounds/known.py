@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from pc2cad.bounds.taylor_models import Model, Place, apart
 from pc2cad.expression.carried import Carried, earlier_trees, meet
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.tree import Expr
+
+if TYPE_CHECKING:
+    from pc2cad.bounds.discs import Discs
 
 #: models of two parameters by the places that they hold for, as many of them as are kept; and the
 #: boxes up to which they are: models on more would fill the memory
@@ -47,6 +50,8 @@ class Known:
         self.finer: dict[tuple[str, int, bytes], Cells] = {}
         #: functions of a parameter beside their fits: two walls share those along the guide
         self.courses: dict[tuple[object, ...], Course] = {}
+        #: discs round boxes of a parameter: two walls have the same along the guide
+        self.discs: dict[Key, Discs] = {}
         #: trees of two parameters as sums of products, by those and a name
         self.products: dict[Key, list[tuple[tuple[Expr, ...], Expr]] | None] = {}
         #: trees in one parameter, by its name, that will be asked for where others are: with them
