@@ -25,7 +25,7 @@ def together(map_):
     centre = np.array([0.1, 0.2, 0.3])
     densities = _Densities(analysis, centre, JacobianWatch(analysis.map))
     limits = narrowed(analysis, limits_of(analysis))
-    return integrate_together(analysis, limits, densities.volume, centre)
+    return integrate_together(analysis, limits, densities.look, centre)
 
 
 # -- rules -----------------------------------------------------------------------------------------
@@ -66,12 +66,12 @@ def test_the_last_term_of_a_series_is_seen():
     line = spread(False)
     assert line.nodes @ line.weights == pytest.approx(0.5, rel=1e-15)
     chebyshev = np.cos(57 * np.arccos(2 * line.nodes - 1))
-    assert line.last_term(1 + 1e-10 * chebyshev[:, None, None], 1e-13) == 57
-    assert line.last_term(np.exp(line.nodes)[:, None], 1e-14) in range(10, 14)
+    assert line.last_term(1 + 1e-10 * chebyshev[None, None], 1e-13) == 57
+    assert line.last_term(np.exp(line.nodes)[None], 1e-14) in range(10, 14)
     ring = spread(True)
     waves = 3 + 1e-10 * np.sin(2 * np.pi * 41 * ring.nodes)
-    assert ring.last_term(waves[:, None], 1e-13) == 41
-    assert ring.last_term(np.ones((len(ring.nodes), 2)), 1e-13) == 0
+    assert ring.last_term(waves[None], 1e-13) == 41
+    assert ring.last_term(np.ones((2, len(ring.nodes))), 1e-13) == 0
 
 
 # -- solids ----------------------------------------------------------------------------------------

@@ -94,6 +94,18 @@ def thickness(vectors: Array) -> tuple[float, float]:
     return least * (1 - 1e-9), sqrt(trace)
 
 
+def areas(a: Array, b: Array) -> Array:
+    """Return |a × b| of vectors (…, 3), the same bits as `lengths` of `cross`, sooner."""
+    (p, q, r), (x, y, z) = ((m[..., 0], m[..., 1], m[..., 2]) for m in (a, b))
+    u, v, w = q * z - r * y, r * x - p * z, p * y - q * x
+    u *= u
+    v *= v
+    w *= w
+    u += w
+    u += v
+    return np.asarray(np.sqrt(u, out=u))
+
+
 def unit(vectors: Array) -> Array:
     """Return vectors (…, 3) at length 1; those of no length stay."""
     length = lengths(vectors)

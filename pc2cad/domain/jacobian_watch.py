@@ -155,12 +155,12 @@ class JacobianWatch:
 def volumes(tangents: list[Array]) -> tuple[Array, Array, tuple[Array, Array, Array]]:
     """Return det J, |M_u||M_v||M_w| and its three factors, of tangents (…, 3)."""
     with np.errstate(all="ignore"):
-        determinant = _determinant(*tangents)
+        determinant = determinants(*tangents)
         a, b, c = (_lengths(m) for m in tangents)
         return determinant, np.asarray(a * b * c), (a, b, c)
 
 
-def _determinant(a: Array, b: Array, c: Array) -> Array:
+def determinants(a: Array, b: Array, c: Array) -> Array:
     """Return a·(b × c) of vectors (…, 3), coordinate by coordinate: np.cross is slower."""
     return np.asarray(
         a[..., 0] * (b[..., 1] * c[..., 2] - b[..., 2] * c[..., 1])

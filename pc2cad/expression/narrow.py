@@ -18,7 +18,7 @@ from pc2cad.arrays.distinct import distinct
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.sign_changes import EVEN, even_cells, on_all_cells, on_cells
+from pc2cad.expression.sign_changes import EVEN, even_cells, on_all_cells
 from pc2cad.expression.tree import Expr
 
 #: a part is left alone where the values over it span no more than this share of all
@@ -42,19 +42,14 @@ def narrow_limits(trees: tuple[Expr, ...], name: str) -> Array:
     return _limits(nodes, name) if nodes else _NOWHERE
 
 
-def _are_quiet(functions: frozenset[Expr], name: str) -> bool:
-    """Say whether no function of one parameter is wide over any of its first parts.
-
-    Their enclosures are known, most of them, from the search for zeros.
-    """
-    if any(len(node.symbols) > 1 for node in functions):
-        return False
-    for node in functions:
-        values = on_cells(node, name)
-        lower, upper = np.broadcast_arrays(values.lower, values.upper)
-        span = upper.max() - lower.min()
-        if not np.isfinite(span) or _wide(lower, upper, span).any():
-            return False
+def _are_quiet(values: Sequence[Interval]) -> bool:
+    """Say whether no function is wide over any of the last of its first parts."""
+    for value in values:
+        if value.lower.ndim:
+            lower, upper = value.lower[EVEN[0] :], value.upper[EVEN[0] :]
+            span = upper.max() - lower.min()
+            if not np.isfinite(span) or _wide(lower, upper, span).any():
+                return False
     return True
 
 
@@ -74,14 +69,17 @@ def _steep(trees: tuple[Expr, ...]) -> list[Expr]:
 
 @lru_cache(maxsize=256)  # the faces and edges of a part are made of few such functions
 def _limits(functions: frozenset[Expr], name: str) -> Array:
-    if _are_quiet(functions, name):
-        return _NOWHERE
-    nodes = tuple(functions)
+    nodes, known = tuple(functions), list[Interval]()
+    if all([len(node.symbols) == 1 for node in nodes]):
+        # their enclosures are known, most of them, from the search for zeros
+        known = [on_all_cells(node, name) for node in nodes]
+        if _are_quiet(known):
+            return _NOWHERE
     found: list[Array] = []
     over = _Parts(nodes, name)
     # two steps at once: after these hardly a function is wide, and parts are enclosed within what
     # they are parts of
-    low, lower, upper = even_cells()[0], *over.first()
+    low, lower, upper = even_cells()[0], *over.first(known)
     least, most = lower.min(axis=1), upper.max(axis=1)
     useful = np.isfinite(most - least)
     (low, lower, upper), width = (x[..., EVEN[0] :] for x in (low, lower, upper)), 1 / EVEN[1]
@@ -117,11 +115,10 @@ class _Parts:
     def _program(self) -> IntervalProgram:
         return IntervalProgram(self._nodes, self._boxes.copy())
 
-    def first(self) -> tuple[Array, Array]:
-        """Return the enclosures over the `EVEN` parts; of one parameter's they are known."""
-        if all([len(node.symbols) == 1 for node in self._nodes]):
-            values = [on_all_cells(node, self._name) for node in self._nodes]
-            return _rows(values, even_cells()[0])
+    def first(self, known: Sequence[Interval]) -> tuple[Array, Array]:
+        """Return the enclosures over the `EVEN` parts, which may be known."""
+        if known:
+            return _rows(known, even_cells()[0])
         low, high = even_cells()
         return self(low, high - low)
 

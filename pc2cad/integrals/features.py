@@ -129,14 +129,19 @@ def explained(
         good = finite[k]
         if 2 * good.sum() >= len(good):
             coefficients[:, k] = np.linalg.lstsq(columns[good], several[k][good], rcond=None)[0]
-    left = np.where(finite, np.abs(several - product(columns, coefficients).T), 0.0)
+    left = np.abs(several - product(columns, coefficients).T)
+    sizes = np.abs(several)
+    if not finite.all():
+        left, sizes = np.where(finite, left, 0.0), np.where(finite, sizes, 0.0)
     rests: list[Array | None] = []
-    for found, good, rest in zip(several, finite, left, strict=True):
-        if 2 * good.sum() < len(good):
+    counts = np.count_nonzero(finite, axis=1).tolist()
+    largest = zip(sizes.max(axis=1).tolist(), left.max(axis=1).tolist(), strict=True)
+    for rest, count, (size, most) in zip(left, counts, largest, strict=True):
+        if 2 * count < len(rest):
             rests.append(None)
             continue
-        least = ROUNDING * float(np.abs(found[good]).max())
-        if rest.max() > least:
+        least = ROUNDING * size
+        if most > least:
             least = max(least, peaked * ranked(rest, 0.5))
         rests.append(np.where(rest > least, rest, 0.0))
     return coefficients, rests

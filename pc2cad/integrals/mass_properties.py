@@ -16,7 +16,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.jacobian_watch import JacobianWatch, volumes
+from pc2cad.domain.jacobian_watch import JacobianWatch, determinants, volumes
 from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.parameters import PARAMETERS
@@ -101,7 +101,7 @@ def integrate(analysis: Analysis, proved: bool = False) -> MassProperties:
         moments, error = total(densities.volume, [p.rule() for p in exact]), EXACT
     else:
         limits = narrowed(analysis, limits_of(analysis))
-        smooth = integrate_together(analysis, limits, densities.volume, centre)
+        smooth = integrate_together(analysis, limits, densities.look, centre)
         if smooth is not None:
             whole = [Panels(np.array(row), np.ones(1, dtype=int)) for row in limits]
             moments, error, known = smooth.values, smooth.error, smooth.areas
@@ -220,6 +220,14 @@ class _Densities:
     centre: Array
     #: notes the sign of det J at all nodes, where that is not proved
     watch: JacobianWatch | None
+
+    def look(self, u: Array, v: Array, w: Array) -> tuple[Array, Array, list[Array]]:
+        """Return det J, M, and M_u, M_v and M_w; signs are noted on the way, if they are to be."""
+        points, *tangents = self.analysis.map.frame(u, v, w)
+        if self.watch is not None:
+            return self.watch.note(tangents, (u, v, w))[0], points, tangents
+        with np.errstate(all="ignore"):
+            return determinants(*tangents), points, tangents
 
     def volume(self, u: Array, v: Array, w: Array) -> Samples:
         """Return det J and (M - centre) det J; signs are noted on the way, if they are to be."""

@@ -55,11 +55,11 @@ class Rule:
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 
     def last_term(self, values: Array, least: float) -> int:
-        """Return the last term above `least` of the series of values (n, …) at places of `spread`.
+        """Return the last term above `least` of the series of values (…, n) at places of `spread`.
 
         That is the degree of a Chebyshev polynomial, or a number of waves.
         """
-        rows = np.ascontiguousarray(values.reshape(len(values), -1).T)
+        rows = values.reshape(-1, values.shape[-1])
         if self.round:
             sizes = 2 * np.abs(np.fft.rfft(rows)) / STEPS
         else:

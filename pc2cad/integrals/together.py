@@ -10,26 +10,25 @@ shown by the functions through the nodes as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import chain
-from math import ceil
+from math import ceil, prod
 
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.arrays.linear import along, cross, dots, lengths, product, vectors
+from pc2cad.arrays.linear import areas, cross, lengths, product, vectors
 from pc2cad.arrays.scatter import scattered
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.map import open_grid
+from pc2cad.domain.jacobian_watch import determinants
 from pc2cad.domain.pieces import has_pieces
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr
 from pc2cad.geometry.splines.bernstein import degree_in
 from pc2cad.integrals.features import SCATTER, explained, scatter, tops
 from pc2cad.integrals.flat_faces import flat_lengths
-from pc2cad.integrals.quadrature import EPSILON, Samples
-from pc2cad.integrals.rules import DOUBTFUL, EXACT, SLAB_POINTS, Density
+from pc2cad.integrals.quadrature import EPSILON
+from pc2cad.integrals.rules import DOUBTFUL, EXACT, SLAB_POINTS
 from pc2cad.integrals.spectral import (
     HIGHEST,
     LEAST,
@@ -51,9 +50,13 @@ _LEFT = 1e-4
 _MOST_DEGREE = 4
 
 
+#: u, v and w (broadcastable) to det J (…), M, and M_u, M_v and M_w (…, 3)
+Look = Callable[[Array, Array, Array], tuple[Array, Array, list[Array]]]
+
+
 @dataclass(frozen=True, eq=False)
 class Together:
-    """Integrals (k,) of a density and their relative error; areas of faces, and their errors."""
+    """Integrals (4,) of det J and moments with their relative error; areas of faces with theirs."""
 
     values: Array
     error: float
@@ -78,23 +81,23 @@ class _Direction:
 
 
 def integrate_together(
-    analysis: Analysis, limits: list[list[float]], density: Density, centre: Array
+    analysis: Analysis, limits: list[list[float]], look: Look, centre: Array
 ) -> Together | None:
-    """Return integrals of a density over the whole box, and areas; None where that is not enough.
+    """Return integrals over the whole box, and areas; None where that is not enough.
 
-    The density has det J and (M - centre) det J as its integrands, and shows points and all their
-    tangents. Of faces on which it is not enough there is no area.
+    The integrands are det J and (M - centre) det J. Of faces on which it is not enough there is no
+    area.
     """
     if any(len(row) > 2 for row in (*limits, *analysis.bounds)) or analysis.equation.layers:
         return None
     with np.errstate(all="ignore"):
-        directions = _directions(analysis, density)
+        directions = _directions(analysis, look, centre)
         if directions is None:
             return None
-        coarse, fine = (_Grid.of(density, directions, grow) for grow in (1.0, 1.5))
+        coarse, fine = (_Grid.of(look, directions, grow) for grow in (1.0, 1.5))
         if coarse is None or fine is None:
             return None
-        before, values = coarse.integrals(), fine.integrals()
+        before, values = coarse.integrals(centre), fine.integrals(centre)
         error = float(np.abs(values - before).max() / max(np.abs(values).max(), 1e-300))
         if not error < DOUBTFUL:
             return None
@@ -107,7 +110,7 @@ def integrate_together(
 # -- how many nodes --------------------------------------------------------------------------------
 
 
-def _directions(analysis: Analysis, density: Density) -> list[_Direction] | None:
+def _directions(analysis: Analysis, look: Look, centre: Array) -> list[_Direction] | None:
     """Return what each direction needs, None where one needs too much."""
     degrees = [_degree(analysis.map.coordinates, name) for name in PARAMETERS]
     across = {normal_direction(face.patch) for face in analysis.boundary.faces}
@@ -118,7 +121,7 @@ def _directions(analysis: Analysis, density: Density) -> list[_Direction] | None
             found.append(_Direction(max(2 * degree + 1, 3 * degree, 2), exact=True))
             continue
         others = [e for e in range(3) if e != d and e in across and degrees[3 - d - e] is None]
-        direction = _along_lines(density, d, others, _comes_round(analysis, d))
+        direction = _along_lines(look, centre, d, others, _comes_round(analysis, d))
         if direction is None:
             return None
         found.append(direction)
@@ -139,52 +142,65 @@ def _comes_round(analysis: Analysis, d: int) -> bool:
 
 
 def _along_lines(
-    density: Density, d: int, across: Sequence[int], comes_round: bool
+    look: Look, centre: Array, d: int, across: Sequence[int], comes_round: bool
 ) -> _Direction | None:
-    """Return what resolves a density on a few lines along a direction, None where too much would.
+    """Return what resolves det J and moments on a few lines along a direction.
 
-    Areas across some other directions count as well, unless they would need too much.
+    None where too much would. Areas across some other directions count as well, unless they would
+    need too much.
     """
     rule = spread(comes_round)
-    places = [x[None, :] for x in _LINES.T]
-    places.insert(d, rule.nodes[:, None])
-    seen = density(*places)
-    if not _is_whole(seen, d, rule):
+    # one line after the other in memory
+    places = [x[:, None] for x in _LINES.T]
+    places.insert(d, rule.nodes)
+    values, points, tangents = look(*places)
+    if not _is_whole(points, tangents[d], rule):
         return None
+    rows = np.empty((4, *values.shape))
+    rows[0] = values
+    for row, axis in zip(rows[1:], range(3), strict=True):
+        np.subtract(points[..., axis], centre[axis], out=row)
+        row *= values
     highest = HIGHEST // 2 if comes_round else HIGHEST
-    last = _last_term(seen.values, seen.terms, rule)
-    if last > highest:
+    u, v, w = map(lengths, tangents)
+    last = _last_term(rows, u * v * w, rule)
+    if last is None or last > highest:
         return None
     for e in across:
-        s, t = (tangent for axis, tangent in enumerate(seen.tangents or ()) if axis != e)
-        more = _last_term(lengths(cross(s, t))[..., None], lengths(s) * lengths(t), rule)
-        last = max(last, more) if more <= highest else last
+        s, t = (tangent for axis, tangent in enumerate(tangents) if axis != e)
+        terms = lengths(s) * lengths(t)
+        more = _last_term(areas(s, t)[None], terms, rule)
+        last = last if more is None or more > highest else max(last, more)
     return _Direction(max(LEAST, last + 2 if comes_round else last // 2 + 3), comes_round)
 
 
-def _last_term(values: Array, terms: Array, rule: Rule) -> int:
-    """Return the last term of series over lines, of integrands (n, L, k), that is not rounding.
+def _last_term(rows: Array, terms: Array, rule: Rule) -> int | None:
+    """Return the last term of series over lines, of integrands (k, L, n), that is not rounding.
 
-    `terms` (n, L) are the sizes of what the first integrand is a sum of.
+    `terms` (L, n) are the sizes of what the first integrand is a sum of. None where a value is not
+    finite.
     """
-    sizes = product(rule.weights, np.abs(values).reshape(len(values), -1)).reshape(values.shape[1:])
-    first = max(float(sizes[:, 0].max()), 1e-300)
-    noise = 64 * EPSILON * float(vectors(rule.weights, terms).max()) / first
-    return rule.last_term(values, max(_RESOLVED, noise) * float(sizes.max()))
+    sizes = vectors(np.abs(rows), rule.weights)
+    first, largest = float(sizes[0].max()), float(sizes.max())
+    if not largest < np.inf:
+        return None
+    noise = 64 * EPSILON * float(vectors(terms, rule.weights).max()) / max(first, 1e-300)
+    return rule.last_term(rows, max(_RESOLVED, noise) * largest)
 
 
-def _is_whole(seen: Samples, d: int, rule: Rule) -> bool:
-    """Say whether values are finite, and a point's way along each line is the tangent's integral.
+def _is_whole(points: Array, tangent: Array, rule: Rule) -> bool:
+    """Say whether the way of points (L, n, 3) along each line is the integral of their tangent.
 
     It is not where a step lies between two places.
     """
-    if seen.points is None or seen.tangents is None or not np.isfinite(seen.values).all():
-        return False
-    way = vectors(rule.weights, seen.tangents[d])
-    gone = 0.0 if rule.round else seen.points[-1] - seen.points[0]
-    reach = 64 * EPSILON * float(np.abs(seen.points).max())
-    longest = max(float(np.ptp(seen.points, axis=0).max()), reach, 1e-300)
-    return bool(np.abs(way - gone).max() - reach <= _MISSED * longest)
+    x, along = points.transpose(2, 0, 1), tangent.transpose(2, 0, 1)
+    least, most = x.min(axis=2), x.max(axis=2)
+    reach = 64 * EPSILON * float(max(most.max(), -least.min()))
+    longest = max(float((most - least).max()), reach, 1e-300)
+    gap = vectors(along, rule.weights)
+    if not rule.round:
+        gap -= x[..., -1] - x[..., 0]
+    return bool(np.abs(gap).max() - reach <= _MISSED * longest)
 
 
 # -- grids of nodes --------------------------------------------------------------------------------
@@ -195,30 +211,64 @@ class _Grid:
     """What is seen at the nodes of a product rule."""
 
     rules: list[Rule]
-    samples: Samples
+    #: the directions along the axes of arrays: most nodes lie one after the other in memory
+    axes: tuple[int, ...]
+    determinant: Array
+    points: Array
+    tangents: list[Array]
 
     @classmethod
-    def of(cls, density: Density, directions: Sequence[_Direction], grow: float) -> _Grid | None:
-        """Return what is seen, None where there are too many nodes or a value is not finite."""
+    def of(cls, look: Look, directions: Sequence[_Direction], grow: float) -> _Grid | None:
+        """Return what is seen, None where there are too many nodes."""
         rules = [direction.rule(grow) for direction in directions]
-        if np.prod([len(rule.nodes) for rule in rules], dtype=float) > SLAB_POINTS:
+        counts = [len(rule.nodes) for rule in rules]
+        if prod(counts) > SLAB_POINTS:
             return None
-        grid = cls(rules, density(*open_grid(*(rule.nodes for rule in rules))))
-        return grid if np.isfinite(grid.samples.values).all() else None
+        axes = tuple(sorted(range(3), key=counts.__getitem__))
+        places = [
+            rule.nodes.reshape([-1 if axis == d else 1 for axis in axes])
+            for d, rule in enumerate(rules)
+        ]
+        return cls(rules, axes, *look(*places))
 
-    def integrals(self) -> Array:
-        """Return the integrals (k,) over the box."""
+    def integrals(self, centre: Array) -> Array:
+        """Return the integrals (4,) of det J and (M - centre) det J, finite where values are."""
         u, v, w = (rule.weights for rule in self.rules)
-        values = np.moveaxis(self.samples.values, -1, 0)
-        return product(product(product(values, w), v), u)
+        back = [self.axes.index(d) for d in range(3)]
+        in_order = np.ascontiguousarray(self.determinant.transpose(back))
+        volume = vectors(vectors(vectors(in_order, w), v), u)
+        first, second, last = (self.rules[d].weights for d in self.axes)
+        weights = first[:, None, None] * (second[:, None] * last) * self.determinant
+        from_centre = np.empty((3, *weights.shape))
+        for axis in range(3):
+            np.subtract(self.points[..., axis], centre[axis], out=from_centre[axis])
+        # sums of sums: one of all would lose digits
+        moments = np.einsum("kabc,abc->kab", from_centre, weights).reshape(3, -1).sum(axis=1)
+        return np.array([float(volume), *moments.tolist()])
 
-    def normals(self, patch: Cell) -> tuple[Array, Array]:
-        """Return M_s × M_t (n, m, 3) on a face, and the weights of its nodes (n, m)."""
-        s, t = directions_of(patch)
-        keep = tuple(slice(None) if p % 2 else -(p // 2) for p in patch)
-        assert self.samples.tangents is not None
-        first, second = (self.samples.tangents[d][keep] for d in (s, t))
-        return cross(first, second), np.outer(self.rules[s].weights, self.rules[t].weights)
+    def through(self, values: Sequence[Array], places: Array) -> Array:
+        """Return what functions through values at the nodes are at places (m, 3), (m, k)."""
+        first, second, last = (self.rules[d].basis(places[:, d]) for d in self.axes)
+        n, m = first.shape[1], second.shape[1]
+        rows = [product(x.reshape(n * m, -1), last.T).reshape(n, m, -1) for x in values]
+        return np.asarray(np.einsum("pi,pj,kijp->pk", first, second, np.array(rows)))
+
+    def areas(self, patches: Sequence[Cell], flat: bool) -> list[float]:
+        """Return the areas of faces at one or both ends of a direction, the first end first.
+
+        Those to be flat that are not have 0.
+        """
+        d, (i, j) = normal_direction(patches[0]), directions_of(patches[0])
+        ends, count = [patch[d] // 2 for patch in patches], len(self.rules[d].nodes)
+        part = slice(ends[0] * (count - 1), None if ends[-1] else 1, count - 1)
+        keep = tuple([part if axis == d else slice(None) for axis in self.axes])
+        order = [*map(self.axes.index, (d, i, j)), 3]
+        s, t = (self.tangents[e][keep].transpose(order) for e in (i, j))
+        weights = self.rules[i].weights[:, None] * self.rules[j].weights
+        if flat:
+            normals = cross(s, t).reshape(len(ends), -1, 3)
+            return list(map(float, flat_lengths(normals, weights.ravel())))
+        return [float(area.sum()) for area in np.multiply(areas(s, t), weights, order="C")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +288,7 @@ class _Scatter:
         for face in analysis.boundary.faces:
             faces[normal_direction(face.patch)].append(face.patch)
         last = max((d for d in range(3) if faces[d]), default=2)
-        areas: dict[Cell, Array] = {}
+        found: dict[Cell, Array] = {}
         for d in range(last + 1):
             places, ends = list(scatter().T), [[patch[d] / 2] for patch in faces[d]]
             if d == last:
@@ -249,38 +299,35 @@ class _Scatter:
                 continue
             points, *tangents = analysis.map.frame(*places)
             s, t = (tangents[axis][-len(ends) :] for axis in range(3) if axis != d)
-            areas |= dict(zip(faces[d], lengths(cross(s, t)), strict=True))
-        u, v, w = (tangent[0] for tangent in tangents)
-        return cls(points[0], dots(u, cross(v, w)), areas)
+            found |= dict(zip(faces[d], areas(s, t), strict=True))
+        inside = determinants(*(tangent[0] for tangent in tangents))
+        return cls(points[0], inside, found)
 
     def is_shown(self, grid: _Grid, centre: Array, size: float) -> bool:
         """Say whether all that stands out in the box is shown by the functions through the nodes.
 
         These are taken through det J and through M, of whose products the integrands are made.
         """
-        values = self.determinant * np.vstack((np.ones(SCATTER), (self.points - centre).T))
-        if not np.isfinite(values).all():
-            return False
+        values = np.empty((4, SCATTER))
+        values[0] = self.determinant
+        values[1:] = (self.points - centre).T * self.determinant
         sizes = np.abs(values).max(axis=1)
+        if not sizes.max() < np.inf:
+            return False
         factors = (0.5 + scattered(len(sizes), 1)[:, 0]) / np.where(sizes > 0, sizes, np.inf)
         _, (rest,) = explained(vectors(factors, values)[None], (0, 1, 2))
         found = [] if rest is None else tops(rest, (0, 1, 2))
         if rest is None or not found:
             return rest is not None
-        assert grid.samples.points is not None
-        table = np.concatenate((grid.samples.values[..., :1], grid.samples.points), axis=-1)
-        pairs = zip(grid.rules, scatter()[found].T, strict=True)
-        first, *others = (rule.basis(places) for rule, places in pairs)
-        table = along(first, table, 0)
-        for basis in others:
-            table = np.einsum("mi,mi...->m...", basis, table)
+        x, y, z = (grid.points[..., axis] for axis in range(3))
+        table = grid.through((grid.determinant, x, y, z), scatter()[found])
         there = np.column_stack((self.determinant[found], self.points[found]))
         off = np.abs(table - there).max(axis=0) / np.array([sizes[0], size, size, size])
         return bool(off.max() <= _LEFT * rest[found].min())
 
     def plain(self, d: int) -> list[Cell]:
-        """Return the faces at ends of a direction on which nothing stands out."""
-        faces = [patch for patch in self.areas if normal_direction(patch) == d]
+        """Return the faces at ends of a direction on which nothing stands out, first end first."""
+        faces = sorted([patch for patch in self.areas if normal_direction(patch) == d])
         if not faces:
             return []
         rests = explained(np.array([self.areas[p] for p in faces]), directions_of(faces[0]))[1]
@@ -300,18 +347,11 @@ def _areas(
     point one way.
     """
     found: dict[Cell, tuple[float, float]] = {}
-    for patch in chain.from_iterable(map(seen.plain, range(3))):
-        flat = any(directions[axis].exact for axis in directions_of(patch))
-        before, area = (_area(grid, patch, flat) for grid in (coarse, fine))
-        error = abs(area - before) / max(abs(area), 1e-300)
-        if area > 0 and error < DOUBTFUL:
-            found[patch] = area, max(error, EXACT)
+    for patches in filter(None, map(seen.plain, range(3))):
+        flat = any([directions[axis].exact for axis in directions_of(patches[0])])
+        rows = (grid.areas(patches, flat) for grid in (coarse, fine))
+        for patch, before, area in zip(patches, *rows, strict=True):
+            error = abs(area - before) / max(abs(area), 1e-300)
+            if area > 0 and error < DOUBTFUL:
+                found[patch] = area, max(error, EXACT)
     return found
-
-
-def _area(grid: _Grid, patch: Cell, flat: bool) -> float:
-    """Return the area of a face, 0 where it has to be flat and is not."""
-    normals, weights = grid.normals(patch)
-    if flat:
-        return float(flat_lengths(normals.reshape(1, -1, 3), weights.ravel())[0])
-    return float((lengths(normals) * weights).sum())
