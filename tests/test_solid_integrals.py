@@ -12,7 +12,12 @@ from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeFace,
     BRepBuilderAPI_MakeWire,
 )
-from OCP.Geom import Geom_CylindricalSurface, Geom_Ellipse, Geom_RectangularTrimmedSurface
+from OCP.Geom import (
+    Geom_CylindricalSurface,
+    Geom_Ellipse,
+    Geom_RectangularTrimmedSurface,
+    Geom_ToroidalSurface,
+)
 from OCP.Geom2d import Geom2d_BSplineCurve
 from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt, gp_Pnt2d
@@ -22,7 +27,7 @@ from pc2cad.brep.forms import SECOND
 from pc2cad.brep.from_kernel import path_function
 from pc2cad.brep.integrals import solid_integrals
 from pc2cad.brep.kernel import Array1OfInteger, Array1OfPnt2d, Array1OfReal, compound
-from pc2cad.brep.patch_integrals import patch_integrals
+from pc2cad.brep.patch_integrals import _Whole, patch_integrals
 from pc2cad.brep.settling import settled
 from pc2cad.brep.spline_integrals import Patch, clamped, read_patch
 from pc2cad.errors import KernelError
@@ -199,3 +204,17 @@ def test_plane_faces_within_rational_splines_are_integrated_together():
     assert found.face_areas == pytest.approx(areas, rel=1e-12)
     alone = [solid_integrals(plate(*one)).face_areas[0] for one in plates]
     assert alone == pytest.approx(areas, rel=1e-12)
+
+
+def test_eight_nodes_are_taken_where_six_would_do(monkeypatch):
+    def halved(*_):
+        raise AssertionError("spans are halved")
+
+    surface = GeomConvert.SurfaceToBSplineSurface_s(Geom_ToroidalSurface(gp_Ax3(), 3.0, 1.0))
+    for angle in np.linspace(0, 2 * pi, 10)[1:-1].tolist():
+        surface.InsertUKnot(angle, 1, 1e-6)
+        surface.InsertVKnot(angle, 1, 1e-6)
+    monkeypatch.setattr(_Whole, "_rule_of_halves", halved)
+    flux, area, *_ = patch_integrals([read_patch(surface, np.zeros(3))])[0]
+    assert area == pytest.approx(4 * pi**2 * 3, rel=1e-13)
+    assert flux / 3 == pytest.approx(2 * pi**2 * 3, rel=1e-13)

@@ -25,9 +25,9 @@ _LINES = np.array([0.004, 0.083, 0.207, 0.311, 0.468, 0.547, 0.719, 0.854, 0.934
 #: orders of Gauss rules, the last of which the others are held against, and what that is itself
 #: held against where spans are halved; and how often these are
 _ORDERS, _HIGHEST, DEEPEST = (4, 6, 8), 12, 24
-#: what the first order may leave, by the accuracy, for the second to be tried, and what that may:
-#: less, as little more makes it much better
-NEAR, CLOSE = 100, 0.02
+#: what the first order may leave, by the accuracy, for the second to be tried, and to be taken, and
+#: what that may leave for this: less, as little more makes it much better
+FAR, NEAR, CLOSE = 1e5, 100, 0.02
 #: pieces turn by so much at most (radians) before rules are tried on them
 FARTHEST_TURN = np.pi / 3
 #: how often lines are taken anew; what is sharp beyond that shows in areas that disagree with the
@@ -172,10 +172,14 @@ class _Whole:
         gap = _gaps(sums, many, scale).max()
         if gap <= self.accuracy:
             return self._whole_rule(direction, few)
-        if gap <= NEAR * self.accuracy:
+        if gap <= FAR * self.accuracy:
             (sums,) = self._panel_sums(direction, None, lines, (some,))
-            if _gaps(sums, many, scale).max() <= CLOSE * self.accuracy:
+            left = _gaps(sums, many, scale).max()
+            if left <= CLOSE * self.accuracy and gap <= NEAR * self.accuracy:
                 return self._whole_rule(direction, some)
+            if left <= self.accuracy:
+                # the second would do as the first does above, and the last is better
+                return self._whole_rule(direction, high)
         return self._rule_of_halves(direction, lines, many)
 
     def _rule_of_halves(
