@@ -22,11 +22,8 @@ from OCP.TopoDS import TopoDS_Shape
 from pc2cad.arrays import Array
 from pc2cad.brep.checker import is_valid
 from pc2cad.brep.kernel import (
-    IndexedDataMapOfShapeListOfShape,
     IndexedMapOfShape,
     as_edge,
-    as_face,
-    as_vertex,
 )
 from pc2cad.brep.plane_solids import WIRE, PlaneSolid
 
@@ -60,12 +57,12 @@ def inspect(solid: TopoDS_Shape, plain: PlaneSolid | None = None) -> KernelFindi
         shapes = IndexedMapOfShape()
         TopExp.MapShapes_s(solid, kind, shapes)
         counts[kind] = shapes
-    edges, free = _edges(solid)
+    edges, free = _edges(solid, counts[TopAbs_EDGE])
     faces, wires = counts[TopAbs_FACE].Size(), counts[TopAbs_WIRE].Size()
     vertices = counts[TopAbs_VERTEX].Size()
     return KernelFindings(
         is_valid(solid), counts[TopAbs_SHELL].Size(), faces, edges,
-        vertices, free, vertices - edges + faces - (wires - faces), _largest_tolerance(counts),
+        vertices, free, vertices - edges + faces - (wires - faces), _largest_tolerance(solid),
     )  # fmt: skip
 
 
@@ -134,29 +131,21 @@ def bounding_box(solid: TopoDS_Shape) -> Array:
     return np.where(np.abs(found) < 2e-7, 0.0, found)
 
 
-def _edges(solid: TopoDS_Shape) -> tuple[int, int]:
+def _edges(solid: TopoDS_Shape, edges: IndexedMapOfShape) -> tuple[int, int]:
     """Return the number of edges, and of those not used twice; degenerated ones do not count."""
-    parents = IndexedDataMapOfShapeListOfShape()
-    TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, parents)
-    uses: dict[int, int] = {}
+    uses = [0] * (edges.Size() + 1)
     explorer = TopExp_Explorer(solid, TopAbs_EDGE)
     while explorer.More():
-        index = parents.FindIndex(explorer.Current())
-        uses[index] = uses.get(index, 0) + 1
+        uses[edges.FindIndex(explorer.Current())] += 1
         explorer.Next()
-    real = [i for i in uses if not BRep_Tool.Degenerated_s(as_edge(parents.FindKey(i)))]
-    return len(real), sum(uses[i] != 2 for i in real)
+    real = [
+        uses[i]
+        for i in range(1, len(uses))
+        if not BRep_Tool.Degenerated_s(as_edge(edges.FindKey(i)))
+    ]
+    return len(real), len(real) - real.count(2)
 
 
-def _largest_tolerance(counts: dict[object, IndexedMapOfShape]) -> float:
-    casts = {
-        TopAbs_FACE: as_face,
-        TopAbs_EDGE: as_edge,
-        TopAbs_VERTEX: as_vertex,
-    }
-    largest: float = max(
-        BRep_Tool.Tolerance_s(cast(counts[kind].FindKey(i)))
-        for kind, cast in casts.items()
-        for i in range(1, counts[kind].Size() + 1)
-    )
-    return largest
+def _largest_tolerance(solid: TopoDS_Shape) -> float:
+    kinds = TopAbs_FACE, TopAbs_EDGE, TopAbs_VERTEX
+    return max([float(BRep_Tool.MaxTolerance_s(solid, kind)) for kind in kinds])
