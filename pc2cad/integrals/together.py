@@ -291,14 +291,16 @@ class _Scatter:
         found: dict[Cell, Array] = {}
         for d in range(last + 1):
             places, ends = list(scatter().T), [[patch[d] / 2] for patch in faces[d]]
+            along = tuple([axis for axis in range(3) if axis != d])
             if d == last:
                 places[d] = np.vstack((places[d], *(np.full(SCATTER, end) for end in ends)))
+                points, *tangents = analysis.map.frame(*places)
+                s, t = (tangents[axis][-len(ends) :] for axis in along)
             elif ends:
                 places[d] = np.array(ends)
+                s, t = analysis.map.tangents(along, *places)
             else:
                 continue
-            points, *tangents = analysis.map.frame(*places)
-            s, t = (tangents[axis][-len(ends) :] for axis in range(3) if axis != d)
             found |= dict(zip(faces[d], areas(s, t), strict=True))
         inside = determinants(*(tangent[0] for tangent in tangents))
         return cls(points[0], inside, found)
