@@ -32,18 +32,19 @@ def spline_surface(
     poles: Array, knots: tuple[Array, Array], degrees: tuple[int, int]
 ) -> Geom_BSplineSurface:
     """Return the kernel's surface of poles (n, m, 3), or (n, m, 4) with weights, and flat knots."""
-    rational, tables = poles.shape[-1] == 4, [_counted(row) for row in knots]
+    rational = poles.shape[-1] == 4
+    (n, u), (m, v) = (_counted(np.asarray(row, dtype=float).tobytes()) for row in knots)
     flags = (rational, rational, False, False)
-    counts = (*poles.shape[:2], *map(len, tables))
+    counts = (*poles.shape[:2], n, m)
     head = b"Surfaces 1\n" + _SURFACE.pack(_SPLINE_SURFACE, *flags, *degrees, *counts)
-    return _read(BinTools_SurfaceSet(), head, poles, tables).Surface(1)
+    return _read(BinTools_SurfaceSet(), head, poles, u, v).Surface(1)
 
 
 def spline_curve(poles: Array, knots: Array, degree: int) -> Geom_BSplineCurve:
     """Return the kernel's curve of poles (n, 3), or (n, 4) with weights, and flat knots."""
-    rational, table = poles.shape[-1] == 4, _counted(knots)
-    kind = _CURVE.pack(_SPLINE_CURVE, rational, False, degree, len(poles), len(table))
-    return _read(BinTools_CurveSet(), b"Curves 1\n" + kind, poles, [table]).Curve(1)
+    rational, (n, t) = poles.shape[-1] == 4, _counted(np.asarray(knots, dtype=float).tobytes())
+    kind = _CURVE.pack(_SPLINE_CURVE, rational, False, degree, len(poles), n)
+    return _read(BinTools_CurveSet(), b"Curves 1\n" + kind, poles, t).Curve(1)
 
 
 def counted(flat: Array) -> tuple[Array, Integers]:
@@ -58,16 +59,17 @@ def _distinct(flat: bytes) -> tuple[Array, Integers]:
     return values, counts
 
 
-def _counted(flat: Array) -> Any:
-    values, counts = counted(flat)
+@lru_cache(maxsize=64)
+def _counted(flat: bytes) -> tuple[int, bytes]:
+    """Return how many knots are distinct, and what the kernel writes of a knot vector."""
+    values, counts = _distinct(flat)
     table = np.empty(len(values), _KNOT)
     table["value"], table["times"] = values, counts
-    return table
+    return len(values), table.tobytes()
 
 
-def _read(one: Any, head: bytes, poles: Array, tables: list[Any]) -> Any:
-    parts = (np.ascontiguousarray(poles, "<f8"), *tables)
-    one.Read(io.BytesIO(head + b"".join(part.tobytes() for part in parts)))
+def _read(one: Any, head: bytes, poles: Array, *knots: bytes) -> Any:
+    one.Read(io.BytesIO(b"".join((head, np.asarray(poles, "<f8").tobytes(), *knots))))
     return one
 
 
