@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pc2cad as pc
+from pc2cad.arrays.linear import areas, cross, lengths
 from pc2cad.domain.analysis import analyse
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.equation.point_equation import point_equation
@@ -120,3 +121,26 @@ BEYOND = {
 @pytest.mark.parametrize("name", BEYOND)
 def test_what_is_not_smooth_all_over_is_left_to_panels(name):
     assert together(BEYOND[name]) is None
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (2, 1, 0)])
+def test_a_solid_has_the_same_figures_whichever_direction_is_the_longest(order):
+    # the longest direction is the last of arrays in memory
+    parameters = [(U, V, W)[k] for k in order]
+    u, v, w = parameters
+    r, turn = 5 + (2 + w) * pc.cos(2 * PI * v), PI * u / 2
+    found = together((r * pc.cos(turn), r * pc.sin(turn), (2 + w) * pc.sin(2 * PI * v)))
+    volume, *moments = found.values
+    assert abs(volume) == pytest.approx(pi**2 / 2 * 5 * (9 - 4), rel=1e-14)
+    # the centroid of a quarter of a ring: ∬ r² over the section's area times 5, times 2/π
+    section = 25 + (3**4 - 2**4) / (4 * (3**2 - 2**2))
+    wanted = [section / 5 * 2 / pi - 0.1, section / 5 * 2 / pi - 0.2, -0.3]
+    assert np.divide(moments, volume) == pytest.approx(wanted, rel=1e-13)
+    areas = sorted(area for area, _ in found.areas.values())
+    ends = [pi * (9 - 4)] * 2
+    assert areas == pytest.approx(sorted([*ends, pi**2 * 5 * 2, pi**2 * 5 * 3]), rel=1e-13)
+
+
+def test_areas_are_the_lengths_of_normals_to_the_last_bit():
+    a, b = np.random.default_rng(7).normal(size=(2, 3, 50, 4)).transpose(0, 2, 3, 1)
+    assert (areas(a, b) == lengths(cross(a, b))).all()
