@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from pc2cad.domain.analysis import analyse
-from pc2cad.domain.looks import MOST_CELLS, look_across_each, look_along, look_at_all, look_on_grids
+from pc2cad.domain.looks import (
+    MOST_CELLS,
+    look_across_each,
+    look_along,
+    look_at_all,
+    look_on_grids,
+    tell_sides_points,
+)
 from pc2cad.domain.restrictions import ENDS, RestrictedMap
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.templates.file import read_template
@@ -65,3 +72,23 @@ def test_faces_in_one_row_or_on_grids(name: str, times: int) -> None:
                 assert np.array_equal(seen, own)
             else:
                 assert np.allclose(seen, own, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["channel_ellipse", "pyramid_cut", "stellarator_wall"])
+def test_sides_have_the_points_of_their_faces(name: str) -> None:
+    analysis = analyse(read_template(template_paths()[name]).bind({}))
+    faces = [RestrictedMap(analysis, face.patch) for face in analysis.complex.faces]
+    cells = [member.cell for edge in analysis.complex.edges for member in edge.members]
+    sides = {cell: RestrictedMap(analysis, cell) for cell in cells}
+    # edges follow from products of places that reach both limits
+    whole, inner = np.array([0.0, 0.3, 0.7, 1.0]), np.array([0.2, 0.4])
+    for face in faces:
+        look_on_grids([face, face], (whole, SECTIONS), (inner, inner))
+        for local in ((whole, SECTIONS), (inner, inner)):
+            tell_sides_points(face, local, sides)
+    told = [side for side in sides.values() if side.knows(whole) or side.knows(SECTIONS)]
+    assert bool(told) is analysis.map.is_alike_together
+    for cell, side in sides.items():
+        assert not side.knows(inner)
+        for places in (whole, SECTIONS):
+            assert np.array_equal(side(places), RestrictedMap(analysis, cell)(places))

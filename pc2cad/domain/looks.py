@@ -6,7 +6,7 @@ call. No value depends on what is evaluated with it, but where series are (`is_a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, islice
 from math import prod
 
@@ -16,7 +16,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.topology.cells import directions_of
+from pc2cad.topology.cells import Cell, directions_of
 
 #: cells that are evaluated together: places, and cells, whose pieces are all met
 MOST_PLACES, MOST_CELLS = 100_000, 32
@@ -66,6 +66,29 @@ def look_on_grids(functions: Sequence[RestrictedMap], *grids: tuple[Array, Array
         if len(functions) * len(local[0]) * len(local[1]) <= MOST_TOGETHER:
             for function, points in zip(functions, sampled(functions, *local), strict=True):
                 function.keep(local, points)
+
+
+def tell_sides_points(
+    face: RestrictedMap, local: tuple[Array, Array], sides: Mapping[Cell, RestrictedMap]
+) -> None:
+    """Let the sides of a face know its points there, where these are known on a product.
+
+    `sides` are edges by their cells.
+    """
+    if not face.knows(*local):
+        return
+    points = face(*local)
+    for axis, (direction, position) in enumerate(face.pieces):
+        low, high = face.analysis.span(direction, position)
+        for end, at in ((0, 0.0), (-1, 1.0)):
+            # the last bits of the place have to be the same
+            if local[axis][end] != at or low + (high - low) * at != (high if at else low):
+                continue
+            cell = list(face.cell)
+            cell[direction] = position + (1 if at else -1)
+            side = sides.get((cell[0], cell[1], cell[2]))
+            if side is not None:
+                side.keep((local[1 - axis],), points[:, end] if axis else points[end])
 
 
 def look_along(asked: Sequence[_Asked]) -> None:

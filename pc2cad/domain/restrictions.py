@@ -98,6 +98,10 @@ class RestrictedMap:
         """Remember normals on a product of parameters."""
         self._normals[_key(local)] = normals
 
+    def knows(self, *local: Array) -> bool:
+        """Say whether points on a product of parameters are known."""
+        return _key(local) in self._points
+
     def knows_normals(self, places: Array) -> bool:
         """Say whether normals on the square grid of places are known."""
         return _key((places, places)) in self._normals

@@ -126,14 +126,14 @@ def _attempt(work: _Work, plan: Plan, aim: Aim) -> Attempt[_Carriers | int]:
     """
     fits = _Fits(work, plan, plan.parametrisations.resolved(aim, work.rounding))
     planes = work.cells.planes
+    groups = coplanar_groups(work.cells.analysis, [p and p[0] for p in planes])
+    rows = [[g for g in groups if (g[0] in work.cells.between) is late] for late in (False, True)]
+    plan.look_at_faces([group[0] for group in rows[0]], fits.parametrisations)
     plan.look_at_edges(fits.parametrisations)
     edges = fits.edges()
-    groups = coplanar_groups(work.cells.analysis, [p and p[0] for p in planes])
     made: dict[tuple[int, ...], ModelFace] = {}
     share = SAMPLED_SHARE * work.tolerance
-    for late in (False, True):
-        row = [group for group in groups if (group[0] in work.cells.between) is late]
-        plan.look_at_faces([group[0] for group in row], fits.parametrisations)
+    for row in rows:
         for group in row:
             face = fits.face(group, edges)
             if face is None:

@@ -25,6 +25,7 @@ from pc2cad.geometry.recognition.from_separable_form import arc, is_straight, la
 from pc2cad.geometry.recognition.implicit import holds
 from pc2cad.geometry.recognition.placement import SurfacePlacement
 from pc2cad.geometry.recognition.separable_form import is_planar
+from pc2cad.representation.tips import places_near
 
 #: boxes per parameter that the search for points off a plane begins with, the most that it goes on
 #: with, and how often these are halved
@@ -39,7 +40,8 @@ def look_at(
 ) -> None:
     """Evaluate faces, edges and corners together where the questions below ask for them."""
     inside = SECTIONS[::2]
-    along = [(f, (ENDS,) if f.is_exactly_straight else (inside, ENDS)) for f in edges]
+    near = places_near(0), places_near(1)
+    along = [(f, (ENDS,) if f.is_exactly_straight else (inside, ENDS, *near)) for f in edges]
     look_at_all(
         [f for f in faces if f.exact_plane is None],
         (irrational(9), inside),

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.direction_classes import DirectionClasses
-from pc2cad.domain.looks import look_along, look_on_grids
+from pc2cad.domain.looks import look_along, look_on_grids, tell_sides_points
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.geometry.carriers import AnalyticSurface, CurveCarrier, spline_traits
 from pc2cad.geometry.recognition.from_points import Fitted
@@ -164,16 +165,22 @@ class Plan:
         return FaceDirection(self.cells.edges[edge], 0, self.bound[edge])
 
     def look_at_edges(self, parametrisations: Parametrisations) -> None:
-        """Evaluate those edges together that fits ask for."""
-        near = [places_near(end) for end in (0, 1)]
-        runs = [
-            (self.cells.edges[i], parametrisations.parametrisation(self.edge_direction(i)))
-            for i in self.fitted_edges
-        ]
-        look_along([(edge, (run.sites, run.checks, *near)) for edge, run in runs])
+        """Evaluate those edges together that fits ask for, where no face has told their points."""
+        asked = []
+        for i in self.fitted_edges:
+            edge, run = (
+                self.cells.edges[i],
+                parametrisations.parametrisation(self.edge_direction(i)),
+            )
+            arrays = (run.sites, run.checks, *(places_near(end) for end in (0, 1)))
+            new = tuple([places for places in arrays if not edge.knows(places)])
+            if new:
+                asked.append((edge, new))
+        look_along(asked)
 
     def look_at_faces(self, faces: Sequence[int], parametrisations: Parametrisations) -> None:
-        """Evaluate those of some faces together that are fitted alike."""
+        """Evaluate those of some faces together that are fitted alike, and so their sides."""
+        sides = {self.cells.edges[i].cell: self.cells.edges[i] for i in self.fitted_edges}
         alike: dict[tuple[Parametrisation, ...], list[RestrictedMap]] = {}
         for i in faces:
             if self.cells.planes[i] is None and self.placements[i] is None:
@@ -184,7 +191,10 @@ class Plan:
                 if not all(run.exact for run in runs):
                     alike.setdefault(tuple(runs), []).append(function)
         for (s, t), functions in alike.items():
-            look_on_grids(functions, (s.sites, t.sites), (s.checks, t.checks))
+            grids = (s.sites, t.sites), (s.checks, t.checks)
+            look_on_grids(functions, *grids)
+            for function, local in product(functions, grids):
+                tell_sides_points(function, local, sides)
 
     @cached_property
     def parametrisations(self) -> Parametrisations:
