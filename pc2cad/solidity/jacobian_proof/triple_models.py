@@ -9,6 +9,7 @@ one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -57,8 +58,10 @@ def ranges(
         found = _times(products, (np.where(inner, middle[at], 1.0), np.where(inner, off[at], 0.0)))
         if len({pair[1:] for pair in triples}) == 1:
             # all terms have both: their signs are enough
-            middle, off = np.where(off < np.abs(middle), np.sign(middle), np.nan), 0 * middle
-        found = _times(_times(found, (middle[i], off[i])), (middle[j], off[j]))
+            signs = np.where(off < np.abs(middle), np.sign(middle), np.nan)
+            found = found[0] * (signs[i[0]] * signs[j[0]]), found[1]
+        else:
+            found = _times(_times(found, (middle[i], off[i])), (middle[j], off[j]))
     return *found, known.at((name,), (wide,), ORDER)
 
 
@@ -119,6 +122,7 @@ def _slope(model: Model) -> Model:
     return Model(terms, radius, model.error)
 
 
+@lru_cache(maxsize=2)
 def _shares(times: int) -> Array:
     """Return what becomes of terms by degree: of a polynomial, or (1) of its derivative."""
     degrees = np.arange(ORDER + 1.0)
