@@ -81,7 +81,8 @@ def enclose(
                 found[node] = fresh[node] = model
     models.store(fresh)
     if models.places:
-        models.carry(roots, found, list(fresh), _operands)
+        below = dict([step for level in levels for step in level])
+        models.carry(roots, found, list(fresh), below.__getitem__)
     return tuple([found[root] for root in roots])
 
 
