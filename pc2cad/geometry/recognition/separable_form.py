@@ -140,10 +140,9 @@ def separate(
         return None
     axes = tuple([_axis(tuple(roots), name) for name in names])
     vectors: dict[tuple[Term, ...], Array] = {}
-    known: _Known = {}
     for column, form in enumerate(forms):
         for monomial, coefficient in form.items():
-            for terms, value in _products(monomial, float(coefficient), axes, known):
+            for terms, value in _products(monomial, float(coefficient), axes):
                 vectors.setdefault(terms, np.zeros(len(forms)))[column] += value
     return _separation(axes, vectors, lambda: extent(roots, names) if seen is None else seen)
 
@@ -314,24 +313,20 @@ def _axis(roots: tuple[Expr, ...], name: str) -> Axis:
 # -- monomials as products of terms ----------------------------------------------------------------
 
 
-#: terms of what is a function of one parameter, by axis and factor
-_Known = dict[tuple[str, Monomial], list[tuple[Term, float]]]
-
-
 def _products(
-    monomial: Monomial, value: float, axes: tuple[Axis, ...], known: _Known
+    monomial: Monomial, value: float, axes: tuple[Axis, ...]
 ) -> list[tuple[tuple[Term, ...], float]]:
     result: list[tuple[tuple[Term, ...], float]] = [((), value * _constants(monomial))]
     for axis in axes:
         factor = tuple([(a, e) for a, e in monomial if axis.name in a.symbols])
-        along = known.get((axis.name, factor))
-        if along is None:
-            along = known[axis.name, factor] = _terms(factor, axis)
+        along = _terms(factor, axis)
         result = [((*terms, t), v * w) for terms, v in result for t, w in along]
     return result
 
 
+@lru_cache(maxsize=256)
 def _terms(factor: Monomial, axis: Axis) -> list[tuple[Term, float]]:
+    """Return a function of one parameter as a sum of terms: cells side by side share many."""
     if not factor:
         return [(CONSTANT, 1.0)]
     if axis.kind == "power":
