@@ -58,6 +58,7 @@ def test_faces_in_one_row_or_on_grids(name: str, times: int) -> None:
     look_across_each((flat, few[:1]), (curved, few))
     alike = [face for face in faces if face.pieces == faces[0].pieces]
     look_on_grids(alike, (few, inside))
+    assert len(faces) > 3
     for i, face in enumerate(faces):
         alone = RestrictedMap(analysis, face.cell)
         places = few[:1] if i == 0 else few

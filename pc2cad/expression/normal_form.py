@@ -335,12 +335,8 @@ def ordered(powers: dict[Expr, int]) -> Monomial:
     """Return the monomial of powers, in the order that normal forms keep."""
     rows = [item for item in powers.items() if item[1]]
     if len(rows) > 1:
-        rows.sort(key=_rank)
+        rows.sort(key=lambda row: row[0].rank)
     return tuple(rows)
-
-
-def _rank(power: tuple[Expr, int]) -> int:
-    return power[0].rank
 
 
 def is_identically_zero(root: Expr) -> bool:
@@ -366,7 +362,7 @@ def split_turns(root: Expr) -> tuple[Fraction, Expr]:
     for monomial in sorted(terms, key=_printed) if len(terms) > 1 else terms:
         negative = form[monomial].numerator < 0
         term = number(-form[monomial] if negative else form[monomial])
-        factors = sorted(monomial, key=_first_printed) if len(monomial) > 1 else monomial
+        factors = sorted(monomial, key=lambda f: repr(f[0])) if len(monomial) > 1 else monomial
         for atom, exponent in factors:
             term = mul(term, power(atom, number(exponent)))
         rest = rest - term if negative else rest + term
@@ -396,10 +392,6 @@ def _angle_form(root: Expr) -> NormalForm | None:
     except _TooLargeError:
         return None
     return forms[root]
-
-
-def _first_printed(factor: tuple[Expr, int]) -> str:
-    return repr(factor[0])
 
 
 def _printed(monomial: Monomial) -> str:
