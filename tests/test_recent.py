@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 import pc2cad as pc
@@ -9,7 +11,7 @@ from pc2cad.expression import normal_form as terms
 from pc2cad.expression import recent
 from pc2cad.expression.normal_form import normal_form
 from pc2cad.expression.recent import Holding
-from pc2cad.expression.tree import Expr
+from pc2cad.expression.tree import Expr, as_expr, number
 
 U, V, W = pc.parameters()
 
@@ -57,3 +59,15 @@ def test_normal_forms_do_not_depend_on_what_was_asked_before(
     assert alone[0][3] is not None
     assert alone[0][5] is None
     assert alone[1][5] == alone[1][0]
+
+
+def test_coefficients_are_in_lowest_terms_and_add_up_exactly() -> None:
+    # numerators and denominators are kept apart while a form is made
+    u = as_expr(U)
+    terms = [number(Fraction(n + 1, n + 2)) * (u * number(Fraction(n, 6)) + 1) for n in range(1, 7)]
+    total = sum(terms, start=u * u)
+    form = normal_form(total)
+    ones = sum((Fraction(n + 1, n + 2) for n in range(1, 7)), start=Fraction(0))
+    firsts = sum((Fraction(n + 1, n + 2) * Fraction(n, 6) for n in range(1, 7)), start=Fraction(0))
+    assert form == {(): ones, ((u, 1),): firsts, ((u, 2),): Fraction(1)}
+    assert normal_form(total * total - total**2) == {}

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from math import lcm
-from typing import Final, cast
+from math import gcd, lcm
+from typing import Final
 
 from pc2cad.expression.exact import ValueDomainError
 from pc2cad.expression.recent import Recent
@@ -35,16 +35,20 @@ from pc2cad.expression.tree import (
 Monomial = tuple[tuple[Expr, int], ...]
 #: A polynomial in atoms: no entry is zero.
 NormalForm = dict[Monomial, Fraction]
+#: a coefficient while forms are made: numerator and positive denominator, with common factors
+_Ratio = tuple[int, int]
+#: such a form: fractions take ten times as long to multiply
+Raw = dict[Monomial, _Ratio]
 
 #: Normal forms with more terms than this are given up: a proof that large is not worth its time.
 LARGEST_FORM: Final = 3000
 #: the same for the angles of sines and cosines
 LARGEST_ANGLE: Final = 12
-_angles: Final[Recent[NormalForm]] = Recent()
+_angles: Final[Recent[Raw]] = Recent()
 #: forms of products all of whose factors are one term each: sums of the same products are met
-_monomials: Final[Recent[NormalForm]] = Recent()
+_monomials: Final[Recent[Raw]] = Recent()
 #: most coefficients are this very object, which needs no multiplication
-_UNIT: Final = Fraction(1)
+_UNIT: Final[_Ratio] = (1, 1)
 
 
 class _TooLargeError(Exception):
@@ -55,14 +59,14 @@ def normal_form(
     root: Expr,
     largest: int = LARGEST_FORM,
     whole: Callable[[Expr], bool] | None = None,
-    known: dict[Expr, NormalForm] | None = None,
+    known: dict[Expr, Raw] | None = None,
 ) -> NormalForm | None:
     """Return the normal form of a tree, or None when it has more than `largest` terms.
 
     Sub-trees that are `whole` are atoms, whatever they are made of. Forms of nodes are taken from
     `known`, and put there: what the same two arguments left there before.
     """
-    forms: dict[Expr, NormalForm] = {} if known is None else known
+    forms: dict[Expr, Raw] = {} if known is None else known
 
     def below(node: Expr) -> tuple[Expr, ...]:
         if node in forms:
@@ -85,14 +89,16 @@ def normal_form(
                     _monomials.keep(node, form)
     except _TooLargeError:
         return None
-    return forms[root]
+    return _in_lowest_terms(forms[root])
 
 
 def times(form: NormalForm, factor: Expr, largest: int = LARGEST_FORM) -> NormalForm | None:
     """Return the normal form of a product, or None when it has more than `largest` terms."""
     other = normal_form(factor, largest)
     try:
-        return None if other is None else _product(form, other, largest)
+        if other is None:
+            return None
+        return _in_lowest_terms(_product(_raw(form), _raw(other), largest))
     except _TooLargeError:
         return None
 
@@ -105,8 +111,8 @@ def determinant_form(
     None beyond `largest` terms. The number makes all coefficients of each column whole, as
     fractions are dear to multiply.
     """
-    known: dict[Expr, NormalForm] = {}
-    whole: list[list[NormalForm]] = []
+    known: dict[Expr, Raw] = {}
+    whole: list[list[Raw]] = []
     for column in columns:
         forms = []
         for tree in column:
@@ -117,40 +123,41 @@ def determinant_form(
         common = lcm(*(c.denominator for form in forms for c in form.values()))
         whole.append([_whole(form, common) for form in forms])
     a, b, c = whole
-    total: NormalForm = {}
+    total: Raw = {}
     try:
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            second = {m: -x for m, x in _product(b[k], c[j], largest).items()}
+            second = {m: (-n, d) for m, (n, d) in _product(b[k], c[j], largest).items()}
             minor = _sum(_product(b[j], c[k], largest), second, largest)
             total = _sum(total, _product(a[i], minor, largest), largest)
     except _TooLargeError:
         return None
-    return total
+    return _in_lowest_terms(total)
 
 
-def _whole(form: NormalForm, common: int) -> NormalForm:
+def _whole(form: NormalForm, common: int) -> Raw:
     """Return a form times a common denominator, in whole numbers."""
-    return {m: cast("Fraction", c.numerator * (common // c.denominator)) for m, c in form.items()}
+    return {m: (c.numerator * (common // c.denominator), 1) for m, c in form.items()}
 
 
 def with_square(
     form: NormalForm, atom: Expr, square: NormalForm, largest: int = LARGEST_FORM
 ) -> NormalForm | None:
     """Return a form with the square of an atom put for it, None beyond `largest` terms."""
-    total: NormalForm = {}
+    total: Raw = {}
+    squared = _raw(square)
     try:
         for monomial, coefficient in form.items():
-            term: NormalForm = {(): coefficient}
+            term: Raw = {(): coefficient.as_integer_ratio()}
             for a, exponent in monomial:
                 pairs, rest = divmod(exponent, 2) if a is atom else (0, exponent)
                 if pairs:
-                    term = _product(term, _raised(square, pairs, largest), largest)
+                    term = _product(term, _raised(squared, pairs, largest), largest)
                 if rest:
                     term = _product(term, {((a, rest),): _UNIT}, largest)
             total = _sum(total, term, largest)
     except _TooLargeError:
         return None
-    return total
+    return _in_lowest_terms(total)
 
 
 def tree_of(form: NormalForm) -> Expr:
@@ -215,7 +222,7 @@ def _is_monomial(node: Expr) -> bool:
     return not _inner(node) or _monomials.get(node) is not None
 
 
-def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalForm:
+def _form_of(node: Expr, forms: dict[Expr, Raw], largest: int) -> Raw:
     op = node.op
     if op == "mul":
         a, b = node.args
@@ -224,20 +231,20 @@ def _form_of(node: Expr, forms: dict[Expr, NormalForm], largest: int) -> NormalF
         a, b = node.args
         return _sum(forms[a], forms[b], largest)
     if op == "number":
-        return {(): node.payload} if node.payload else {}
+        return {(): node.payload.as_integer_ratio()} if node.payload else {}
     if op == "within":
         return forms[node.args[0]]
     if op == "neg":
-        return {m: -c for m, c in forms[node.args[0]].items()}
+        return {m: (-n, d) for m, (n, d) in forms[node.args[0]].items()}
     if op == "div":
-        inverse: NormalForm = {((_reciprocal(node.args[1]), 1),): _UNIT}
+        inverse: Raw = {((_reciprocal(node.args[1]), 1),): _UNIT}
         return _product(forms[node.args[0]], inverse, largest)
     if op == "pow" and _is_repeated(node.args[1]):
         return _raised(forms[node.args[0]], int(node.args[1].payload), largest)
     return {((node, 1),): _UNIT}
 
 
-def _raised(form: NormalForm, exponent: int, largest: int) -> NormalForm:
+def _raised(form: Raw, exponent: int, largest: int) -> Raw:
     result = form
     for _ in range(exponent - 1):
         result = _product(result, form, largest)
@@ -248,7 +255,7 @@ def _reciprocal(denominator: Expr) -> Expr:
     return div(ONE, denominator)
 
 
-def _sum(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
+def _sum(a: Raw, b: Raw, largest: int) -> Raw:
     if a.keys().isdisjoint(b):
         result = a | b
     else:
@@ -260,7 +267,7 @@ def _sum(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
     return result
 
 
-def _product(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
+def _product(a: Raw, b: Raw, largest: int) -> Raw:
     if len(a) == 1 == len(b):  # as of most products
         ((left, p),), ((right, q),) = a.items(), b.items()
         terms = _join(left, right)
@@ -272,28 +279,45 @@ def _product(a: NormalForm, b: NormalForm, largest: int) -> NormalForm:
         if len(one) == 1 and () in one:  # a number
             factor = one[()]
             return other if factor is _UNIT else {m: _times(factor, c) for m, c in other.items()}
-    result: NormalForm = {}
+    result: Raw = {}
     for left, p in a.items():
         for right, q in b.items():
             both = _times(p, q)
             for monomial, sign in _join(left, right):
-                _accumulate(result, monomial, both if sign == 1 else both * sign)
+                _accumulate(result, monomial, both if sign == 1 else (sign * both[0], both[1]))
     if len(result) > largest:
         raise _TooLargeError
     return result
 
 
-def _times(p: Fraction, q: Fraction) -> Fraction:
-    return q if p is _UNIT else p if q is _UNIT else p * q
+def _times(p: _Ratio, q: _Ratio) -> _Ratio:
+    return q if p is _UNIT else p if q is _UNIT else (p[0] * q[0], p[1] * q[1])
 
 
-def _accumulate(form: NormalForm, monomial: Monomial, coefficient: Fraction) -> None:
+def _accumulate(form: Raw, monomial: Monomial, coefficient: _Ratio) -> None:
     before = form.get(monomial)
-    total = coefficient if before is None else before + coefficient
-    if total:
-        form[monomial] = total
+    if before is None:
+        form[monomial] = coefficient
+        return
+    (n, d), (m, e) = before, coefficient
+    if d == e:
+        numerator, denominator = n + m, d
+    else:  # in lowest terms: a long sum would double its length with each term
+        numerator, denominator = n * e + m * d, d * e
+        common = gcd(numerator, denominator)
+        numerator, denominator = numerator // common, denominator // common
+    if numerator:
+        form[monomial] = numerator, denominator
     else:
-        form.pop(monomial, None)
+        del form[monomial]
+
+
+def _raw(form: NormalForm) -> Raw:
+    return {monomial: c.as_integer_ratio() for monomial, c in form.items()}
+
+
+def _in_lowest_terms(form: Raw) -> NormalForm:
+    return {monomial: Fraction(n, d) for monomial, (n, d) in form.items()}
 
 
 def _join(left: Monomial, right: Monomial) -> list[tuple[Monomial, int]]:
@@ -304,10 +328,12 @@ def _join(left: Monomial, right: Monomial) -> list[tuple[Monomial, int]]:
         return [(left, 1)]
     exponents: dict[Expr, int] = dict(left)
     for atom, exponent in right:
-        exponents[atom] = exponents.get(atom, 0) + exponent
-    sines = [atom for atom, exponent in exponents.items() if exponent > 1 and atom.op == "sin"]
+        exponents[atom] = exponents[atom] + exponent if atom in exponents else exponent
+    rows = [*exponents.items()]
+    sines = [atom for atom, exponent in rows if exponent > 1 and atom.op == "sin"]
     if not sines:
-        return [(ordered(exponents), 1)]
+        rows.sort(key=lambda row: row[0].rank)
+        return [(tuple(rows), 1)]
     terms: list[tuple[dict[Expr, int], int]] = [(exponents, 1)]
     for atom in sines:
         terms = [piece for term in terms for piece in _without_square(term, atom)]
@@ -374,7 +400,7 @@ def _angle_form(root: Expr) -> NormalForm | None:
 
     Angles that are sums on top of one another are met one by one: forms are remembered.
     """
-    forms: dict[Expr, NormalForm] = {}
+    forms: dict[Expr, Raw] = {}
 
     def below(node: Expr) -> tuple[Expr, ...]:
         known = _angles.get(node)
@@ -391,7 +417,7 @@ def _angle_form(root: Expr) -> NormalForm | None:
                     _angles.keep(node, forms[node])
     except _TooLargeError:
         return None
-    return forms[root]
+    return _in_lowest_terms(forms[root])
 
 
 def _printed(monomial: Monomial) -> str:

@@ -21,7 +21,7 @@ from pc2cad.arrays import Array
 from pc2cad.expression.angle_multiples import common_unit, ratio
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.magnitudes import bound, extent, rounding
-from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form
+from pc2cad.expression.normal_form import Monomial, NormalForm, Raw, normal_form
 from pc2cad.expression.polynomials import Vectors
 from pc2cad.expression.recent import Holding
 from pc2cad.expression.scalar import evaluate
@@ -228,7 +228,7 @@ def _form(root: Expr) -> NormalForm | None:
 
 
 @lru_cache(maxsize=1)
-def _known() -> dict[Expr, NormalForm]:
+def _known() -> dict[Expr, Raw]:
     """Return the normal forms of nodes that are remembered."""
     return {}
 
