@@ -65,7 +65,8 @@ def decimal(text: str) -> Fraction:
 
 def held(value: Fraction | int) -> Fraction:
     """Return a number as a fraction; raise ValueDomainError where it is too large, or too long."""
-    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
+    numerator, denominator = value.as_integer_ratio()
+    bits = max(numerator.bit_length(), denominator.bit_length())
     if bits >= _SAFE_BITS:  # nearly all numbers are short, and comparing fractions is slow
         size = abs(Fraction(value))
         if size > LARGEST_CONSTANT or (size and size < 1 / LARGEST_CONSTANT):

@@ -33,6 +33,10 @@ LARGEST_EXPONENT: Final = 1000
 _interned: Interned[Expr] = Interned()
 _places: Final = _interned.places  # looked up here: a call less for each node
 
+#: what each number has
+_NONE: Final = union()
+_NUMBER: Final = union_with("number")
+
 #: order of continuity of what is one analytic function but for rounding: its breaks do not count
 ANALYTIC: Final = 99
 
@@ -146,20 +150,18 @@ def intern(op: str, args: tuple[Expr, ...], payload: Any = None) -> Expr:
 
 def _made(key: tuple[Any, ...], op: str, args: tuple[Expr, ...], payload: Any) -> Expr:
     """Return a new node, and let it be the one of its key."""
-    if payload is None:
-        own = plain_checksum(op)
+    if op == "number":
+        symbols, ops, rank = _NONE, _NUMBER, hash((number_checksum(*key),))
     else:
-        own = number_checksum(*key) if op == "number" else checksum(op, payload)
-    if len(args) == 2:
-        a, b = args
-        symbols = a.symbols if a.symbols is b.symbols else union(a.symbols, b.symbols)
-        ops, rank = union_with(op, a.ops, b.ops), hash((own, a.rank, b.rank))
-    elif not args:
-        symbols = union_with(payload) if op == "symbol" else union()
-        ops, rank = union_with(op), hash((own,))
-    else:
-        symbols = union(*{x.symbols for x in args})
-        ops, rank = union_with(op, *{x.ops for x in args}), hash((own, *[x.rank for x in args]))
+        own = plain_checksum(op) if payload is None else checksum(op, payload)
+        if len(args) == 2:
+            a, b = args
+            symbols = a.symbols if a.symbols is b.symbols else union(a.symbols, b.symbols)
+            ops, rank = union_with(op, a.ops, b.ops), hash((own, a.rank, b.rank))
+        else:
+            symbols = union_with(payload) if op == "symbol" else union(*{x.symbols for x in args})
+            ops = union_with(op, *{x.ops for x in args})
+            rank = hash((own, *[x.rank for x in args]))
     made: Any = Content()
     made.op, made.args, made.payload = op, args, payload
     made.symbols, made.ops, made.rank = symbols, ops, rank
@@ -188,7 +190,7 @@ def _ratio(numerator: int, denominator: int) -> Expr:
     common = gcd(numerator, denominator)
     key = numerator // common, denominator // common
     if (place := _places.get(key)) is None or (known := place()) is None:
-        return number(Fraction(*key))
+        known = _made(key, "number", (), held(Fraction(*key)))
     spend(0)
     return known
 
