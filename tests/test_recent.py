@@ -9,9 +9,10 @@ import pytest
 import pc2cad as pc
 from pc2cad.expression import normal_form as terms
 from pc2cad.expression import recent
-from pc2cad.expression.normal_form import normal_form
+from pc2cad.expression.monomials import with_multiple
+from pc2cad.expression.normal_form import normal_form, tree_of
 from pc2cad.expression.recent import Holding
-from pc2cad.expression.tree import Expr, as_expr, number
+from pc2cad.expression.tree import ONE, Expr, as_expr, call, number, power
 
 U, V, W = pc.parameters()
 
@@ -71,3 +72,20 @@ def test_coefficients_are_in_lowest_terms_and_add_up_exactly() -> None:
     firsts = sum((Fraction(n + 1, n + 2) * Fraction(n, 6) for n in range(1, 7)), start=Fraction(0))
     assert form == {(): ones, ((u, 1),): firsts, ((u, 2),): Fraction(1)}
     assert normal_form(total * total - total**2) == {}
+
+
+def test_multiples_are_added_as_normal_forms_are() -> None:
+    u, angle = as_expr(U), as_expr(V)
+    sine, atom = call("sin", angle), ONE / (u + 2)
+    for share in ({((sine, 2),): Fraction(3)}, {((sine, 1),): Fraction(3), (): Fraction(-1)}):
+        for exponent in (0, 2):
+            factor = ((atom, exponent),)
+            form = normal_form(u + sine + atom * atom)
+            assert form is not None
+            added = tree_of(form) + tree_of(share) * power(atom, number(exponent))
+            expected = normal_form(added)
+            assert expected is not None
+            found = with_multiple(form, share, factor, 10)
+            assert found is not None
+            assert [*found.items()] == [*expected.items()]
+            assert with_multiple(form, share, factor, 2) is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
-from pc2cad.expression.normal_form import Monomial, NormalForm, ordered
+from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, ordered, tree_of
 from pc2cad.expression.tree import Expr
 
 #: what monomials are ordered by
@@ -79,3 +79,24 @@ def quotient(above: NormalForm, divisor: NormalForm, most: int) -> NormalForm | 
             else:
                 rest.pop(place, None)
     return None
+
+
+def with_multiple(
+    form: NormalForm, share: NormalForm, factor: Monomial, most: int
+) -> NormalForm | None:
+    """Return the normal form of form + share · factor, None beyond so many terms.
+
+    The factor holds no sine; a share may hold squares of sines, which no normal form does.
+    """
+    if any(a.op == "sin" and e > 1 for monomial in share for a, e in monomial):
+        multiple = tree_of(share) * tree_of({factor: Fraction(1)})
+        return normal_form(tree_of(form) + multiple, most)
+    total = dict(form)
+    for monomial, coefficient in share.items():
+        place = times(monomial, factor)
+        both = total.get(place, Fraction(0)) + coefficient
+        if both:
+            total[place] = both
+        else:
+            total.pop(place, None)
+    return total if len(total) <= most else None

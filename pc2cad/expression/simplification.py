@@ -15,7 +15,16 @@ from functools import lru_cache
 
 from pc2cad.expression.identity import ROUNDING, seems_constant
 from pc2cad.expression.linear_terms import cancel_terms
-from pc2cad.expression.monomials import Rank, halved, lowered, order_of, over, quotient, times
+from pc2cad.expression.monomials import (
+    Rank,
+    halved,
+    lowered,
+    order_of,
+    over,
+    quotient,
+    times,
+    with_multiple,
+)
 from pc2cad.expression.normal_form import Monomial, NormalForm, normal_form, tree_of, with_square
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.polynomials import constant_sums
@@ -32,7 +41,6 @@ from pc2cad.expression.tree import (
     div,
     number,
     ops_of,
-    power,
     rebuild,
     symbol,
     walk,
@@ -292,8 +300,7 @@ def _without_quotient(form: NormalForm) -> NormalForm | None:
         if exact is None:
             continue
         rest = {m: c for m, c in form.items() if (atom, highest) not in m}
-        lower = power(atom, number(highest - 1))
-        return normal_form(tree_of(rest) + tree_of(exact) * lower, LARGEST)
+        return with_multiple(rest, exact, ((atom, highest - 1),), LARGEST)
     return None
 
 
