@@ -23,11 +23,11 @@ from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import interval
 from pc2cad.expression.normal_form import determinant_form, normal_form
-from pc2cad.expression.tree import ONE, call, div, number, symbol
+from pc2cad.expression.tree import ONE, Expr, as_expr, call, div, number, symbol
 from pc2cad.solidity.jacobian_proof import proved_sign, separable, triple_models
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.enclosures import sign_from_enclosures
-from pc2cad.solidity.jacobian_proof.factors import sign_from_factors
+from pc2cad.solidity.jacobian_proof.factors import sign_from_factors, sign_of_form
 from pc2cad.solidity.jacobian_proof.polynomial import sign_from_coefficients
 from pc2cad.solidity.jacobian_proof.separable import sign_from_products
 from pc2cad.solidity.jacobian_proof.triples import Scaled, triple
@@ -433,3 +433,21 @@ def test_coefficients_know_a_fold_of_any_depth():
     for share in (Fraction(1, 10**6), Fraction(1, 10**15), Fraction(1, 10**30)):
         assert sign_from_coefficients(mapped((U**2 - share * U, V, W))) == 0
         assert sign_from_coefficients(mapped((U**2 + share * U, V, W))) == 1
+
+
+@pytest.mark.parametrize(
+    ("atom", "sign"),
+    [
+        (1 / pc.sqrt(2 * PI**4), 1),
+        (1 / (3 + (pc.e - PI) ** 2), 1),
+        (PI - 3, 1),
+        (3 - PI, -1),
+        (-1 / pc.sqrt(PI), -1),
+        (pc.sqrt(PI - 3) * (pc.e - 3), -1),
+        (pc.sin(5) - pc.cos(5), -1),
+        (PI - PI * 1, 0),
+    ],
+)
+def test_signs_of_constants(atom: Expr, sign: int) -> None:
+    form = {((as_expr(U), 1), (as_expr(atom), 1)): Fraction(-2)}
+    assert sign_of_form(form) == -sign

@@ -186,7 +186,30 @@ def _sign_inside(atom: Expr, spans: Spans) -> int:
     turns = _half_turns(atom, spans)
     if turns is not None and math.ceil(turns[1]) - math.floor(turns[0]) == 1:
         return -1 if math.floor(turns[0]) % 2 else 1
-    return _sign_of(_enclosure(atom, spans))
+    return _sign_of_constant(atom) or _sign_of(_enclosure(atom, spans))
+
+
+@_remembered
+def _sign_of_constant(atom: Expr) -> int:
+    """Return the sign that an atom without symbols has by those of its parts, else 0."""
+    if atom.symbols:
+        return 0
+    signs: dict[Expr, int] = {}
+    for node in walk((atom,)):
+        op, parts = node.op, [signs[arg] for arg in node.args]
+        if op == "number":
+            signs[node] = (node.payload > 0) - (node.payload < 0)
+        elif op in ("mul", "div"):
+            signs[node] = parts[0] * parts[1]
+        elif op == "neg":
+            signs[node] = -parts[0]
+        elif op == "add":
+            signs[node] = parts[0] if parts[0] == parts[1] else 0
+        elif op in ("sqrt", "pow"):
+            signs[node] = max(parts[0], 0)
+        else:
+            signs[node] = int(op == "constant")
+    return signs[atom]
 
 
 def _is_root(atom: Expr) -> bool:
