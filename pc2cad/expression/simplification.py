@@ -160,8 +160,7 @@ def _constant(coefficient: Expr) -> Expr | None:
     one variant of a template to the next.
     """
     factor, rest = without_number(coefficient)
-    found = _plain_constant(rest)
-    if found is not None and found.op == "number":
+    if (found := _plain_constant(rest)) is not None and found.op == "number":
         return number(factor) * found
     return _plain_constant(coefficient)
 
@@ -291,16 +290,13 @@ def _without_quotient(form: NormalForm) -> NormalForm | None:
     """Carry out one exact division; None where no denominator divides what stands above it."""
     atoms = {atom: None for monomial in form for atom, _ in monomial if atom.op == "div"}
     for atom in atoms:
-        divisor = normal_form(atom.args[1], LARGEST)
-        if not divisor:
+        if not (divisor := normal_form(atom.args[1], LARGEST)):
             continue
         highest = max(e for monomial in form for a, e in monomial if a is atom)
         above = {lowered(m, atom, highest): c for m, c in form.items() if (atom, highest) in m}
-        exact = quotient(above, divisor, 2 * LARGEST)
-        if exact is None:
-            continue
-        rest = {m: c for m, c in form.items() if (atom, highest) not in m}
-        return with_multiple(rest, exact, ((atom, highest - 1),), LARGEST)
+        if (exact := quotient(above, divisor, 2 * LARGEST)) is not None:
+            rest = {m: c for m, c in form.items() if (atom, highest) not in m}
+            return with_multiple(rest, exact, ((atom, highest - 1),), LARGEST)
     return None
 
 
