@@ -17,7 +17,7 @@ from pc2cad.checked import CheckedMap
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.errors import NotASolidError
-from pc2cad.expression.normal_form import with_plain_constants
+from pc2cad.expression.plain_constants import with_plain_constants
 from pc2cad.expression.tree import call, number, symbol
 from pc2cad.geometry.carriers import SplineCurve, SplineSurface
 from pc2cad.geometry.sheets import (

@@ -29,8 +29,8 @@ from pc2cad.equation.point_equation import LayersError, PointEquation
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.breaks import SAME_POSITION, Break, find_breaks
 from pc2cad.expression.identity import Verdict
-from pc2cad.expression.normal_form import is_identically_zero, with_plain_constants
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.plain_constants import are_identical
 from pc2cad.expression.polynomials import polynomials
 from pc2cad.expression.tree import Expr, number, substitute, symbol
 from pc2cad.geometry.scale import Scale
@@ -393,8 +393,4 @@ class MapQuestions:
 
 
 def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:
-    if first != second:  # equal trees are one object
-        first, second = with_plain_constants(first), with_plain_constants(second)
-    pairs = zip(first, second, strict=True)
-    proved = all(a is b or is_identically_zero(a - b) for a, b in pairs)
-    return Verdict.PROVED if proved else Verdict.UNDECIDED
+    return Verdict.PROVED if are_identical(first, second) else Verdict.UNDECIDED

@@ -14,7 +14,6 @@ from functools import lru_cache
 from math import gcd, lcm
 from typing import Final
 
-from pc2cad.expression.exact import ValueDomainError
 from pc2cad.expression.recent import Recent
 from pc2cad.expression.tree import (
     ONE,
@@ -27,7 +26,6 @@ from pc2cad.expression.tree import (
     mul,
     number,
     power,
-    rebuild,
     walk,
 )
 
@@ -169,33 +167,6 @@ def tree_of(form: NormalForm) -> Expr:
             term = mul(term, power(atom, number(exponent)))
         total = add(total, term)
     return total
-
-
-def with_plain_constants(roots: tuple[Expr, ...]) -> tuple[Expr, ...]:
-    """Return equal trees whose largest sub-trees without symbols are made of their normal forms.
-
-    Where trees differ by 8·sqrt(2)/4 for 2·sqrt(2) alone, they become the same ones.
-    """
-    done: dict[Expr, Expr] = {}
-
-    def below(node: Expr) -> tuple[Expr, ...]:
-        return tuple([arg for arg in node.args if arg.args]) if node.symbols else ()
-
-    for node in walk(roots, below):
-        if node.symbols:
-            args = tuple([done.get(arg, arg) for arg in node.args])
-            try:
-                done[node] = node if args == node.args else rebuild(node, args)
-            except ValueDomainError:  # as in a branch that is taken nowhere
-                done[node] = node
-        else:
-            form = None if node.op == "number" else normal_form(node)
-            done[node] = node if form is None else tree_of(dict(sorted(form.items(), key=_ranks)))
-    return tuple(done[root] for root in roots)
-
-
-def _ranks(term: tuple[Monomial, Fraction]) -> list[tuple[int, int]]:
-    return [(atom.rank, exponent) for atom, exponent in term[0]]
 
 
 def _inner(node: Expr) -> tuple[Expr, ...]:
