@@ -13,6 +13,7 @@ from pc2cad.geometry.sheets import (
     SheetSide,
     elevated,
     patches_of,
+    points_of,
     projected,
     restriction,
     surface_limits,
@@ -21,9 +22,9 @@ from pc2cad.geometry.sheets import (
 from pc2cad.solidity.embedding.above_planes import sides_of_planes
 from pc2cad.solidity.embedding.blocks import near_pairs
 from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
-from pc2cad.solidity.embedding.separation import boxes
+from pc2cad.solidity.embedding.separation import boxes, boxes_of_rows
 from pc2cad.solidity.embedding.surfaces import Surfaces
-from pc2cad.solidity.embedding.windows import Cones, is_ahead, is_alone, is_wall
+from pc2cad.solidity.embedding.windows import Cones, cones_of, is_ahead, is_alone, is_wall
 
 
 def cones(axes, degrees):
@@ -42,6 +43,38 @@ def rays(rng, cone, count):
     turn = rng.uniform(0, 2 * np.pi, count)[:, None]
     tilt = np.where(rng.uniform(size=(count, 1)) < 0.8, half, half * rng.uniform(size=(count, 1)))
     return np.cos(tilt) * axis + np.sin(tilt) * (np.cos(turn) * first + np.sin(turn) * second)
+
+
+def test_cones_hold_all_vectors_that_are_more_than_rounding():
+    vectors = np.random.default_rng(5).normal(size=(4, 6, 3)) + np.array([3.0, 0, 0])
+    vectors[1, 2:] *= 1e-13
+    vectors[2], vectors[3, 0] = 0.0, np.nan
+    found = cones_of(vectors, 1e-12)
+    assert found.radii[2] == -np.inf
+    for axis, radius, own in zip(found.axes[[0, 1]], found.radii, vectors, strict=False):
+        size = np.linalg.norm(own, axis=1)
+        off = np.linalg.norm(own / size[:, None] - axis, axis=1)[size > 1e-12]
+        assert off.max() == pytest.approx(radius, rel=1e-14)
+    # what is not known is too wide for every test
+    assert found.slopes[0].tolist()[2:] == [pytest.approx(1.0, rel=1e-15)] * 2
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_control_points_of_grids_made_alike_come_in_long_rows(cut):
+    """Of several grids with weights; limits of theirs are those of single patches."""
+    knots = tuple(np.concatenate((np.zeros(3), np.linspace(0, 1, k), np.ones(3))) for k in (4, 3))
+    rng, grids = np.random.default_rng(7), []
+    for _ in range(2):
+        poles, weights = rng.normal(size=(6, 5, 3)), rng.uniform(0.5, 2, (6, 5))
+        grids.append(surface_patches(SplineSurface((3, 3), knots, poles, weights)))
+    grids = grids if cut else [patches_of(g.nets[:, :1, :, 2:]) for g in grids]
+    points = points_of(grids)
+    for k, grid in enumerate(grids):
+        nets = projected(grid.nets)
+        assert points[:, :, :, k].transpose(4, 3, 2, 1, 0) == pytest.approx(nets, rel=1e-13)
+        rows = points[:, :, :, k].reshape(3, nets.shape[2] * nets.shape[3], -1)
+        for own, limits in zip(boxes_of_rows(rows), boxes(rows.T), strict=True):
+            assert own == pytest.approx(limits, abs=1e-14)
 
 
 @pytest.mark.parametrize("between", [10, 60, 90, 120, 175])

@@ -159,6 +159,27 @@ def projected(nets: Array) -> Array:
     return points
 
 
+def points_of(grids: Sequence[Patches]) -> Array:
+    """Return control points (3, q+1, p+1, grids, m, n) of grids that are made alike.
+
+    By the index and the matrices of the first: coordinates come first and patches last, in long
+    rows for what is asked of all of them.
+    """
+    (rows, columns), matrices = grids[0].index, grids[0].matrices
+    poles = np.array([grid.poles for grid in grids])
+    if matrices is None:
+        nets = poles[:, rows[:, :, None, None], columns].transpose(5, 4, 2, 0, 3, 1)
+    else:
+        flat = poles.transpose(1, 0, 2, 3).reshape(poles.shape[1], -1)
+        lines = (matrices[0] @ flat[rows]).reshape(*rows.shape, len(grids), -1, 4)
+        lines = lines.transpose(3, 4, 1, 2, 0).reshape(poles.shape[2], -1)
+        nets = (matrices[1] @ lines[columns]).reshape(*columns.shape, 4, -1, len(grids), len(rows))
+        nets = nets.transpose(2, 1, 3, 4, 0, 5)
+    points = np.empty((3, *nets.shape[1:]))
+    np.divide(nets[:3], nets[3], out=points)
+    return points
+
+
 @lru_cache(maxsize=64)
 def elevation(low: int, high: int) -> Array:
     """Return the matrix (high+1, low+1) from Bernstein coefficients of a degree to a higher one."""

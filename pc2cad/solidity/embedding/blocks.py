@@ -5,24 +5,23 @@ Most of a spline of many patches is done with before any patch of it is made (`h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.boxes import meeting
-from pc2cad.geometry.sheets import Patches, projected
+from pc2cad.geometry.sheets import Patches, points_of, projected
 from pc2cad.solidity.embedding.above_planes import PlaneSides, sides_of_planes
 from pc2cad.solidity.embedding.hierarchy import Level
 from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
 from pc2cad.solidity.embedding.levels import is_graph
-from pc2cad.solidity.embedding.separation import boxes
+from pc2cad.solidity.embedding.separation import boxes_of_rows
 from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
 from pc2cad.solidity.embedding.windows import (
     Cones,
-    cones_of,
+    cones_of_rows,
     is_ahead,
     is_alone,
     is_wall,
@@ -94,6 +93,8 @@ class _Search:
     #: what is no farther apart is not parted
     room: float
     every: bool
+    #: control points of the patches of sheets that were held by these, (3, q+1, p+1, m, n)
+    _points: dict[int, Array] = field(default_factory=dict)
 
     @cached_property
     def levels(self) -> list[Level]:
@@ -171,6 +172,20 @@ class _Search:
         ]
         return np.asarray((self.surfaces.shapes.prod(axis=1) > FEW) & np.array(plain))
 
+    def _alike(self) -> list[list[int]]:
+        """Return numbers of sheets that are made alike, by the same index and matrices."""
+        groups: dict[tuple[int | bytes, ...], list[int]] = {}
+        for number, sheet in enumerate(self.surfaces.sheets):
+            index, matrices = sheet.patches.index, sheet.patches.matrices
+            key: list[int | bytes] = [bool(self._large[number]), sheet.plane is None]
+            key += [*sheet.shape, *sheet.patches.poles.shape]
+            if matrices is None:
+                key += [part.tobytes() for part in index]
+            else:
+                key += map(id, (*index, *matrices))
+            groups.setdefault(tuple(key), []).append(number)
+        return list(groups.values())
+
     @cached_property
     def _patches(self) -> tuple[Array, Array, Cones]:
         """Limits of all patches, and cones of their tangents along s, then along t."""
@@ -178,10 +193,11 @@ class _Search:
         count = len(surfaces.sheet_of)
         found = (np.empty((count, 13)), np.empty((count, 13)),
                  Cones(np.zeros((2 * count, 3)), np.full(2 * count, 2.0)))  # fmt: skip
-        self._hold_by_points(*found, np.flatnonzero(~self._large[surfaces.sheet_of]))
-        large = np.flatnonzero(self._large).tolist()
-        for own in _alike(large, [surfaces.sheets[i].patches for i in large]):
+        for own in self._alike():
             patches = surfaces.sheets[own[0]].patches
+            if not self._large[own[0]]:
+                self._hold_by_points(*found, own)
+                continue
             poles = [projected(surfaces.sheets[i].patches.poles) for i in own]
             held = hold_in_pieces(patches, np.stack(poles, axis=2))
             rows = surfaces.start[own][:, None] + np.arange(patches.shape[0] * patches.shape[1])
@@ -203,26 +219,35 @@ class _Search:
 
     def _ways(self, i: int, j: int) -> Cones:
         """Return cones of the ways from the patches of one sheet to those of another."""
-        surfaces = self.surfaces
-        if self._large[i]:
-            first, second = (surfaces.sheets[k].patches for k in (i, j))
+        first, second = (self.surfaces.sheets[k].patches for k in (i, j))
+        if self._large[i] and self._large[j]:
             return hold(first, projected(second.poles) - projected(first.poles)).ways(self.noise)
-        own = np.arange(int(surfaces.shapes[i].prod()))
-        nets = [projected(surfaces.nets(surfaces.start[k] + own)) for k in (i, j)]
-        return cones_of((nets[1] - nets[0]).reshape(len(own), -1, 3), self.noise)
+        one, other = (
+            self._points[k] if k in self._points else points_of([patches])[:, :, :, 0]
+            for k, patches in ((i, first), (j, second))
+        )  # fmt: skip
+        ways = other - one
+        # row by row of the grid again
+        order = np.arange(ways.shape[3] * ways.shape[4]).reshape(ways.shape[3:]).T.ravel()
+        return cones_of_rows(ways.reshape(3, -1, len(order)), self.noise)[order]
 
-    def _hold_by_points(self, low: Array, high: Array, cones: Cones, patches: Integers) -> None:
-        """Hold some patches by their own control points."""
-        if len(patches) == 0:
+    def _hold_by_points(self, low: Array, high: Array, cones: Cones, sheets: list[int]) -> None:
+        """Hold patches of sheets made alike by their own control points."""
+        surfaces = self.surfaces
+        points = points_of([surfaces.sheets[i].patches for i in sheets])
+        self._points |= {i: points[:, :, :, k] for k, i in enumerate(sheets)}
+        m, n = points.shape[4:]
+        own = np.arange(n) * m + np.arange(m)[:, None]
+        patches = (surfaces.start[sheets][:, None, None] + own).ravel()
+        low[patches], high[patches] = boxes_of_rows(points.reshape(3, -1, len(patches)))
+        if surfaces.sheets[sheets[0]].plane is not None:
             return
-        points = projected(self.surfaces.nets(patches))
-        low[patches], high[patches] = boxes(points.reshape(len(patches), -1, 3))
-        curved = np.flatnonzero(self.surfaces.plane[self.surfaces.sheet_of[patches]] < 0)
-        if len(curved) == 0:
-            return
-        for axis in (0, 1):
-            steps = np.diff(points[curved], axis=1 + axis).reshape(len(curved), -1, 3)
-            found, rows = cones_of(steps, self.noise), axis * len(low) + patches[curved]
+        # along s, then along t
+        for axis, steps in enumerate(
+            (points[:, :, 1:] - points[:, :, :-1], points[:, 1:] - points[:, :-1])
+        ):
+            found = cones_of_rows(steps.reshape(3, -1, len(patches)), self.noise)
+            rows = axis * len(low) + patches
             cones.axes[rows], cones.radii[rows] = found.axes, found.radii
 
     def left(self, level: Level, pairs: Integers) -> Integers:
@@ -360,12 +385,3 @@ def _ahead_on(
     if across is not None:
         blocks, signs = (np.concatenate(x) for x in ((blocks, across[0]), (signs, across[1])))
     return is_ahead(level.cones[blocks], signs)
-
-
-def _alike(numbers: Sequence[int], grids: Sequence[Patches]) -> list[list[int]]:
-    """Return numbers of grids that are made alike, by the same index and matrices."""
-    groups: dict[tuple[int, ...], list[int]] = {}
-    for number, grid in zip(numbers, grids, strict=True):
-        assert grid.matrices is not None
-        groups.setdefault((*map(id, grid.matrices), *map(id, grid.index)), []).append(number)
-    return list(groups.values())

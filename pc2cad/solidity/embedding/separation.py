@@ -38,7 +38,8 @@ _DIRECTIONS = np.array([
     [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1],
     [1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1],
 ], dtype=float)  # fmt: skip
-_DIRECTIONS /= np.sqrt((_DIRECTIONS**2).sum(axis=1, keepdims=True))
+_SHARES = 1 / np.sqrt((_DIRECTIONS**2).sum(axis=1, keepdims=True))
+_DIRECTIONS *= _SHARES
 
 
 def boxes(points: Array) -> tuple[Array, Array]:
@@ -47,6 +48,19 @@ def boxes(points: Array) -> tuple[Array, Array]:
     first = np.moveaxis(points, -2, 0)
     values = in_directions(first)
     return values.min(axis=0), values.max(axis=0)
+
+
+def boxes_of_rows(points: Array) -> tuple[Array, Array]:
+    """Return limits (n, 13) of control points (3, k, n), k of each part, in thirteen directions."""
+    low, high = np.empty((2, len(_DIRECTIONS), points.shape[2]))
+    x, y, z = points
+    p, q = x + y, x - y
+    for k, values in enumerate(
+        (x, y, z, p + z, p - z, q + z, z - q, p, q, x + z, x - z, y + z, y - z)
+    ):
+        np.minimum.reduce(values, axis=0, out=low[k])
+        np.maximum.reduce(values, axis=0, out=high[k])
+    return (low * _SHARES).T, (high * _SHARES).T
 
 
 def in_directions(points: Array) -> Array:

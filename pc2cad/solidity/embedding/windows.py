@@ -69,14 +69,28 @@ def radii_round(size: Array, reach: Array, noise: float) -> Array:
 
 def cones_of(vectors: Array, noise: float) -> Cones:
     """Return the cones that hold vectors (n, k, 3) each, as far as these are not rounding."""
-    # coordinate by coordinate: long rows, not three numbers at a time
-    rows = np.array(np.moveaxis(vectors, -1, 0), order="C")
+    return cones_of_rows(np.array(vectors.transpose(2, 1, 0), order="C"), noise)
+
+
+def cones_of_rows(rows: Array, noise: float) -> Cones:
+    """Return the cones that hold vectors (3, k, n), which are used up: k to each of n cones.
+
+    Coordinate by coordinate and cones last: long rows, not three numbers at a time.
+    """
     size = np.sqrt(_squares(rows))
-    there = size > noise
-    rows *= np.where(there, 1 / np.where(there, size, 1.0), 0.0)
-    axes = unit(rows.sum(axis=2).T)
-    rows -= axes.T[..., None]
-    return Cones(axes, np.where(there, np.sqrt(_squares(rows)), -np.inf).max(axis=1))
+    none = size <= noise
+    some = bool(none.any())
+    if some:
+        size[none] = np.inf
+        rows[:, none] = 0.0
+    rows /= size
+    axes = unit(rows.sum(axis=1).T)
+    rows -= axes.T[:, None]
+    squares = _squares(rows)
+    if some:
+        squares[none] = -1.0
+    most = squares.max(axis=0)
+    return Cones(axes, np.sqrt(most, out=np.full(len(most), -np.inf), where=most >= 0))
 
 
 def _squares(rows: Array) -> Array:
