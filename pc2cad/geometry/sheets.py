@@ -246,26 +246,36 @@ def surface_limits(surfaces: Sequence[SplineSurface]) -> list[tuple[Array, Array
 
     Splines of the same knots, which may be the two sides of a wall, are cut alike.
     """
+    keys = [(first.tobytes(), second.tobytes()) for first, second in (s.knots for s in surfaces)]
+    groups: dict[tuple[object, ...], list[SplineSurface]] = {}
+    for surface, key in zip(surfaces, keys, strict=True):
+        groups.setdefault((key, surface.poles.shape), []).append(surface)
     parts: dict[bytes, int] = {}
-    for surface in surfaces:
-        for knots, count in zip(surface.knots, _parts(surface), strict=True):
+    for group in groups.values():
+        for knots, count in zip(group[0].knots, _parts(group), strict=True):
             parts[knots.tobytes()] = max(count, parts.get(knots.tobytes(), 1))
     cut = {key: _cut(spans(np.frombuffer(key)), count) for key, count in parts.items()}
-    return [(cut[first.tobytes()], cut[second.tobytes()])
-            for first, second in (surface.knots for surface in surfaces)]  # fmt: skip
+    return [(cut[first], cut[second]) for first, second in keys]
 
 
-def _parts(surface: SplineSurface) -> tuple[int, int]:
-    """Return in how many parts pieces are cut along s and t, by what they are on average."""
+def _parts(surfaces: Sequence[SplineSurface]) -> tuple[int, int]:
+    """Return in how many parts pieces are cut along s and t, by what they are on average.
+
+    Of several splines of the same knots as many as one of them is cut in.
+    """
+    poles = np.array([surface.poles for surface in surfaces])
     turns, sizes = [], []
-    for axis, knots in enumerate(surface.knots):
-        steps = np.diff(np.moveaxis(surface.poles, axis, -2), axis=-2)
+    for axis, knots in enumerate(surfaces[0].knots):
+        steps = np.diff(poles if axis else poles.transpose(0, 2, 1, 3), axis=2)
         count = len(spans(knots)) - 1
-        turns.append(float(turns_of(steps).max(initial=0.0)) / count)
-        sizes.append(float(lengths(steps).sum(axis=-1).mean()) / count)
+        turns.append(turns_of(steps).max(axis=1, initial=0.0) / count)
+        sizes.append(lengths(steps).sum(axis=2).mean(axis=1) / count)
     first, second = (
-        max(int(np.ceil(turn / LONGEST_TURN - 1e-9)), _straight_parts(turn * size / 8, width))
-        for turn, size, width in zip(turns, sizes, sizes[::-1], strict=True)
+        max(
+            max(int(np.ceil(turn / LONGEST_TURN - 1e-9)), _straight_parts(turn * size / 8, width))
+            for turn, size, width in zip(*(x.tolist() for x in row), strict=True)
+        )
+        for row in zip(turns, sizes, sizes[::-1], strict=True)
     )
     return first, second
 
@@ -313,14 +323,12 @@ def _on_span(knots: Array, degree: int, t: Array, span: Integers) -> Array:
     """Return the values at t of the functions that live on some spans, (len(t), p+1)."""
     values = np.zeros((degree + 1, len(t)))
     values[0] = 1.0
+    near = knots[span + np.arange(1 - degree, degree + 1)[:, None]]
+    before, after = t - near[:degree], near[degree:] - t
     for r in range(1, degree + 1):
-        carried = np.zeros(len(t))
-        for k in range(r):
-            right, left = knots[span + 1 + k], knots[span + 1 + k - r]
-            share = values[k] / (right - left)
-            values[k] = carried + (right - t) * share
-            carried = (t - left) * share
-        values[r] = carried
+        share = values[:r] / (near[degree : degree + r] - near[degree - r : degree])
+        values[:r] = after[:r] * share
+        values[1 : r + 1] += before[degree - r :] * share
     return values.T
 
 

@@ -228,21 +228,27 @@ def _conic(frame: Frame, radii: tuple[float, float], a: Range) -> tuple[Array, A
 # -- planes ----------------------------------------------------------------------------------------
 
 
-def _rows(sheets: Sequence[Sheet]) -> dict[int, _Pieces]:
-    """Return the sides of sheets by their edges, along the edges' own directions."""
-    found: dict[int, _Pieces] = {}
+def _rows(sheets: Sequence[Sheet]) -> dict[int, tuple[Sheet, int]]:
+    """Return sheets and their sides by their edges."""
+    found: dict[int, tuple[Sheet, int]] = {}
     for sheet in sheets:
         for k, side in enumerate(sheet.sides):
-            if side.edge is None or side.edge in found:
-                continue
-            row = sheet.row(k)
-            upwards = side.along[0] < side.along[-1]
-            own = _Pieces(row, side.along if upwards else 1 - side.along, side.along)
-            found[side.edge] = own if upwards else own.reversed()
+            if side.edge is not None:
+                found.setdefault(side.edge, (sheet, k))
     return found
 
 
-def _flat(model: BoundaryModel, index: int, cell: int, rows: dict[int, _Pieces]) -> Sheet | None:
+def _row(sheet: Sheet, k: int) -> _Pieces:
+    """Return a side of a sheet along its edge's own direction."""
+    row, along = sheet.row(k), sheet.sides[k].along
+    if along[0] < along[-1]:
+        return _Pieces(row, along, along)
+    return _Pieces(row, 1 - along, along).reversed()
+
+
+def _flat(
+    model: BoundaryModel, index: int, cell: int, rows: dict[int, tuple[Sheet, int]]
+) -> Sheet | None:
     """Return a sheet in a plane with the sides of a patch, or None."""
     face, boundary = model.faces[index], model.complex
     uses = boundary.faces[cell].uses
@@ -273,7 +279,7 @@ def _flat(model: BoundaryModel, index: int, cell: int, rows: dict[int, _Pieces])
                  face.carrier, face.name)  # fmt: skip
 
 
-def _plane_side(model: BoundaryModel, use: EdgeUse, rows: dict[int, _Pieces]) -> _Pieces:
+def _plane_side(model: BoundaryModel, use: EdgeUse, rows: dict[int, tuple[Sheet, int]]) -> _Pieces:
     """Return a side in pieces along its edge's own direction."""
     unit = np.array([0.0, 1.0])
     if use.edge is None:
@@ -285,7 +291,7 @@ def _plane_side(model: BoundaryModel, use: EdgeUse, rows: dict[int, _Pieces]) ->
         ends = model.vertices[[edge.start, edge.end]]
         return _Pieces(np.column_stack((ends, np.ones(2)))[None], unit, unit)
     if use.edge in rows:
-        return rows[use.edge]
+        return _row(*rows[use.edge])
     limits = (carrier.start, carrier.end) if isinstance(carrier, Arc) else (0.0, 1.0)
     nets, places = _curve(carrier, limits)
     return _Pieces(nets, places, places)

@@ -62,49 +62,73 @@ def sides_of_planes(surfaces: Surfaces, pairs: Integers, room: float) -> PlaneSi
     asked = distinct(planes)
     columns[asked] = 1 + np.arange(len(asked))
     bits = np.zeros((len(surfaces.sheet_of), 1 + len(asked)), dtype=np.uint8)
-    for index in distinct(curved).tolist():
-        own = planes[curved == index]
-        start = int(surfaces.start[index])
-        rows = slice(start, start + int(surfaces.shapes[index].prod()))
-        bits[rows, columns[own]] = _bits(surfaces, index, own, room).T
+    for sheets, own in _asked(surfaces, curved, planes):
+        size = int(surfaces.shapes[sheets[0]].prod())
+        rows = surfaces.start[sheets][:, None, None] + np.arange(size)
+        bits[rows, columns[own][:, None]] = _bits(surfaces, sheets, own, room)
     return PlaneSides(bits, columns)
 
 
-def _bits(surfaces: Surfaces, index: int, planes: Integers, room: float) -> NDArray[np.uint8]:
-    """Return on which sides of some sheets' planes the patches of one are, (planes, patches)."""
-    patches = surfaces.sheets[index].patches
+def _asked(
+    surfaces: Surfaces, curved: Integers, planes: Integers
+) -> list[tuple[list[int], Integers]]:
+    """Return sheets that are made alike, and the planes that are asked for of all of these.
+
+    Sheets with poles of no positive weight are left out.
+    """
+    groups: dict[tuple[object, ...], tuple[list[int], Integers]] = {}
+    for index in distinct(curved).tolist():
+        own, patches = planes[curved == index], surfaces.sheets[index].patches
+        if (patches.poles[..., 3] > 0).all():
+            made = (*patches.index, *(patches.matrices or ()))
+            key = (patches.poles.shape, own.tobytes(), *map(id, made))
+            groups.setdefault(key, ([], own))[0].append(index)
+    return list(groups.values())
+
+
+def _bits(
+    surfaces: Surfaces, sheets: list[int], planes: Integers, room: float
+) -> NDArray[np.uint8]:
+    """Return on which sides of some sheets' planes the patches of others are.
+
+    These are made alike; (sheets, planes, patches).
+    """
+    patches = surfaces.sheets[sheets[0]].patches
+    poles = np.array([surfaces.sheets[i].patches.poles for i in sheets])
     origin, normal = (part[planes] for part in surfaces.planes)
-    weights = patches.poles[..., 3]
-    result = np.zeros((len(planes), *patches.shape), dtype=np.uint8)
-    if (weights > 0).all():
-        # heights times weights
-        equations = np.column_stack((normal, -(normal * origin).sum(axis=1)))
-        heights = product(equations, patches.poles.reshape(-1, 4).T).reshape(-1, *weights.shape)
-        free = _free(surfaces, index, surfaces.plane[planes])
-        for bit, height in ((_ABOVE, heights), (_BELOW, -heights)):
-            there = _of_patches(free | (height > room * weights), patches)
-            result |= np.where(there, np.uint8(bit), np.uint8(0))
-        edges = surfaces.borders[0][surfaces.plane[planes]]
-        for side, (axis, end) in enumerate(_ROWS):
-            row: NDArray[np.uint8] = np.moveaxis(result, 1 + axis, 0)[end]
-            left: Booleans = (row == 0).any(axis=1) & edges[:, surfaces.edges[index, side]]
-            some = np.flatnonzero(left)
-            if len(some) and patches.matrices is not None:
-                row[some] |= _finer(patches, axis, end, heights[some], free[some], room)
-    return result.reshape(len(planes), -1)
+    # heights times weights
+    equations = np.column_stack((normal, -(normal * origin).sum(axis=1)))
+    shape = len(sheets), len(planes), *poles.shape[1:3]
+    heights = product(equations, poles.reshape(-1, 4).T).reshape(shape[1], shape[0], *shape[2:])
+    heights = heights.transpose(1, 0, 2, 3).reshape(-1, *shape[2:])
+    rooms = np.repeat(room * poles[..., 3], len(planes), axis=0)
+    faces = surfaces.plane[planes]
+    free = np.concatenate([_free(surfaces, index, faces) for index in sheets])
+    result = np.zeros((len(heights), *patches.shape), dtype=np.uint8)
+    for bit, height in ((_ABOVE, heights), (_BELOW, -heights)):
+        there = _of_patches(free | (height > rooms), patches)
+        result |= np.where(there, np.uint8(bit), np.uint8(0))
+    edges = surfaces.borders[0][faces]
+    for side, (axis, end) in enumerate(_ROWS):
+        row: NDArray[np.uint8] = np.moveaxis(result, 1 + axis, 0)[end]
+        common = edges[:, surfaces.edges[sheets, side]].T.ravel()
+        some = np.flatnonzero((row == 0).any(axis=1) & common)
+        if len(some) and patches.matrices is not None:
+            row[some] |= _finer(patches, axis, end, heights[some], free[some], rooms[some])
+    return result.reshape(*shape[:2], -1)
 
 
 def _finer(
-    patches: Patches, axis: int, end: int, heights: Array, free: Booleans, room: float
+    patches: Patches, axis: int, end: int, heights: Array, free: Booleans, rooms: Array
 ) -> NDArray[np.uint8]:
     """Return the bits of the patches along one side (k, m), of heights times weights (k, N, M).
 
-    Away from the side they are held by their own control points: poles may be far ahead.
+    `rooms` are the heights that do not count. Away from the side patches are held by their own
+    control points: poles may be far ahead.
     """
     assert patches.matrices is not None
     index, matrix = patches.index[axis][end], patches.matrices[axis][end]
-    weights = matrix @ np.moveaxis(patches.poles[..., 3], axis, 0)[index]
-    heights = matrix @ np.moveaxis(heights, 1 + axis, 1)[:, index]
+    rooms, heights = (matrix @ np.moveaxis(x, 1 + axis, 1)[:, index] for x in (rooms, heights))
     free = np.asarray(np.moveaxis(free, 1 + axis, 1))
     # inside poles are free along a whole side only; on its own sides a patch has the poles
     inside: Booleans = np.asarray(free[:, index[1:-1]].all(axis=1) & (len(index) > 2))
@@ -114,7 +138,7 @@ def _finer(
             own[:, last] = free[:, index[last]]
     result = np.zeros((len(heights), len(patches.index[1 - axis])), dtype=np.uint8)
     for bit, height in ((_ABOVE, heights), (_BELOW, -heights)):
-        there = (own | (height > room * weights)).all(axis=1)
+        there: Booleans = np.asarray((own | (height > rooms)).all(axis=1))
         there = there[:, patches.index[1 - axis]].all(axis=2)
         result |= np.where(there, np.uint8(bit), np.uint8(0))
     return result
