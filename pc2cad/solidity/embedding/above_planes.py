@@ -138,8 +138,8 @@ def _finer(
             own[:, last] = free[:, index[last]]
     result = np.zeros((len(heights), len(patches.index[1 - axis])), dtype=np.uint8)
     for bit, height in ((_ABOVE, heights), (_BELOW, -heights)):
-        there: Booleans = np.asarray((own | (height > rooms)).all(axis=1))
-        there = there[:, patches.index[1 - axis]].all(axis=2)
+        within: Booleans = np.asarray((own | (height > rooms)).all(axis=1))
+        there = within[:, patches.index[1 - axis]].all(axis=2)
         result |= np.where(there, np.uint8(bit), np.uint8(0))
     return result
 
