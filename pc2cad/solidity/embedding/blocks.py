@@ -21,8 +21,8 @@ from pc2cad.solidity.embedding.separation import boxes_of_rows
 from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
 from pc2cad.solidity.embedding.windows import (
     Cones,
+    are_ahead,
     cones_of_rows,
-    is_ahead,
     is_alone,
     is_wall,
 )
@@ -384,4 +384,4 @@ def _ahead_on(
     signs = np.repeat(step, 4, axis=0)
     if across is not None:
         blocks, signs = (np.concatenate(x) for x in ((blocks, across[0]), (signs, across[1])))
-    return is_ahead(level.cones[blocks], signs)
+    return are_ahead(level.axes.take(blocks, axis=1) * signs, level.sines.take(blocks))

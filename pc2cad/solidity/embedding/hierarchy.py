@@ -9,7 +9,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.linear import lengths, unit
-from pc2cad.solidity.embedding.windows import Cones, joint
+from pc2cad.solidity.embedding.windows import Cones, squares_of_rows, unit_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +52,22 @@ class Level:
         return np.stack(np.divmod(index, self.shapes[self.owner, 1]), axis=1)
 
     @cached_property
+    def axes(self) -> Array:
+        """The cones' axes coordinate by coordinate, (3, C): long rows, not three numbers."""
+        return np.array(self.cones.axes.T, order="C")
+
+    @cached_property
+    def sines(self) -> Array:
+        """The sines of half the angles at the tips of all cones."""
+        return self.cones.slopes[0]
+
+    @cached_property
     def narrow(self) -> Booleans:
         """Of which blocks the tangents turn so little that rectangles of some may be parted.
 
         Both half angles together are less than a right angle.
         """
-        sines = self.cones[: 2 * len(self.low)].slopes[0]
+        sines = self.sines[: 2 * len(self.low)]
         return np.asarray((sines * sines).reshape(2, -1).sum(axis=0) < 1)
 
     @cached_property
@@ -73,7 +83,13 @@ class Level:
 
     def tangents(self, corners: Integers) -> Cones:
         """Return cones of the tangents along s and t in rectangles of corners (k, n), (2, n)."""
-        return joint(self.cones[np.stack((corners, len(self.low) + corners), axis=1)])
+        index = np.array((corners, len(self.low) + corners)).transpose(1, 0, 2)
+        parts = self.axes.take(index, axis=1)
+        axes = unit_rows(parts.sum(axis=1))
+        parts -= axes[:, None]
+        off = np.sqrt(squares_of_rows(parts))
+        off += self.cones.radii.take(index)
+        return Cones(axes.transpose(1, 2, 0), off.max(axis=0))
 
     def coarser(self) -> Level:
         """Return blocks of two by two."""

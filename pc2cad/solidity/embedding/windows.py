@@ -77,7 +77,7 @@ def cones_of_rows(rows: Array, noise: float) -> Cones:
 
     Coordinate by coordinate and cones last: long rows, not three numbers at a time.
     """
-    size = np.sqrt(_squares(rows))
+    size = np.sqrt(squares_of_rows(rows))
     none = size <= noise
     some = bool(none.any())
     if some:
@@ -86,14 +86,14 @@ def cones_of_rows(rows: Array, noise: float) -> Cones:
     rows /= size
     axes = unit(rows.sum(axis=1).T)
     rows -= axes.T[:, None]
-    squares = _squares(rows)
+    squares = squares_of_rows(rows)
     if some:
         squares[none] = -1.0
     most = squares.max(axis=0)
     return Cones(axes, np.sqrt(most, out=np.full(len(most), -np.inf), where=most >= 0))
 
 
-def _squares(rows: Array) -> Array:
+def squares_of_rows(rows: Array) -> Array:
     """Return the squares of the lengths of vectors (3, …)."""
     squares = rows * rows
     return np.asarray(squares[0] + squares[2] + squares[1])
@@ -136,13 +136,19 @@ def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
 def is_ahead(cones: Cones, signs: Integers) -> Booleans:
     """Say where a plane has all vectors of cones (k, n), with signs (k, n), on one side.
 
-    No sum of them with positive factors is zero then. The plane is sought: as far as a cone is
-    behind it, the cone is to be before it after the next step.
+    No sum of them with positive factors is zero then.
     """
-    # coordinate by coordinate: long rows, not three numbers at a time
-    axes = np.array([cones.axes[..., k] * signs for k in range(3)])
-    sines, normal = cones.slopes[0], _unit_rows(axes.sum(axis=1))
-    left, result = np.arange(signs.shape[1]), np.zeros(signs.shape[1], dtype=bool)
+    return are_ahead(np.array([cones.axes[..., k] * signs for k in range(3)]), cones.slopes[0])
+
+
+def are_ahead(axes: Array, sines: Array) -> Booleans:
+    """Say the same of axes (3, k, n) with their signs, and sines (k, n).
+
+    The plane is sought: as far as a cone is behind it, the cone is to be before it after the next
+    step. Coordinate by coordinate: long rows, not three numbers at a time.
+    """
+    normal = unit_rows(axes.sum(axis=1))
+    left, result = np.arange(axes.shape[2]), np.zeros(axes.shape[2], dtype=bool)
     for turn in range(_TURNS):
         room = axes[0] * normal[0]
         room += axes[2] * normal[2]
@@ -157,13 +163,13 @@ def is_ahead(cones: Cones, signs: Integers) -> Booleans:
         pull = axes[:, room[:, rest].argmin(axis=0), rest]
         pull *= _BEFORE - 2 * least[rest]
         left, axes, sines = left[rest], axes[:, :, rest], sines[:, rest]
-        normal = _unit_rows(normal[:, rest] + pull)
+        normal = unit_rows(normal[:, rest] + pull)
     return result
 
 
-def _unit_rows(rows: Array) -> Array:
+def unit_rows(rows: Array) -> Array:
     """Return vectors (3, n) at length 1; those of no length stay."""
-    size = np.sqrt(_squares(rows))
+    size = np.sqrt(squares_of_rows(rows))
     return np.asarray(rows / np.where(size > 0, size, 1.0))
 
 
