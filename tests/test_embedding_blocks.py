@@ -415,3 +415,4 @@ def test_splines_with_the_same_knots_are_held_together_as_each_alone():
             assert np.array_equal(one.axes, whole.axes[k])
             assert np.array_equal(one.radii, whole.radii[k])
         assert np.array_equal(alone.ways(1e-12).radii, both.ways(1e-12).radii[k])
+        assert np.array_equal(alone.ways(1e-12).radii, both.of(k).ways(1e-12).radii)

@@ -15,7 +15,7 @@ from pc2cad.arrays.boxes import meeting
 from pc2cad.geometry.sheets import Patches, points_of, projected
 from pc2cad.solidity.embedding.above_planes import PlaneSides, sides_of_planes
 from pc2cad.solidity.embedding.hierarchy import Level
-from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
+from pc2cad.solidity.embedding.holds import Hold, hold, hold_in_pieces
 from pc2cad.solidity.embedding.levels import is_graph
 from pc2cad.solidity.embedding.separation import boxes_of_rows
 from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
@@ -54,7 +54,7 @@ def near_pairs(
         if further:
             pairs = _children(search.levels[depth + 1].children, pairs)
         if len(level.low) > len(surfaces.sheets):
-            count += _number(len(level.low), pairs)
+            count += int(np.count_nonzero(np.bincount(pairs.ravel())))
         if further:
             pairs = pairs[search.meet(level, pairs)]
         pairs = pairs[~search.planes[depth].part(pairs, level.sheet)]
@@ -79,13 +79,6 @@ def _children(table: Integers, pairs: Integers) -> Integers:
     return np.stack((first[p, row], second[q, row]), axis=1)
 
 
-def _number(count: int, pairs: Integers) -> int:
-    """Return how many of so many blocks are in pairs."""
-    there = np.zeros(count, dtype=bool)
-    there[pairs] = True
-    return int(np.count_nonzero(there))
-
-
 @dataclass(eq=False)
 class _Search:
     surfaces: Surfaces
@@ -95,6 +88,8 @@ class _Search:
     every: bool
     #: control points of the patches of sheets that were held by these, (3, q+1, p+1, m, n)
     _points: dict[int, Array] = field(default_factory=dict)
+    #: what holds the ways from one of two sheets to the other
+    _held_ways: dict[tuple[int, int], Hold] = field(default_factory=dict)
 
     @cached_property
     def levels(self) -> list[Level]:
@@ -194,19 +189,29 @@ class _Search:
         found = (np.empty((count, 13)), np.empty((count, 13)),
                  Cones(np.zeros((2 * count, 3)), np.full(2 * count, 2.0)))  # fmt: skip
         for own in self._alike():
-            patches = surfaces.sheets[own[0]].patches
             if not self._large[own[0]]:
                 self._hold_by_points(*found, own)
                 continue
-            poles = [projected(surfaces.sheets[i].patches.poles) for i in own]
-            held = hold_in_pieces(patches, np.stack(poles, axis=2))
-            rows = surfaces.start[own][:, None] + np.arange(patches.shape[0] * patches.shape[1])
+            held = self._hold_together(own)
+            rows = surfaces.start[own][:, None] + np.arange(surfaces.shapes[own[0]].prod())
             found[0][rows], found[1][rows] = held.limits()
             for axis in (0, 1):
                 cones = held.tangents(axis, self.noise)
                 found[2].axes[axis * count + rows] = cones.axes
                 found[2].radii[axis * count + rows] = cones.radii
         return found
+
+    def _hold_together(self, own: list[int]) -> Hold:
+        """Return what holds splines made alike, and keep that of the ways from one of two on."""
+        patches = self.surfaces.sheets[own[0]].patches
+        poles = [projected(self.surfaces.sheets[i].patches.poles) for i in own]
+        # two may be the sides of a wall: a third spline takes little more
+        ways = [poles[1] - poles[0]] if len(own) == 2 else []
+        stacked = np.stack(poles + ways, axis=2)
+        held, count = hold(patches, stacked), len(own)
+        if ways:
+            self._held_ways[own[0], own[1]] = held.of(count)
+        return hold_in_pieces(patches, stacked[:, :, :count], held.of(slice(count)))
 
     @cached_property
     def _held(self) -> tuple[Array, Array, Cones]:
@@ -219,6 +224,8 @@ class _Search:
 
     def _ways(self, i: int, j: int) -> Cones:
         """Return cones of the ways from the patches of one sheet to those of another."""
+        if (i, j) in self._held_ways:
+            return self._held_ways[i, j].ways(self.noise)
         first, second = (self.surfaces.sheets[k].patches for k in (i, j))
         if self._large[i] and self._large[j]:
             return hold(first, projected(second.poles) - projected(first.poles)).ways(self.noise)
@@ -226,8 +233,8 @@ class _Search:
             self._points[k] if k in self._points else points_of([patches])[:, :, :, 0]
             for k, patches in ((i, first), (j, second))
         )  # fmt: skip
-        ways = other - one
         # row by row of the grid again
+        ways = other - one
         order = np.arange(ways.shape[3] * ways.shape[4]).reshape(ways.shape[3:]).T.ravel()
         return cones_of_rows(ways.reshape(3, -1, len(order)), self.noise)[order]
 

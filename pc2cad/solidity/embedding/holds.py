@@ -37,6 +37,13 @@ class Hold:
     #: largest |F_ss|, |F_st|, |F_tt| of patches' pieces in their own coordinates, (n, m, …) each
     bends: tuple[Array, Array, Array]
 
+    def of(self, chosen: int | slice) -> Hold:
+        """Return what holds one or some of several splines."""
+        s, st, t = self.bends
+        return Hold(
+            self.corners[:, :, chosen], (s[:, :, chosen], st[:, :, chosen], t[:, :, chosen])
+        )
+
     @property
     def _bow(self) -> Array:
         return np.asarray((self.bends[0] + self.bends[2]) / 8)
@@ -124,9 +131,12 @@ def hold(patches: Patches, poles: Array) -> Hold:
     return Hold(_corners(patches, poles, 1), (bends[0], bends[1], bends[2]))
 
 
-def hold_in_pieces(patches: Patches, poles: Array) -> Hold:
-    """Return what holds patches in as many pieces of each as they turn far."""
-    whole = hold(patches, poles)
+def hold_in_pieces(patches: Patches, poles: Array, whole: Hold | None = None) -> Hold:
+    """Return what holds patches in as many pieces of each as they turn far.
+
+    `whole` is what holds them as they are, where that is known.
+    """
+    whole = whole or hold(patches, poles)
     pieces = min(int(np.ceil(whole.turn / TURN)), MOST_PIECES)
     if pieces <= 1:
         return whole
