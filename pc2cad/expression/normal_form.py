@@ -273,10 +273,11 @@ def _accumulate(form: Raw, monomial: Monomial, coefficient: _Ratio) -> None:
     (n, d), (m, e) = before, coefficient
     if d == e:
         numerator, denominator = n + m, d
-    else:  # in lowest terms: a long sum would double its length with each term
-        numerator, denominator = n * e + m * d, d * e
-        common = gcd(numerator, denominator)
-        numerator, denominator = numerator // common, denominator // common
+    else:  # over the least common denominator, less what the sum shares with what they share
+        share = gcd(d, e)
+        numerator = n * (e // share) + m * (d // share)
+        common = gcd(numerator, share)
+        numerator, denominator = numerator // common, d // share * (e // common)
     if numerator:
         form[monomial] = numerator, denominator
     else:
