@@ -69,6 +69,7 @@ def test_control_points_of_grids_made_alike_come_in_long_rows(cut):
         grids.append(surface_patches(SplineSurface((3, 3), knots, poles, weights)))
     grids = grids if cut else [patches_of(g.nets[:, :1, :, 2:]) for g in grids]
     points = points_of(grids)
+    assert len(grids) == 2
     for k, grid in enumerate(grids):
         nets = projected(grid.nets)
         assert points[:, :, :, k].transpose(4, 3, 2, 1, 0) == pytest.approx(nets, rel=1e-13)
