@@ -25,7 +25,6 @@ from pc2cad.equation.names import Listed as Listed
 from pc2cad.equation.names import Named as Named
 from pc2cad.equation.names import nearest as nearest
 from pc2cad.equation.points import Combination, Value, kind_of
-from pc2cad.equation.recalled import recalled
 from pc2cad.equation.syntax import (
     RADIANS,
     WORDS,
@@ -70,8 +69,7 @@ def read_expression(text: str, names: Mapping[str, Named], curves: Curves | None
     """
     node = parse(text)
     with bounded():
-        known = curves or {}
-        return recalled(node, _Reader(names, known).whole, names, known)
+        return _Reader(names, curves or {}).whole(node)
 
 
 class _Reader:
@@ -96,8 +94,11 @@ class _Reader:
             raise
         except InputError as error:
             raise ExpressionValueError(str(error), node.column) from error
-        if isinstance(value, Expr) and not value.symbols and value.op != "number":
-            _check_constant(value, node.column)
+        if isinstance(value, Expr):
+            try:
+                check_constants((value,))
+            except InputError as error:
+                raise ExpressionValueError(str(error), node.column) from error
         return value
 
     def _value(self, node: Node) -> Value:
@@ -113,7 +114,7 @@ class _Reader:
             case TripleNode():
                 return points.point(*(self._scalar(x, "a coordinate") for x in node.operands))
             case CallNode():
-                return recalled(node, self._call, self._names, self._curves)
+                return self._call(node)
             case PartNode():
                 return self._part(node)
             case IndexNode():
@@ -363,7 +364,8 @@ def _named(value: Value) -> str:
         return "a weighted point"
 
 
-def _check_constant(value: Expr, column: int) -> None:
-    magnitude = abs(evaluate(value, {}))
-    if not magnitude <= 1e60:
-        raise ExpressionValueError(f"{value!r} is not a finite real number", column)
+def check_constants(trees: Sequence[Expr]) -> None:
+    """Raise InputError for a constant among trees that is no finite real number."""
+    for tree in trees:
+        if not tree.symbols and tree.op != "number" and not abs(evaluate(tree, {})) <= 1e60:
+            raise InputError(f"{tree!r} is not a finite real number")

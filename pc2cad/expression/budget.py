@@ -43,12 +43,6 @@ def bounded(nodes: int = MOST_NODES) -> Iterator[None]:
         _left.reset(token)
 
 
-def left() -> int:
-    """Return how many nodes and operands may still be made; 0 where they are not counted."""
-    rest = counted()
-    return 0 if rest is None else rest[0]
-
-
 def is_counted() -> bool:
     """Say whether nodes are counted: then what was made before is made, and counted, again."""
     return counted() is not None

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from operator import attrgetter
 
 from pc2cad.expression.budget import is_counted
 from pc2cad.expression.recent import Recent
 from pc2cad.expression.tree import (
+    BUILDERS,
     Expr,
     number,
     piece_rows,
@@ -16,6 +18,7 @@ from pc2cad.expression.tree import (
     rebuild,
     row_at,
     symbol,
+    walk,
 )
 
 
@@ -65,3 +68,56 @@ def substituted(roots: tuple[Expr, ...], values: dict[str, Expr]) -> tuple[Expr,
 def _known(_: tuple[tuple[str, Expr], ...]) -> Recent[Expr]:
     """Return what is remembered of a substitution: variants have most of their trees in common."""
     return Recent()
+
+
+class Substitution:
+    """Trees that symbols are replaced in again and again: what is to be done is planned once.
+
+    The trees that `substituted` returns, in a third of its time. Of pieces that are taken at a
+    number all are worked out, so that one that is not asked for may be the one that has no value.
+    """
+
+    def __init__(self, roots: tuple[Expr, ...], names: frozenset[str]) -> None:
+        changing = [node for node in walk(roots) if not node.symbols.isdisjoint(names)]
+        #: what stays, and then a place for each node that changes, operands first
+        self._start: list[Expr] = []
+        places: dict[Expr, int] = {}
+        for node in changing:
+            for part in node.args:
+                if part.symbols.isdisjoint(names):
+                    self._place(part, places)
+        for root in roots:
+            if root.symbols.isdisjoint(names):
+                self._place(root, places)
+        self._symbols: list[tuple[int, Expr]] = []
+        self._steps: list[tuple[int, Callable[..., Expr], tuple[int, ...]]] = []
+        for node in changing:
+            place = self._place(node, places)
+            if node.op == "symbol":
+                self._symbols.append((place, node))
+            else:
+                build = BUILDERS.get(node.op) or partial(_rebuilt, node)
+                self._steps.append((place, build, tuple([places[arg] for arg in node.args])))
+        self._roots = tuple([places[root] for root in roots])
+
+    def _place(self, node: Expr, places: dict[Expr, int]) -> int:
+        if node not in places:
+            places[node] = len(self._start)
+            self._start.append(node)
+        return places[node]
+
+    def __call__(self, values: Mapping[str, Expr]) -> tuple[Expr, ...]:
+        """Return the trees with values for names; a name without one stays as it is."""
+        store = self._start.copy()
+        for place, name in self._symbols:
+            store[place] = values.get(name.payload, name)
+        for place, build, args in self._steps:
+            if len(args) == 2:
+                store[place] = build(store[args[0]], store[args[1]])
+            else:
+                store[place] = build(*[store[arg] for arg in args])
+        return tuple([store[root] for root in self._roots])
+
+
+def _rebuilt(node: Expr, *args: Expr) -> Expr:
+    return rebuild(node, args)

@@ -352,12 +352,13 @@ def piece_rows(node: Expr) -> tuple[tuple[Expr, ...], ...]:
 
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
     """Return the node's operation applied to other operands, folded anew."""
-    if (build := _BUILDERS.get(node.op)) is not None:
+    if (build := BUILDERS.get(node.op)) is not None:
         return build(*args)
     return call(node.op, *args) if node.payload is None else node.payload.rebuilt(args)
 
 
-_BUILDERS: Final[dict[str, Callable[..., Expr]]] = {
+#: what makes nodes of operations that have no payload and are no functions
+BUILDERS: Final[dict[str, Callable[..., Expr]]] = {
     "add": add, "mul": mul, "div": div, "pow": power, "neg": neg,
 }  # fmt: skip
 

@@ -123,7 +123,7 @@ class BodiesTemplate(Header):
         given = next(iter(equations.values())).parameters
         bound, moved = self.values(values)
         head = self._expected(bound, moved)
-        expected = expectations(head["expected"])
+        expected = expectations(self.name, head["expected"], bound)
         try:
             result = cast("Operation | Pattern", _placed(self.result, head["names"]))
         except InputError as error:

@@ -14,13 +14,19 @@ from pc2cad.equation.point_equation import UNITS, Interval
 from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
 from pc2cad.errors import InputError
 from pc2cad.expression.budget import bounded
-from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import ONE, ZERO, Expr, symbol
 from pc2cad.templates.channel_tables import attempt, read_curve, read_frame, read_guide
 from pc2cad.templates.order import FRAME_NAMES, Entry, entries, in_order
 from pc2cad.templates.series_tables import read_series
 from pc2cad.templates.tables import Tables, shown, written
-from pc2cad.templates.template import MEASURED, Definition, Moved, Parameter, Template
+from pc2cad.templates.template import (
+    MEASURED,
+    Definition,
+    Moved,
+    Parameter,
+    Template,
+    check_count,
+)
 from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
 if TYPE_CHECKING:
@@ -29,16 +35,44 @@ if TYPE_CHECKING:
 
 TEXTS: Final = ("title", "about", "source", "units")
 TABLES: Final = (
-    "parameters", "points", "domain", "data", "curves", "fourier", "tables", "guide", "frame",
-    "layers", "let", "solid", "fields", "expect",
-)  # fmt: skip
+    "parameters",
+    "points",
+    "domain",
+    "data",
+    "curves",
+    "fourier",
+    "tables",
+    "guide",
+    "frame",
+    "layers",
+    "let",
+    "solid",
+    "fields",
+    "expect",
+)
 _EXPECTED: Final = (
-    "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
-)  # fmt: skip
+    "volume",
+    "area",
+    "centroid",
+    "faces",
+    "carriers",
+    "edges",
+    "vertices",
+    "shells",
+    "euler",
+)
 _CARRIERS: Final = (
-    "plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bezier", "spline",
+    "plane",
+    "cylinder",
+    "cone",
+    "sphere",
+    "torus",
+    "extrusion",
+    "revolution",
+    "bezier",
+    "spline",
     "rational",
-)  # fmt: skip
+)
 
 
 def read_tables(
@@ -48,17 +82,15 @@ def read_tables(
     bound: Mapping[str, Expr],
     moved: Mapping[str, Moved],
     free: str = "",
-    expects: bool = True,
 ) -> Template:
     """Return the template that the tables of one solid hold.
 
     `bound` gives parameters their values (`free` stays a symbol, and its value is used only where
-    there has to be one) and `moved` replaces points; `file` is named in messages. What the template
-    expects is left out unless it `expects` something.
+    there has to be one) and `moved` replaces points; `file` is named in messages.
     Raises TemplateError for a mistake, also where the trees grow beyond all measure (see `budget`).
     """
     with bounded():
-        return Reader(file, data, bound, moved, free).template(name, expects)
+        return Reader(file, data, bound, moved, free).template(name)
 
 
 @dataclass
@@ -91,7 +123,7 @@ class Reader(Tables):
         self._moved = moved
         self._free = free
 
-    def template(self, name: str, expects: bool = True) -> Template:
+    def template(self, name: str) -> Template:
         """Return the template of one solid."""
         self.check_keys(self.data, (*TEXTS, *TABLES), "")
         texts = self.texts()
@@ -105,7 +137,7 @@ class Reader(Tables):
             name, **texts, parameters=parameters, points=points, curves=found.curves,
             data=found.data, guide=found.guide, frame=found.frame, carried=tuple(found.carried),
             layers=tuple(found.layers), lets=tuple(found.lets), domain=domain, solid=solid, M=M,
-            fields=fields, expected=self._expected() if expects else {},
+            fields=fields, expected=self._expected(),
             _again=partial(read_tables, name, self.file, self.data),
             _given=(self._bound, self._moved), consumed=frozenset(self.consumed),
         )  # fmt: skip
@@ -329,12 +361,6 @@ class Reader(Tables):
             result.append(Definition(name, written(raw), value))
         return tuple(result)
 
-    def _check_count(self, key: str, tree: Expr) -> None:
-        value = evaluate(tree, {})
-        exact = tree.payload.denominator == 1 if tree.op == "number" else value == round(value)
-        if not exact or (value < 0 and "euler" not in key):
-            self.fail(key, f"is a whole number, and {tree!r} was given")
-
     def _expected(self) -> dict[tuple[str, ...], tuple[Expr, ...]]:
         table = dict(self.table("expect"))
         self.check_keys(table, _EXPECTED, "[expect] ")
@@ -355,6 +381,6 @@ class Reader(Tables):
             if any(not tree.symbols.isdisjoint(PARAMETER_NAMES) for tree in trees):
                 self.fail(key, "must not depend on u, v or w")
             if name not in MEASURED and not trees[0].symbols:
-                self._check_count(key, trees[0])
+                check_count(f"{self.file}: {key}", trees[0])
             result[path] = trees
         return result

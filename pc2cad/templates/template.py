@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
 from math import isfinite
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.equation.family import Family
 from pc2cad.equation.fields import make_field
-from pc2cad.equation.language import Listed, nearest, read_expression
+from pc2cad.equation.language import Listed, check_constants, nearest, read_expression
 from pc2cad.equation.point_equation import (
     Expectations,
     Interval,
@@ -27,7 +27,8 @@ from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr, Number, as_expr, substitute, symbol
+from pc2cad.expression.substitution import Substitution
+from pc2cad.expression.tree import Expr, Number, as_expr, substitute, symbol, walk
 
 if TYPE_CHECKING:
     from pc2cad.channels.frames import Frame
@@ -162,7 +163,7 @@ class Template(Header):
         [expect] states of the points as they were is dropped. Raises TemplateError or InputError.
         """
         self._check_names(points, [p.name for p in self.points], "point")
-        return self._again({}, points)
+        return self._with({}, points)
 
     def bind(
         self, values: Mapping[str, Number | str | Expr | Moved] | None = None
@@ -174,15 +175,9 @@ class Template(Header):
         ParameterRangeError outside min…max.
         """
         bound, moved = self.values(values)
-        # what has no parameters has been read with all of them already
-        whole = not (bound or moved or any(self._given))
-        known = None if whole or moved else self._figures(bound)
-        read = self if whole else self._again(bound, moved, expects=known is None)
-        equation = read._equation(bound, partial(self._bind_moved, values or {}))
-        changes: dict[str, Any] = {} if known is None else {"expectations": known}
-        if bound:
-            changes["freer"] = partial(self._freed, bound, moved)
-        return replace(equation, **changes) if changes else equation
+        mover = partial(self._bind_moved, values or {})
+        equation = self._with(bound, moved)._equation(bound, mover)
+        return replace(equation, freer=partial(self._freed, bound, moved)) if bound else equation
 
     def family(
         self, names: Sequence[str], values: Mapping[str, Number | str | Expr | Moved] | None = None
@@ -200,41 +195,75 @@ class Template(Header):
                 f"the parameter {both[0]} of {self.name} is set, and left free as well"
             )
         fixed = {name: value for name, value in bound.items() if name not in names}
-        read = self._again(fixed, moved, expects=False)
+        read = self._with(fixed, moved)
         asked = sorted(read.consumed & set(names))
         if asked:
             raise InputError(
                 f"the parameter {asked[0]} of {self.name} cannot be left free: the way to M asks "
                 "for its value, as a guide does that is given by numbers"
             )
-        M = read.frame.shifted(read.M) if read.frame else read.M
-        x, y, z = substitute(M.coordinates, over_unit_box(read.domain))
-        return Family(self.name, tuple(names), fixed, (x, y, z), read.domain)
+        return Family(self.name, tuple(names), fixed, read._over_unit_box(), read.domain)
 
-    def _figures(self, bound: Mapping[str, Expr]) -> Expectations | None:
-        """Return what [expect] states at some values of the parameters, if it is told by its trees.
+    def _over_unit_box(self) -> tuple[Expr, Expr, Expr]:
+        """Return x, y and z over the unit box."""
+        M = self.frame.shifted(self.M) if self.frame else self.M
+        x, y, z = substitute(M.coordinates, over_unit_box(self.domain))
+        return x, y, z
 
-        Not so where the reading asked for values, or a count depends on them: it is whole, exactly.
+    def _with(
+        self, values: Mapping[str, Expr], moved: Mapping[str, Moved], free: str = ""
+    ) -> Template:
+        """Return the template with values for parameters, but for a free one, and other points.
+
+        Values are put into the trees that were read. It is read again for other points, where the
+        reading asks for values, and where they do not fit: then it says where.
         """
-        depend = [name for (name, *_), trees in self.expected.items() for x in trees if x.symbols]
-        if self.consumed or any(self._given) or not MEASURED.issuperset(depend):
-            return None
-        figures = expectations(self.expected, {n: evaluate(x, {}) for n, x in bound.items()})
-        told = figures.volume, figures.area, *(figures.centroid or ())
-        return figures if all(x is None or isfinite(x) for x in told) else None
+        points = {**self._given[1], **moved}
+        read = self._again({}, points) if moved else self
+        if not values:
+            return read
+        if not read.consumed:
+            with suppress(InputError):
+                return read._put({name: value for name, value in values.items() if name != free})
+        return self._again(values, points, free)
+
+    def _put(self, values: dict[str, Expr]) -> Template:
+        """Return the template with values in its trees; raise InputError where they do not fit."""
+        trees = iter(self._trees(values))
+
+        def put(defined: tuple[Definition, ...]) -> tuple[Definition, ...]:
+            return tuple([Definition(d.name, d.text, _next(d.value, trees)) for d in defined])
+
+        points, layers, lets, fields = map(put, self._defined)
+        M, domain = _next(self.M, trees), [(next(trees), next(trees)) for _ in self.domain]
+        check_constants(tuple(trees))
+        assert isinstance(M, Combination)
+        return replace(
+            self, points=points, layers=layers, lets=lets, fields=fields, M=M,
+            domain=(domain[0], domain[1], domain[2]), _given=(values, self._given[1]),
+        )  # fmt: skip
+
+    @property
+    def _defined(self) -> tuple[tuple[Definition, ...], ...]:
+        return self.points, self.layers, self.lets, self.fields
+
+    @cached_property
+    def _trees(self) -> Substitution:
+        """All trees, and at the end what is made of parameters and numbers alone."""
+        trees = [x for defined in self._defined for d in defined for x in _trees_of(d.value)]
+        trees += [*_trees_of(self.M), *(limit for limits in self.domain for limit in limits)]
+        names = frozenset(p.name for p in self.parameters)
+        alone = [x for x in walk(tuple(trees)) if x.args and x.symbols and x.symbols <= names]
+        return Substitution((*trees, *alone), names)
 
     def _freed(self, bound: Mapping[str, Expr], moved: Mapping[str, Moved], name: str) -> Variation:
         """Return how the equation changes with one of its parameters."""
-        read = self._again(bound, moved, name)
-        coordinates = None
-        if name not in read.consumed:
-            M = read.frame.shifted(read.M) if read.frame else read.M
-            x, y, z = substitute(M.coordinates, over_unit_box(read.domain))
-            coordinates = x, y, z
+        read = self._with(bound, moved, name)
+        coordinates = None if name in read.consumed else read._over_unit_box()
 
         def at(value: Expr) -> PointEquation:
             values = {**bound, name: value}
-            return self._again(values, moved)._equation(values, partial(self._bind_moved, values))
+            return self._with(values, moved)._equation(values, partial(self._bind_moved, values))
 
         fields = {
             d.name: d.value.coordinates if isinstance(d.value, Combination) else (d.value,)
@@ -249,7 +278,7 @@ class Template(Header):
     def _equation(
         self, bound: dict[str, Expr], mover: Callable[[Mapping[str, Moved]], PointEquation]
     ) -> PointEquation:
-        """Return the equation of a template that was read with all its parameters bound."""
+        """Return the equation of a template in whose trees all parameters have values."""
         M = self.frame.shifted(self.M) if self.frame else self.M
         check_point(M)
         u, v, w = (interval(p, d) for p, d in zip(PARAMETERS, self.domain, strict=True))
@@ -262,7 +291,7 @@ class Template(Header):
             source=self.source,
             units=self.units,
             parameters={name: evaluate(value, {}) for name, value in bound.items()},
-            expectations=expectations(self.expected),
+            expectations=expectations(self.name, self.expected, bound),
             guide=self.guide.N.coordinates if self.guide else None,
             frame=f"{self.frame.words}; guide: {self.guide.words}"
             if self.frame and self.guide
@@ -290,21 +319,56 @@ class Template(Header):
 
 
 def expectations(
+    name: str,
     expected: Mapping[tuple[str, ...], tuple[Expr, ...]],
-    values: Mapping[str, float] = MappingProxyType({}),
+    values: Mapping[str, Expr],
 ) -> Expectations:
-    """Return the figures that trees state, by their keys in [expect], at values of parameters."""
+    """Return the figures that trees state, by their keys in [expect], at values of parameters.
+
+    Raises TemplateError, with the template's name, for what is no finite number there or no count.
+    """
     figures: dict[str, Any] = {}
-    for (name, *below), trees in expected.items():
-        numbers = tuple(evaluate(tree, values) for tree in trees)
-        if name == "centroid":
-            figures[name] = numbers
-        elif below:
-            figures.setdefault(name, {})[below[0]] = round(numbers[0])
+    at = {parameter: evaluate(value, {}) for parameter, value in values.items()}
+    for (key, *below), trees in expected.items():
+        numbers = tuple([evaluate(tree, at) for tree in trees])
+        for tree, value in zip(trees, numbers, strict=True):
+            if not isfinite(value):
+                where = ", ".join(f"{p} = {x:g}" for p, x in at.items() if p in tree.symbols)
+                raise TemplateError(
+                    f"{name}: [expect] {key}: {tree!r} is not a finite real number for {where}"
+                )
+        if key == "centroid":
+            figures[key] = numbers
+        elif key in MEASURED:
+            figures[key] = numbers[0]
         else:
-            whole = name not in MEASURED
-            figures[name] = round(numbers[0]) if whole else numbers[0]
+            where = " ".join((key, *below))
+            check_count(f"{name}: [expect] {where}", *substitute(trees, dict(values)))
+            whole = round(numbers[0])
+            if below:
+                figures.setdefault(key, {})[below[0]] = whole
+            else:
+                figures[key] = whole
     return Expectations(**figures)
+
+
+def check_count(key: str, tree: Expr) -> None:
+    """Raise TemplateError unless a constant is a whole number, and not negative but for euler."""
+    value = evaluate(tree, {})
+    exact = tree.payload.denominator == 1 if tree.op == "number" else value == round(value)
+    if not exact or (value < 0 and "euler" not in key):
+        raise TemplateError(f"{key}: is a whole number, and {tree!r} was given")
+
+
+def _trees_of(value: Value) -> tuple[Expr, ...]:
+    return (*value.coordinates, value.weight) if isinstance(value, Combination) else (value,)
+
+
+def _next(value: Value, trees: Iterator[Expr]) -> Value:
+    """Return what stands for a value in trees that are made of those of many."""
+    if isinstance(value, Combination):
+        return Combination(next(trees), next(trees), next(trees), next(trees))
+    return next(trees)
 
 
 def _constant(name: str, value: Number | str | Expr) -> Expr:

@@ -1,0 +1,148 @@
+"""A template is read once: values of parameters are put into its trees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pc2cad.equation.language import read_expression
+from pc2cad.equation.points import Combination
+from pc2cad.errors import InputError
+from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.substitution import Substitution
+from pc2cad.expression.tree import Expr, number, substitute, symbol
+from pc2cad.templates.file import parse_template, read_template
+from pc2cad.templates.shipped import template_paths
+from pc2cad.templates.template import Template
+
+SHIPPED = [read_template(path) for path in template_paths().values()]
+#: those with parameters that their reading leaves symbols
+READ_ONCE = [t for t in SHIPPED if isinstance(t, Template) and t.parameters and not t.consumed]
+BOX = """title = "box"
+[parameters]
+a = 1
+b = 2
+[points]
+A = [1, 0, 0]
+[let]
+c = "1/(a - b)"
+[solid]
+M = "A + vector(a*u, b*v, c*w)"
+"""
+
+
+def _values(template: Template, share: Fraction) -> dict[str, Expr]:
+    """Return values a share away from the defaults, within the ranges."""
+    found = {}
+    for parameter in template.parameters:
+        low, high = parameter.limits
+        value = min(max(evaluate(parameter.default, {}) * float(1 + share), low), high)
+        found[parameter.name] = number(value)
+    return found
+
+
+@pytest.mark.parametrize("share", [Fraction(0), Fraction(1, 7), Fraction(-1, 50)])
+def test_values_put_into_trees_make_the_trees_that_are_read_with_them(share) -> None:
+    assert len(READ_ONCE) > 40
+    for template in READ_ONCE:
+        values = _values(template, share)
+        put, read = template._put(values), template._again(values, {})
+        assert put.M.coordinates == read.M.coordinates, template.name
+        assert put.M.weight is read.M.weight, template.name
+        assert put.domain == read.domain, template.name
+        for name in ("points", "layers", "lets", "fields"):
+            for one, other in zip(getattr(put, name), getattr(read, name), strict=True):
+                if isinstance(one.value, Combination):
+                    assert one.value.coordinates == other.value.coordinates, (template.name, name)
+                else:
+                    assert one.value is other.value, (template.name, name)
+
+
+def test_a_template_is_not_read_again_for_values() -> None:
+    template = replace(parse_template(BOX, "box"), _again=None)
+    assert template.bind({"a": 5}).parameters == {"a": 5, "b": 2}
+    assert template.family(["a"], {"b": 3}).coordinates[1] is 3 * symbol("v")
+
+
+@pytest.mark.parametrize("values", [{"a": 2}, {"a": 1, "b": 1}])
+def test_values_that_do_not_fit_are_told_with_their_place(values) -> None:
+    with pytest.raises(InputError, match=r"\[let\] c: .*division by zero"):
+        parse_template(BOX, "box").bind(values)
+
+
+def test_what_parameters_alone_make_is_a_finite_real_number() -> None:
+    template = parse_template(BOX.replace("1/(a - b)", "exp(-exp(a))*sqrt(b)"), "box")
+    template.bind({"a": 3})
+    with pytest.raises(InputError, match=r"\[let\] c: .* is outside the range"):
+        template.bind({"a": 300})
+    with pytest.raises(InputError, match=r"\[let\] c: .* is not a real number"):
+        template.bind({"b": -1})
+
+
+def test_points_that_were_replaced_stay_so_whatever_is_set() -> None:
+    template = parse_template(BOX, "box")
+    moved = template.move({"A": [4, 5, 6]})
+    for values in ({}, {"a": 7}):
+        x, y, z = (evaluate(t, {"u": 0, "v": 0, "w": 0}) for t in moved.bind(values).coordinates)
+        assert (x, y, z) == (4, 5, 6)
+    both = moved.move({"A": [0, 0, 9]}).bind({"b": 3})
+    assert both.coordinates == template.bind({"A": [0, 0, 9], "b": 3}).coordinates
+
+
+TREES = st.recursive(
+    st.sampled_from([symbol(name) for name in "uvpq"]) | st.integers(-3, 3).map(number),
+    lambda inner: st.tuples(inner, inner).flatmap(
+        lambda pair: st.sampled_from([pair[0] + pair[1], pair[0] - pair[1], pair[0] * pair[1]])
+    ),
+    max_leaves=25,
+)
+
+
+@given(st.lists(TREES, min_size=1, max_size=4), st.fractions(-3, 3, max_denominator=9))
+def test_a_planned_substitution_is_a_substitution(trees, p) -> None:
+    roots = tuple(trees)
+    planned = Substitution(roots, frozenset("pq"))
+    for values in ({"p": number(p), "q": symbol("u") + 1}, {"q": number(p)}, {}):
+        assert planned(values) == substitute(roots, values)
+
+
+def test_a_function_of_the_template_is_asked_each_time() -> None:
+    found = []
+    for k in (1, 2):
+        curves = {"f": lambda t, k=k: t * k}
+        found.append(read_expression("f(p) + 1", {"p": number(5)}, curves))
+    assert found == [number(6), number(11)]
+
+
+def test_a_function_that_bears_a_name_of_the_language_is_asked() -> None:
+    plain = read_expression("rotx([0, 1, 0], 0)", {})
+    own = read_expression("rotx(2)", {}, {"rotx": lambda t: t * 10})
+    assert isinstance(plain, Combination)
+    assert own == number(20)
+
+
+def test_figures_of_variants_are_those_of_a_template_that_is_written_so() -> None:
+    text = (
+        'title = "box"\n[parameters]\na = {{ default = {a} }}\nn = {{ default = 6 }}\n'
+        '[solid]\nx = "a*u"\ny = "v"\nz = "w"\n'
+        '[expect]\nvolume = "a"\narea = "2 + 4*sqrt(a^2)"\ncentroid = ["a/2", 0.5, "1/2"]\n'
+        'faces = "{faces}"\n'
+    )
+    template = parse_template(text.format(a=1, faces="6"), "box")
+    other = parse_template(text.format(a='"7/3"', faces="6"), "box").bind({})
+    found = template.bind({"a": "7/3"}).expectations
+    assert found.centroid == pytest.approx(other.expectations.centroid, rel=1e-15)
+    for name in ("volume", "area", "faces"):
+        assert getattr(found, name) == pytest.approx(getattr(other.expectations, name), rel=1e-15)
+    # counts that depend on parameters are exact, and figures without a value are refused
+    counted = parse_template(text.format(a=1, faces="n"), "box")
+    assert counted.bind({"n": 5}).expectations.faces == 5
+    with pytest.raises(InputError, match="whole number"):
+        counted.bind({"n": "11/2"})
+    rooted = parse_template(text.format(a=1, faces="6").replace("a^2", "a - 1"), "box")
+    with pytest.raises(InputError, match=r"not a finite real number for a = 0\.5"):
+        rooted.bind({"a": "1/2"})
