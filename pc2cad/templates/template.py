@@ -26,7 +26,7 @@ from pc2cad.equation.points import Combination, Value
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.scalar import evaluate
+from pc2cad.expression.scalar import evaluate, values_of
 from pc2cad.expression.substitution import Substitution
 from pc2cad.expression.tree import Expr, Number, as_expr, substitute, symbol, walk
 
@@ -329,8 +329,9 @@ def expectations(
     """
     figures: dict[str, Any] = {}
     at = {parameter: evaluate(value, {}) for parameter, value in values.items()}
+    found = values_of(walk(tuple([tree for trees in expected.values() for tree in trees])), at)
     for (key, *below), trees in expected.items():
-        numbers = tuple([evaluate(tree, at) for tree in trees])
+        numbers = tuple([found[tree] for tree in trees])
         for tree, value in zip(trees, numbers, strict=True):
             if not isfinite(value):
                 where = ", ".join(f"{p} = {x:g}" for p, x in at.items() if p in tree.symbols)
