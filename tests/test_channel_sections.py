@@ -130,6 +130,10 @@ def test_taper_and_varying_walls():
         (lambda: pc.channel(LINE, (v, v), 1, measured="x"), ChannelError, "radial or normal"),
         (lambda: pc.channel(LINE, pc.polygon(RECTANGLE, v, [0, 1, 0, 0]), 0.1, measured="normal"),
          SectionError, "the section has a corner at v = "),
+        (lambda: pc.channel(LINE, pc.polygon([*RECTANGLE, (2, -1)], v), 0.1, measured="normal"),
+         SectionError, r"stands still at v = 0\.6, and has no normal"),
+        (lambda: pc.channel(LINE, pc.contour(RECTANGLE, v, 0), 0.1, measured="normal"),
+         SectionError, "stands still at v = 1, and has no normal"),
     ],
 )  # fmt: skip
 def test_what_is_no_section_or_wall_is_refused(make, error, message):

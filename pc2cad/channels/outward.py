@@ -70,7 +70,8 @@ def _mitres(x: Expr, y: Expr, turning: int) -> Plane:
         (evaluate(a[1], {}), evaluate(b[1], {}))
         for a, b in zip(piece_rows(x), piece_rows(y), strict=True)
     ]
-    normals = [(turning * b / hypot(a, b), -turning * a / hypot(a, b)) for a, b in speeds]
+    directions = [_direction(*pair, float(at)) for pair, at in zip(speeds, breaks, strict=False)]
+    normals = [(turning * b, -turning * a) for a, b in directions]
     corners = []
     for (a, b), (c, d) in zip([normals[-1], *normals[:-1]], normals, strict=True):
         size = 1 + a * c + b * d
@@ -101,13 +102,21 @@ def _check_corners(section: Plane, speeds: Plane) -> None:
         directions = []
         for place in (before, after):
             a, c = (evaluate(s, {"u": 0.381966, "v": place}) for s in speeds)
-            directions.append((a / hypot(a, c), c / hypot(a, c)))
+            directions.append(_direction(a, c, place))
         (a, c), (d, e) = directions
         if abs(a * e - c * d) > 1e-6 or a * d + c * e < 0:
             raise SectionError(
                 f"the section has a corner at v = {b.position:.6g}, where its normal jumps: round "
                 "it, measure the wall radially, or take a polygon (whose walls meet in a mitre)"
             )
+
+
+def _direction(a: float, b: float, place: float) -> tuple[float, float]:
+    """Return a velocity over its length."""
+    size = hypot(a, b)
+    if size == 0:
+        raise SectionError(f"the section stands still at v = {place:.6g}, and has no normal there")
+    return a / size, b / size
 
 
 def _turning(section: Plane, speeds: Plane) -> int:
