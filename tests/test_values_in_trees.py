@@ -146,3 +146,18 @@ def test_figures_of_variants_are_those_of_a_template_that_is_written_so() -> Non
     rooted = parse_template(text.format(a=1, faces="6").replace("a^2", "a - 1"), "box")
     with pytest.raises(InputError, match=r"not a finite real number for a = 0\.5"):
         rooted.bind({"a": "1/2"})
+
+
+def test_figures_are_those_at_the_exact_values() -> None:
+    text = """[expect]
+faces = "floor(100*a)"
+euler = "if(b > -2, 2, 1/(b + 1))"
+volume = "if(100*a >= 29, 2, 3)"
+centroid = ["mod(b, a)", 0, 0]
+"""
+    template = parse_template(BOX + text, "box")
+    found = template.bind({"a": "0.29", "b": "2.9"}).expectations
+    assert (found.faces, found.euler, found.volume) == (29, 2, 2)
+    assert found.centroid == (0, 0, 0)
+    # what is not chosen need not have a value
+    assert template.bind({"a": 1, "b": -1}).expectations.euler == 2

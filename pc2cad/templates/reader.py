@@ -381,6 +381,6 @@ class Reader(Tables):
             if any(not tree.symbols.isdisjoint(PARAMETER_NAMES) for tree in trees):
                 self.fail(key, "must not depend on u, v or w")
             if name not in MEASURED and not trees[0].symbols:
-                check_count(f"{self.file}: {key}", trees[0])
+                check_count(f"{self.file}: {key}", trees[0], {})
             result[path] = trees
         return result

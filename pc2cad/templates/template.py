@@ -26,7 +26,7 @@ from pc2cad.equation.points import Combination, Value
 from pc2cad.equation.variation import Variation
 from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.scalar import evaluate, values_of
+from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.substitution import Substitution
 from pc2cad.expression.tree import Expr, Number, as_expr, substitute, symbol, walk
 
@@ -313,8 +313,8 @@ class Template(Header):
             return ()
         from pc2cad.templates.forms import written_sums
 
-        named = (*self.points, *self.lets)
-        known = {d.name: d.value for d in named if isinstance(d.value, Combination)}
+        named = {d.name: d.value for d in (*self.points, *self.lets)}
+        known = {name: x for name, x in named.items() if isinstance(x, Combination)}
         return written_sums(self.solid[0].text, known)
 
 
@@ -329,33 +329,29 @@ def expectations(
     """
     figures: dict[str, Any] = {}
     at = {parameter: evaluate(value, {}) for parameter, value in values.items()}
-    found = values_of(walk(tuple([tree for trees in expected.values() for tree in trees])), at)
-    for (key, *below), trees in expected.items():
-        numbers = tuple([found[tree] for tree in trees])
-        for tree, value in zip(trees, numbers, strict=True):
+    for (key, *below), stated in expected.items():
+        trees = stated
+        with suppress(InputError):  # a choice that is not made may have no value: then in floats
+            trees = substitute(stated, dict(values))
+        numbers = tuple([evaluate(tree, at) for tree in trees])
+        for tree, value in zip(stated, numbers, strict=True):
             if not isfinite(value):
                 where = ", ".join(f"{p} = {x:g}" for p, x in at.items() if p in tree.symbols)
                 raise TemplateError(
                     f"{name}: [expect] {key}: {tree!r} is not a finite real number for {where}"
                 )
-        if key == "centroid":
-            figures[key] = numbers
-        elif key in MEASURED:
-            figures[key] = numbers[0]
+        if key in MEASURED:
+            figures[key] = numbers if key == "centroid" else numbers[0]
         else:
-            where = " ".join((key, *below))
-            check_count(f"{name}: [expect] {where}", *substitute(trees, dict(values)))
-            whole = round(numbers[0])
-            if below:
-                figures.setdefault(key, {})[below[0]] = whole
-            else:
-                figures[key] = whole
+            check_count(f"{name}: [expect] {' '.join((key, *below))}", trees[0], at)
+            held = figures.setdefault(key, {}) if below else figures
+            held[below[0] if below else key] = round(numbers[0])
     return Expectations(**figures)
 
 
-def check_count(key: str, tree: Expr) -> None:
-    """Raise TemplateError unless a constant is a whole number, and not negative but for euler."""
-    value = evaluate(tree, {})
+def check_count(key: str, tree: Expr, at: Mapping[str, float]) -> None:
+    """Raise TemplateError unless a tree is a whole number, and not negative but for euler."""
+    value = evaluate(tree, at)
     exact = tree.payload.denominator == 1 if tree.op == "number" else value == round(value)
     if not exact or (value < 0 and "euler" not in key):
         raise TemplateError(f"{key}: is a whole number, and {tree!r} was given")
