@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import pc2cad as pc
 from pc2cad.equation.language import read_expression
 from pc2cad.equation.points import Combination
 from pc2cad.errors import InputError
@@ -91,6 +92,40 @@ def test_points_that_were_replaced_stay_so_whatever_is_set() -> None:
         assert (x, y, z) == (4, 5, 6)
     both = moved.move({"A": [0, 0, 9]}).bind({"b": 3})
     assert both.coordinates == template.bind({"A": [0, 0, 9], "b": 3}).coordinates
+
+
+GUIDED = """title = "rod"
+[parameters]
+p = 1
+[points]
+A = [1, 0, 0]
+B = [0, 0, 1]
+[guide]
+N = "A*(1 - u) + B*u"
+[let]
+c = "1/(p + 3)"
+[solid]
+M = "N + (R - N)*w*cos(2*pi*v) + (Q - N)*w*sin(2*pi*v)"
+"""
+
+
+def test_points_that_do_not_fit_the_defaults_may_fit_the_values() -> None:
+    moved = {"A": "[0, 0, 0]", "B": "[0, 0, p - 1]"}
+    found = parse_template(GUIDED, "rod").bind({"p": 3, **moved})
+    assert found.guide == (number(0), number(0), symbol("u") * 2)
+    # and what is said of values that do not is said of them
+    with pytest.raises(InputError, match=r"\[let\] c: .*division by zero"):
+        parse_template(GUIDED, "rod").bind({"p": -3, **moved})
+
+
+@pytest.mark.parametrize("text", [BOX, GUIDED])
+def test_points_given_as_numbers_may_depend_on_parameters(text) -> None:
+    template = parse_template(text, "part")
+    name = template.parameters[0].name
+    as_text = template.bind({name: 4, "A": f"[5, {name}, 0]"})
+    for point in ((5, symbol(name), 0), pc.point(5, symbol(name), 0)):
+        assert template.bind({name: 4, "A": point}).coordinates == as_text.coordinates
+        assert template.bind({name: 4}).move(A=point).coordinates == as_text.coordinates
 
 
 TREES = st.recursive(

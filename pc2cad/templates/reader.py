@@ -278,12 +278,11 @@ class Reader(Tables):
         try:
             if isinstance(raw, str):
                 value = read_expression(raw, known)
-            elif isinstance(raw, Combination):
-                value = raw
-            elif len(raw) == 3:
-                value = point(*raw)
-            else:
+            elif not isinstance(raw, Combination) and len(raw) != 3:
                 raise InputError(f"a point has 3 coordinates, here are {len(raw)}")
+            else:
+                value = raw if isinstance(raw, Combination) else point(*raw)
+                value = value.substitute({p: x for p, x in self._bound.items() if p != self._free})
             kind = kind_of(value)
             strange = set().union(*(c.symbols for c in value.coordinates)) - set(known) if (
                 isinstance(value, Combination)

@@ -219,11 +219,11 @@ class Template(Header):
         reading asks for values, and where they do not fit: then it says where.
         """
         points = {**self._given[1], **moved}
-        read = self._again({}, points) if moved else self
         if not values:
-            return read
-        if not read.consumed:
-            with suppress(InputError):
+            return self._again({}, points) if moved else self
+        with suppress(InputError):
+            read = self._again({}, points) if moved else self
+            if not read.consumed:
                 return read._put({name: value for name, value in values.items() if name != free})
         return self._again(values, points, free)
 
@@ -265,10 +265,7 @@ class Template(Header):
             values = {**bound, name: value}
             return self._with(values, moved)._equation(values, partial(self._bind_moved, values))
 
-        fields = {
-            d.name: d.value.coordinates if isinstance(d.value, Combination) else (d.value,)
-            for d in read.fields
-        }
+        fields = {d.name: _trees_of(d.value)[:3] for d in read.fields}
         return Variation(name, bound[name], coordinates, at, read.domain, fields)
 
     def _bind_moved(self, values: Mapping[str, Any], points: Mapping[str, Moved]) -> PointEquation:
