@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from fractions import Fraction
 
@@ -126,6 +127,16 @@ def test_points_given_as_numbers_may_depend_on_parameters(text) -> None:
     for point in ((5, symbol(name), 0), pc.point(5, symbol(name), 0)):
         assert template.bind({name: 4, "A": point}).coordinates == as_text.coordinates
         assert template.bind({name: 4}).move(A=point).coordinates == as_text.coordinates
+
+
+def test_an_equation_goes_to_another_process_with_the_values_that_it_has() -> None:
+    # the derivative is 0, and its text cannot be read with a = 0
+    template = parse_template(BOX.replace("1/(a - b)", "b + diff(1/a, u)"), "box")
+    found = template.bind({"a": 0})
+    there = pickle.loads(pickle.dumps(found))
+    assert there.coordinates == found.coordinates
+    assert there.written() == found.written()
+    assert there.move(A=[7, 8, 9]).coordinates == found.move(A=[7, 8, 9]).coordinates
 
 
 TREES = st.recursive(

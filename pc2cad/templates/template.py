@@ -235,12 +235,13 @@ class Template(Header):
             return tuple([Definition(d.name, d.text, _next(d.value, trees)) for d in defined])
 
         points, layers, lets, fields = map(put, self._defined)
-        M, domain = _next(self.M, trees), [(next(trees), next(trees)) for _ in self.domain]
+        M, (u, v, w) = _next(self.M, trees), ((next(trees), next(trees)) for _ in self.domain)
         check_constants(tuple(trees))
         assert isinstance(M, Combination)
         return replace(
             self, points=points, layers=layers, lets=lets, fields=fields, M=M,
-            domain=(domain[0], domain[1], domain[2]), _given=(values, self._given[1]),
+            domain=(u, v, w), _again=partial(_put_again, self._again),
+            _given=(values, self._given[1]),
         )  # fmt: skip
 
     @property
@@ -352,6 +353,11 @@ def check_count(key: str, tree: Expr, at: Mapping[str, float]) -> None:
     exact = tree.payload.denominator == 1 if tree.op == "number" else value == round(value)
     if not exact or (value < 0 and "euler" not in key):
         raise TemplateError(f"{key}: is a whole number, and {tree!r} was given")
+
+
+def _put_again(again: Callable[..., Template], values: dict[str, Expr], moved: Any) -> Template:
+    """Read a template again that values were put into, as one from another process is."""
+    return again({}, moved)._put(values)
 
 
 def _trees_of(value: Value) -> tuple[Expr, ...]:
