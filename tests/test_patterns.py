@@ -106,3 +106,16 @@ def test_mistakes_say_how_a_pattern_is_written(pattern: str) -> None:
     with pytest.raises(InputError, match=REFUSED[pattern]) as error:
         part(f"union(slab, {pattern})")
     assert "\n" not in str(error.value)
+
+
+def test_copies_and_figures_know_of_points_that_were_moved() -> None:
+    text = f'title = "t"\nresult = "union(slab, linear(pin, n, O - [0, 0, 0]))"\n{HEAD}'
+    stated = text + PIN.format(x=5) + SLAB + "[expect]\nvolume = 1\n"
+    template, moved = parse_template(stated, "t"), {"O": "[3*r, 0, 0]"}
+    found, set_there = template.move(moved).bind({"r": 2}), template.bind({"r": 2, **moved})
+    assert found.result.operands[1].copies[1].offset == pytest.approx([6, 0, 0])
+    assert found.placed_at("r", 3).operands[1].copies[1].offset == pytest.approx([9, 0, 0])
+    # what is stated of the points as written need not hold of moved ones
+    assert template.bind().expectations.volume == 1
+    assert found.expectations == set_there.expectations
+    assert found.expectations.volume is None

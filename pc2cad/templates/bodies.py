@@ -101,6 +101,8 @@ class BodiesTemplate(Header):
     result: Operation | Pattern
     #: reads what is expected of the result, with values for the parameters and other points
     _expected: Any = field(repr=False)
+    #: what replaces points
+    _moved: Mapping[str, Moved] = field(default_factory=dict, repr=False)
 
     def body(self, name: str) -> Template:
         """Return one body as a template of its own; raise InputError for an unknown name."""
@@ -115,13 +117,15 @@ class BodiesTemplate(Header):
     def move(self, points: Mapping[str, Moved]) -> BodiesTemplate:
         """Return the template with some of its points replaced, as `Template.move` does."""
         moved = tuple(body.move(points) for body in self.bodies)
-        return replace(self, bodies=moved, points=moved[0].points)
+        every = {**self._moved, **points}
+        return replace(self, bodies=moved, points=moved[0].points, _moved=every)
 
     def bind(self, values: Mapping[str, Any] | None = None) -> Bodies:
         """Return the bodies with these parameter values, as `Template.bind` does."""
         equations = {body.name: body.bind(values) for body in self.bodies}
         given = next(iter(equations.values())).parameters
-        bound, moved = self.values(values)
+        bound, given_points = self.values(values)
+        moved = {**self._moved, **given_points}
         head = self._expected(bound, moved)
         expected = expectations(self.name, head["expected"], bound)
         try:
