@@ -182,6 +182,21 @@ def test_a_density_that_is_a_field_changes_too(p: str) -> None:
     np.testing.assert_allclose(own, wanted, atol=1e-8 * np.abs(wanted).max())
 
 
+def test_a_root_of_nothing_has_no_derivative_and_says_so() -> None:
+    text = 'title = "t"\nparameters = { p = 0, q = 0 }\n'
+    text += 'solid = { x = "u*(1 + sqrt(p))", y = "v", z = "w*(1 + q)" }\n'
+    graded = text.replace("sqrt(p)", "q") + 'fields = { density = "1 + sqrt(p)*x" }\n'
+    for written in (text, graded):
+        found = parse_template(written, "t")
+        assert isinstance(found, Template)
+        checked = check_map(found.bind())
+        assert checked.sensitivity("q").volume > 0
+        with pytest.raises(NotDifferentiableError, match=r"to p = 0: division by zero"):
+            checked.sensitivity("p")
+    with pytest.raises(InputError, match="no velocity with p = 0: division by zero"):
+        parse_template(text, "t").bind().with_velocities("q", "p")
+
+
 def test_a_density_that_jumps_where_places_move_is_refused() -> None:
     jump = parse_template(GRADED.replace("w*y", "if(x > 3, 1, 0)"), "jump")
     assert isinstance(jump, Template)

@@ -10,14 +10,14 @@ import numpy as np
 
 from pc2cad.arrays import Array
 from pc2cad.domain.fields import LocalField
-from pc2cad.domain.velocity import NotDifferentiableError
+from pc2cad.domain.velocity import NotDifferentiableError, at_its_value
 from pc2cad.equation.fields import COORDINATES, SYMBOLS
 from pc2cad.equation.variation import Variation
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr, number, substitute, walk
+from pc2cad.expression.tree import Expr, number, walk
 
 #: operations that jump where their operands pass some value
 _JUMPS: Final = ("where", "floor", "sign", "mod")
@@ -31,12 +31,11 @@ class FieldRate:
         self.largest = largest
         self._map, self._field = field.map, field
         (tree,) = _free(field, variation)
-        bound = {variation.name: variation.bound}
         moving = {variation.name, *COORDINATES}
         rows = []
         for p, pair in zip(PARAMETERS, variation.domain, strict=True):
-            ends = [evaluate(limit, {}) for limit in substitute(pair, bound)]
-            along = substitute(derivatives(pair, variation.name), bound)
+            ends = [evaluate(limit, {}) for limit in at_its_value(variation, pair)]
+            along = at_its_value(variation, derivatives(pair, variation.name))
             rows.append((*ends, *(evaluate(limit, {}) for limit in along)))
             if any(rows[-1][2:]):
                 moving.add(p)
@@ -44,7 +43,7 @@ class FieldRate:
         self._limits = np.array(rows).T
         _check_jumps(tree, moving, field.field.name, variation.name)
         trees = [derivatives((tree,), name)[0] for name in (variation.name, *SYMBOLS)]
-        self._program = Program(substitute(tuple(trees), bound))
+        self._program = Program(at_its_value(variation, tuple(trees)))
 
     def __call__(
         self, u: Array, v: Array, w: Array, points: Array, speed: Array

@@ -114,8 +114,7 @@ def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | Dif
     """Return the design velocity of a parameter; raise NotDifferentiableError."""
     if variation.coordinates is not None:
         along = derivatives(variation.coordinates, variation.name)
-        bound = substitute(along, {variation.name: variation.bound})
-        return SymbolicVelocity(_local(analysis, bound))
+        return SymbolicVelocity(_local(analysis, at_its_value(variation, along)))
     step = _step(analysis, variation)
     found = _differences(analysis, variation, step)
     for shorter in (step / 4, step / 16):
@@ -124,6 +123,17 @@ def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | Dif
         # too long a step leaves higher derivatives in, too short a one rounding
         found = min(found, _differences(analysis, variation, shorter), key=lambda x: x.doubt())
     return found
+
+
+def at_its_value(variation: Variation, trees: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Return derivatives at the parameter's value; raise NotDifferentiableError without one."""
+    try:
+        return substitute(trees, {variation.name: variation.bound})
+    except InputError as error:
+        raise NotDifferentiableError(
+            f"there is no derivative with respect to {variation.name} = {variation.value:.6g}: "
+            f"{error}"
+        ) from error
 
 
 def _differences(analysis: Analysis, variation: Variation, step: Fraction) -> DifferenceVelocity:

@@ -132,8 +132,9 @@ class PointEquation:
         """Return the equation with ∂M/∂p of parameters as fields: ``velocity_r`` of ``r``.
 
         Of the point that stays at the same share of the way from limit to limit. Meshes and splines
-        then hold how their nodes and poles move. Raises InputError for a name of no parameter, and
-        where a guide takes the parameter as a number, so that there is no formula of it.
+        then hold how their nodes and poles move. Raises InputError for a name of no parameter,
+        where M has no derivative, and where a guide takes the parameter as a number, so that there
+        is no formula of it.
         """
         from pc2cad.expression.derivatives import derivatives
         from pc2cad.expression.simplification import simplified
@@ -148,7 +149,12 @@ class PointEquation:
                 )
             own = over_own_box(self.domain)
             along = derivatives(variation.coordinates, name)
-            trees = substitute(substitute(along, {name: variation.bound}), own)
+            try:
+                trees = substitute(substitute(along, {name: variation.bound}), own)
+            except InputError as error:
+                raise InputError(
+                    f"there is no velocity with {name} = {variation.value:g}: {error}"
+                ) from error
             x, y, z = simplified(trees)
             fields.append(Field(f"{VELOCITY}{name}", "vector", (x, y, z)))
         return replace(self, fields=(*self.fields, *fields))
