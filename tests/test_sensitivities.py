@@ -164,10 +164,13 @@ density = "1 + x/L + k*u + w*y"
 """
 
 
-@pytest.mark.parametrize("p", ["L", "k"])
+@pytest.mark.parametrize("p", ["L", "k", "x"])
 def test_a_density_that_is_a_field_changes_too(p: str) -> None:
-    """Its formula, the limits of u and the places go with the parameters: polynomials of them."""
-    graded = parse_template(GRADED, "graded")
+    """Its formula, the limits of u and the places go with the parameters: polynomials of them.
+
+    A parameter may be called as a coordinate is, which fields do not know then.
+    """
+    graded = parse_template(GRADED if p == "L" else GRADED.replace("k", p), "graded")
     assert isinstance(graded, Template)
     bound = graded.bind()
     found, h = check_map(bound).sensitivity(p), 1 / 16

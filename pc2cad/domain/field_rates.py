@@ -17,10 +17,12 @@ from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
-from pc2cad.expression.tree import Expr, number, walk
+from pc2cad.expression.tree import Expr, number, substitute, symbol, walk
 
 #: operations that jump where their operands pass some value
 _JUMPS: Final = ("where", "floor", "sign", "mod")
+#: the parameter in a field, which knows coordinates that it may share its name with
+_FREE: Final = "_free"
 
 
 class FieldRate:
@@ -31,7 +33,7 @@ class FieldRate:
         self.largest = largest
         self._map, self._field = field.map, field
         (tree,) = _free(field, variation)
-        moving = {variation.name, *COORDINATES}
+        moving = {_FREE, *COORDINATES}
         rows = []
         for p, pair in zip(PARAMETERS, variation.domain, strict=True):
             ends = [evaluate(limit, {}) for limit in at_its_value(variation, pair)]
@@ -42,8 +44,8 @@ class FieldRate:
         #: limits of u, v and w, and how these change, one a column
         self._limits = np.array(rows).T
         _check_jumps(tree, moving, field.field.name, variation.name)
-        trees = [derivatives((tree,), name)[0] for name in (variation.name, *SYMBOLS)]
-        self._program = Program(at_its_value(variation, tuple(trees)))
+        trees = [derivatives((tree,), name)[0] for name in (_FREE, *SYMBOLS)]
+        self._program = Program(at_its_value(variation, tuple(trees), _FREE))
 
     def __call__(
         self, u: Array, v: Array, w: Array, points: Array, speed: Array
@@ -70,10 +72,11 @@ class FieldRate:
 
 
 def _free(field: LocalField, variation: Variation) -> tuple[Expr, ...]:
-    """Return the field with the parameter left free; raise NotDifferentiableError."""
+    """Return the field with the parameter left free, `_FREE`; raise NotDifferentiableError."""
     own = field.field.components
     if variation.coordinates is not None:
-        return variation.fields.get(field.field.name, own)
+        free = variation.fields.get(field.field.name)
+        return own if free is None else substitute(free, {variation.name: symbol(_FREE)})
     beside = variation.at(number(Fraction(variation.value) * (1 + Fraction(1, 64)) or 1))
     there = [other.components for other in beside.fields if other.name == field.field.name]
     if not there or there[0] != own or beside.domain != variation.at(variation.bound).domain:

@@ -125,10 +125,13 @@ def velocity(analysis: Analysis, variation: Variation) -> SymbolicVelocity | Dif
     return found
 
 
-def at_its_value(variation: Variation, trees: tuple[Expr, ...]) -> tuple[Expr, ...]:
-    """Return derivatives at the parameter's value; raise NotDifferentiableError without one."""
+def at_its_value(variation: Variation, trees: tuple[Expr, ...], name: str = "") -> tuple[Expr, ...]:
+    """Return derivatives at the parameter's value; raise NotDifferentiableError without one.
+
+    `name` is that of its symbol, where it is not its own.
+    """
     try:
-        return substitute(trees, {variation.name: variation.bound})
+        return substitute(trees, {name or variation.name: variation.bound})
     except InputError as error:
         raise NotDifferentiableError(
             f"there is no derivative with respect to {variation.name} = {variation.value:.6g}: "
