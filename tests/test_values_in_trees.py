@@ -6,6 +6,7 @@ import pickle
 from dataclasses import replace
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -127,6 +128,20 @@ def test_points_given_as_numbers_may_depend_on_parameters(text) -> None:
     for point in ((5, symbol(name), 0), pc.point(5, symbol(name), 0)):
         assert template.bind({name: 4, "A": point}).coordinates == as_text.coordinates
         assert template.bind({name: 4}).move(A=point).coordinates == as_text.coordinates
+
+
+@pytest.mark.parametrize("point", [5, None, np.array(3.0), [1, 2], lambda u: u])
+def test_what_is_no_point_replaces_none(point) -> None:
+    with pytest.raises(InputError, match=r"the point A: a point has 3 coordinates, .* given|are 2"):
+        parse_template(BOX, "box").bind({"A": point})
+
+
+def test_numbers_of_numpy_are_values() -> None:
+    template = parse_template(BOX, "box")
+    for a in (np.int64(4), np.float64(4)):
+        assert template.bind({"a": a}).coordinates == template.bind({"a": 4}).coordinates
+    with pytest.raises(InputError, match="the value of parameter a must be a number"):
+        template.bind({"a": np.bool_(True)})
 
 
 def test_an_equation_goes_to_another_process_with_the_values_that_it_has() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -14,7 +14,7 @@ from pc2cad.equation.point_equation import UNITS, Interval
 from pc2cad.equation.points import Combination, Kind, Value, kind_of, point
 from pc2cad.errors import InputError
 from pc2cad.expression.budget import bounded
-from pc2cad.expression.tree import ONE, ZERO, Expr, symbol
+from pc2cad.expression.tree import ONE, ZERO, Expr, Number, symbol
 from pc2cad.templates.channel_tables import attempt, read_curve, read_frame, read_guide
 from pc2cad.templates.order import FRAME_NAMES, Entry, entries, in_order
 from pc2cad.templates.series_tables import read_series
@@ -278,10 +278,8 @@ class Reader(Tables):
         try:
             if isinstance(raw, str):
                 value = read_expression(raw, known)
-            elif not isinstance(raw, Combination) and len(raw) != 3:
-                raise InputError(f"a point has 3 coordinates, here are {len(raw)}")
             else:
-                value = raw if isinstance(raw, Combination) else point(*raw)
+                value = raw if isinstance(raw, Combination) else _of_three(raw)
                 value = value.substitute({p: x for p, x in self._bound.items() if p != self._free})
             kind = kind_of(value)
             strange = set().union(*(c.symbols for c in value.coordinates)) - set(known) if (
@@ -383,3 +381,13 @@ class Reader(Tables):
                 check_count(f"{self.file}: {key}", trees[0], {})
             result[path] = trees
         return result
+
+
+def _of_three(raw: Sequence[Expr | Number]) -> Combination:
+    try:
+        coordinates = [*raw]
+    except TypeError:
+        raise InputError(f"a point has 3 coordinates, and {raw!r:.80} was given") from None
+    if len(coordinates) != 3:
+        raise InputError(f"a point has 3 coordinates, here are {len(coordinates)}")
+    return point(*coordinates)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from functools import cached_property, partial
 from math import isfinite
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.equation.family import Family
@@ -380,7 +380,7 @@ def _constant(name: str, value: Number | str | Expr) -> Expr:
         if not isinstance(read, Expr):
             raise InputError(f"the value of parameter {name} must be a number, not a point")
         value = read
-    if isinstance(value, bool) or not isinstance(value, (int, float, Fraction, Expr)):
+    if isinstance(value, bool) or not isinstance(value, (Real, Expr)):
         raise InputError(f"the value of parameter {name} must be a number")
     tree = as_expr(value)
     if tree.symbols:
