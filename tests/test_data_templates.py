@@ -242,3 +242,17 @@ def test_a_net_of_points_is_read_in_time() -> None:
     assert height(f"(20 + s({n - 1}*u, {n - 1}*v).z)", text, 1.0, 1.0) == pytest.approx(
         20 + round(float(np.sin(2 * n - 2)), 3))  # fmt: skip
     assert time.process_time() - start < 5
+
+
+@pytest.mark.parametrize("key", ["start", 'kind = "direction"\ndirection', 'kind = "point"\nE'])
+def test_references_of_frames_are_decimals_and_expressions(key: str) -> None:
+    text = (
+        'title = "t"\n[parameters]\nq = 0.25\n[guide]\nN = "[u^2, 0, 5*u]"\n[let]\nk = "2*q"\n'
+        f"[frame]\n{key} = LIST\n"
+        '[solid]\nM = "N + (R-N)*w*cos(2*pi*v) + (Q-N)*w*sin(2*pi*v)"\n'
+    )
+    lists = ("[0.5, 1, 0.25]", '["k", "1", "q"]')
+    one, other = (parse_template(text.replace("LIST", x), "t").bind() for x in lists)
+    assert one.coordinates == other.coordinates
+    with pytest.raises(InputError, match=r"\[frame\] \w+: is a list of three coordinates"):
+        parse_template(text.replace("LIST", "[1, 0.5]"), "t")

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.channels import curves
 from pc2cad.channels.outward import V, outward
-from pc2cad.equation.points import Combination, Value
+from pc2cad.equation.points import Combination, Value, point, vector
 from pc2cad.errors import InputError
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import PI, Expr, number, substitute, symbol
-from pc2cad.templates.tables import Tables, shown, written
+from pc2cad.templates.tables import Tables, shown
 from pc2cad.templates.template import Definition, TemplateError
 
 if TYPE_CHECKING:
@@ -265,15 +265,20 @@ def _frame(tables: Tables, guide: Guide, raw: dict[str, Any]) -> Frame:
     reference = None
     for name in ("start", "E", "direction"):
         if name in raw:
-            value = raw[name]
-            text = written(value) if isinstance(value, list) else value
-            reference = tables.bound(tables.expression(f"[frame] {name}", text))
-            if name != "E" and isinstance(value, list) and isinstance(reference, Combination):
-                # three numbers are a direction here
-                reference = reference - Combination(number(0), number(0), number(0), number(1))
+            reference = tables.bound(_reference(tables, name, raw[name]))
     twist = tables.bound(tables.scalar("[frame] twist", raw.get("twist", 0)))
     assert isinstance(twist, Expr)
     symmetry = tables.real("[frame] symmetry", raw.get("symmetry", 1))
     if symmetry != round(symmetry) or not 1 <= symmetry <= 1000:
         tables.fail("[frame] symmetry", "is a whole number from 1 to 1000")
     return frames.frame(guide, kind, reference, twist, round(symmetry))
+
+
+def _reference(tables: Tables, name: str, raw: object) -> Value:
+    key = f"[frame] {name}"
+    if not isinstance(raw, list):
+        return tables.expression(key, raw)
+    if len(raw) != 3:
+        tables.fail(key, "is a list of three coordinates, [x, y, z]")
+    x, y, z = (tables.scalar(f"{key}[{i}]", coordinate) for i, coordinate in enumerate(raw))
+    return point(x, y, z) if name == "E" else vector(x, y, z)
