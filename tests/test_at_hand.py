@@ -18,8 +18,8 @@ from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import InputError
 from pc2cad.part import Part
 from pc2cad.templates.file import read_template_text
+from pc2cad.templates.header import TemplateError
 from pc2cad.templates.shipped import UnknownTemplateError, find_template
-from pc2cad.templates.template import TemplateError
 
 
 @cache

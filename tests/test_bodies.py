@@ -26,8 +26,8 @@ from pc2cad.part import Part
 from pc2cad.report import SeveralBodiesError
 from pc2cad.studies.variant import BUILT, Job, Task, run_variant
 from pc2cad.templates.file import parse_template
+from pc2cad.templates.header import TemplateError
 from pc2cad.templates.shipped import bodies_paths
-from pc2cad.templates.template import TemplateError
 from pc2cad.validation import ExpectationNotMetError
 
 

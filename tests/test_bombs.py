@@ -21,8 +21,8 @@ from pc2cad.studies.plan import PlanError, read_axes
 from pc2cad.studies.variants_table import read_table
 from pc2cad.templates import scan
 from pc2cad.templates.file import parse_template
+from pc2cad.templates.header import TemplateError
 from pc2cad.templates.ranges import RangeError, read_axis
-from pc2cad.templates.template import TemplateError
 
 #: seconds of processor time
 SOON = 2.0

@@ -17,7 +17,7 @@ from pc2cad.errors import InputError
 from pc2cad.expression.scalar import evaluate
 from pc2cad.integrals.mass_properties import integrate
 from pc2cad.templates.file import parse_template
-from pc2cad.templates.template import TemplateError
+from pc2cad.templates.header import TemplateError
 
 u, v, w = pc.parameters()
 LINE = pc.polyline([(0, 0, 0), (0, 0, 1)])

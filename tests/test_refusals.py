@@ -20,8 +20,8 @@ from pc2cad.equation.point_equation import EmptyDomainError
 from pc2cad.equation.points import WeightsDoNotSumError
 from pc2cad.errors import InputError, NotASolidError, PointCadError
 from pc2cad.templates.file import parse_template
+from pc2cad.templates.header import ParameterRangeError
 from pc2cad.templates.shipped import template_paths
-from pc2cad.templates.template import ParameterRangeError
 
 P1 = {"A": (4, 0, 0), "B": (1, 5, 1), "C": (-2, -1, 0), "D": (1, 1, 6)}
 FLAT = r"the image is flat and has no volume|nothing bounds a solid"

@@ -25,8 +25,8 @@ from pc2cad.expression.normal_form import is_identically_zero
 from pc2cad.expression.tree import Expr
 from pc2cad.part import Part
 from pc2cad.templates.file import parse_template
+from pc2cad.templates.header import ParameterRangeError
 from pc2cad.templates.shipped import template_paths
-from pc2cad.templates.template import ParameterRangeError
 
 RELATIVE = 1e-12
 

@@ -22,9 +22,8 @@ from pc2cad.templates.file import parse_template, read_template
 from pc2cad.templates.shipped import template_paths
 from pc2cad.templates.template import Template
 
-SHIPPED = [read_template(path) for path in template_paths().values()]
-#: those with parameters that their reading leaves symbols
-READ_ONCE = [t for t in SHIPPED if isinstance(t, Template) and t.parameters and not t.consumed]
+#: what guides by numbers ask for as they are read
+ASKING = ("duct", "propeller_blade", "spring", "trefoil")
 BOX = """title = "box"
 [parameters]
 a = 1
@@ -50,19 +49,50 @@ def _values(template: Template, share: Fraction) -> dict[str, Expr]:
 
 @pytest.mark.parametrize("share", [Fraction(0), Fraction(1, 7), Fraction(-1, 50)])
 def test_values_put_into_trees_make_the_trees_that_are_read_with_them(share) -> None:
-    assert len(READ_ONCE) > 40
-    for template in READ_ONCE:
+    shipped = [read_template(path) for path in template_paths().values()]
+    once = [t for t in shipped if isinstance(t, Template) and t.parameters and not t.consumed]
+    assert len(once) > 40
+    for template in once:
         values = _values(template, share)
-        put, read = template._put(values), template._again(values, {})
-        assert put.M.coordinates == read.M.coordinates, template.name
-        assert put.M.weight is read.M.weight, template.name
-        assert put.domain == read.domain, template.name
-        for name in ("points", "layers", "lets", "fields"):
-            for one, other in zip(getattr(put, name), getattr(read, name), strict=True):
-                if isinstance(one.value, Combination):
-                    assert one.value.coordinates == other.value.coordinates, (template.name, name)
-                else:
-                    assert one.value is other.value, (template.name, name)
+        _assert_same(template._put(values), template._again(values, {}))
+
+
+def _assert_same(put: Template, read: Template) -> None:
+    """Hold all trees of two templates against each other."""
+    assert put.M.coordinates == read.M.coordinates, put.name
+    assert put.M.weight is read.M.weight, put.name
+    assert put.domain == read.domain, put.name
+    for name in ("points", "layers", "lets", "fields"):
+        for one, other in zip(getattr(put, name), getattr(read, name), strict=True):
+            if isinstance(one.value, Combination):
+                assert one.value.coordinates == other.value.coordinates, (put.name, name)
+            else:
+                assert one.value is other.value, (put.name, name)
+
+
+@pytest.mark.parametrize("name", ASKING)
+def test_what_asks_for_values_is_read_again_for_those_alone(name) -> None:
+    template, readings = read_template(name), []
+
+    def again(values, points, free=""):
+        readings.append(set(values))
+        return template._again(values, points, free)
+
+    counted = replace(template, _again=again)
+    default = {p.name: p.default for p in template.parameters}
+    others = {
+        n: x for n, x in _values(template, Fraction(1, 50)).items() if n not in template.consumed
+    }
+    assert others
+    put = counted._with(default | others, {})
+    assert readings == []
+    _assert_same(put, template._again(default | others, {}))
+    asked = min(template.consumed)
+    changed = {asked: number(evaluate(default[asked], {}) + 1)}
+    for _ in range(3):
+        put = counted._with(default | others | changed, {})
+    assert readings == [{asked}]
+    _assert_same(put, template._again(default | others | changed, {}))
 
 
 def test_a_template_is_not_read_again_for_values() -> None:

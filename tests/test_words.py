@@ -19,7 +19,7 @@ from pc2cad.errors import NotASolidError
 from pc2cad.expression.identity import Verdict
 from pc2cad.solidity.orientation import find_orientation
 from pc2cad.templates.file import parse_template
-from pc2cad.templates.template import TemplateError
+from pc2cad.templates.header import TemplateError
 
 u, v, w = pc.parameters()
 turn = 2 * pc.pi * u

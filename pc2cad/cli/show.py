@@ -14,7 +14,8 @@ from pc2cad.trust.names import visible
 
 if TYPE_CHECKING:
     from pc2cad.equation.point_equation import PointEquation
-    from pc2cad.templates.template import Parameter, Template
+    from pc2cad.templates.header import Parameter
+    from pc2cad.templates.template import Template
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

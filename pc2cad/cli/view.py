@@ -24,8 +24,8 @@ from pc2cad.errors import InputError, PointCadError, named
 if TYPE_CHECKING:
     from pc2cad.part import Part
     from pc2cad.studies.over_ranges import ProvedLater
+    from pc2cad.templates.header import Parameter
     from pc2cad.templates.ranges import Axis
-    from pc2cad.templates.template import Parameter
     from pc2cad.viewer.page import Slider, Variant
     from pc2cad.viewer.worker import Question
 

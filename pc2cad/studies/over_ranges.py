@@ -19,8 +19,9 @@ from pc2cad.errors import InputError, PointCadError
 from pc2cad.studies.plan import Plan
 from pc2cad.templates.bodies import BodiesTemplate
 from pc2cad.templates.file import read_template
+from pc2cad.templates.header import Header
 from pc2cad.templates.ranges import read_axis
-from pc2cad.templates.template import Header, Template
+from pc2cad.templates.template import Template
 
 if TYPE_CHECKING:
     from pc2cad.equation.family import Family

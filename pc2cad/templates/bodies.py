@@ -25,10 +25,11 @@ from pc2cad.equation.syntax import (
 from pc2cad.errors import InputError
 from pc2cad.expression.tree import Expr
 from pc2cad.expression.tree import number as as_number
+from pc2cad.templates.header import Header, Moved, TemplateError
 from pc2cad.templates.patterns import PATTERNS, Placement, check_operands, placements
 from pc2cad.templates.reader import TABLES, TEXTS, Reader, read_tables
 from pc2cad.templates.tables import Tables, shown
-from pc2cad.templates.template import Header, Moved, Template, TemplateError, expectations
+from pc2cad.templates.template import Template, expectations
 
 MOST_BODIES: Final = 32
 Kind = Literal["union", "cut", "intersect", "difference"]

@@ -12,8 +12,8 @@ from pc2cad.equation.points import Combination, Value, point, vector
 from pc2cad.errors import InputError
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import PI, Expr, number, substitute, symbol
+from pc2cad.templates.header import Definition, TemplateError
 from pc2cad.templates.tables import Tables, shown
-from pc2cad.templates.template import Definition, TemplateError
 
 if TYPE_CHECKING:
     from pc2cad.channels.frames import Frame

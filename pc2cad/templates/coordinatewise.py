@@ -18,7 +18,8 @@ from pc2cad.errors import InputError
 from pc2cad.expression.derivatives import derivatives
 from pc2cad.expression.printing import as_latex, as_text, name_latex
 from pc2cad.expression.tree import ONE, ZERO, Expr, div, mul, rebuild, substitute, symbol, walk
-from pc2cad.templates.template import Definition, Template
+from pc2cad.templates.header import Definition
+from pc2cad.templates.template import Template
 
 AXES: Final = ("x", "y", "z")
 

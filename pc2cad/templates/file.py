@@ -11,10 +11,11 @@ from typing import Final
 
 from pc2cad.expression.budget import bounded
 from pc2cad.templates.bodies import BodiesTemplate, read_bodies
+from pc2cad.templates.header import TemplateError
 from pc2cad.templates.reader import read_tables
 from pc2cad.templates.scan import check_numbers, check_text, unquoted_expression
 from pc2cad.templates.shipped import find_template
-from pc2cad.templates.template import Template, TemplateError
+from pc2cad.templates.template import Template
 from pc2cad.trust.files import FileNotReadError, read_regular
 from pc2cad.trust.names import clean
 

@@ -16,17 +16,11 @@ from pc2cad.errors import InputError
 from pc2cad.expression.budget import bounded
 from pc2cad.expression.tree import ONE, ZERO, Expr, Number, symbol
 from pc2cad.templates.channel_tables import attempt, read_curve, read_frame, read_guide
+from pc2cad.templates.header import Definition, Moved, Parameter
 from pc2cad.templates.order import FRAME_NAMES, Entry, entries, in_order
 from pc2cad.templates.series_tables import read_series
 from pc2cad.templates.tables import Tables, shown, written
-from pc2cad.templates.template import (
-    MEASURED,
-    Definition,
-    Moved,
-    Parameter,
-    Template,
-    check_count,
-)
+from pc2cad.templates.template import MEASURED, Template, check_count
 from pc2cad.trust.names import LABEL_RULE, clean, clean_lines, is_label
 
 if TYPE_CHECKING:

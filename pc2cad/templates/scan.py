@@ -11,8 +11,8 @@ import re
 from typing import Any, Final
 
 from pc2cad.expression.tree import LARGEST_CONSTANT
+from pc2cad.templates.header import TemplateError
 from pc2cad.templates.tables import shown
-from pc2cad.templates.template import TemplateError
 
 #: parts of a key, a.b.c; brackets within brackets
 MOST_PARTS: Final = 8

@@ -12,7 +12,7 @@ from pc2cad.equation.points import Combination, Value, kind_of
 from pc2cad.errors import InputError
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.tree import Expr, number, substitute
-from pc2cad.templates.template import TemplateError
+from pc2cad.templates.header import TemplateError
 from pc2cad.trust.names import is_identifier, visible
 
 #: entries of one table, points or radii of one list

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from math import isfinite
-from numbers import Real
 from typing import TYPE_CHECKING, Any, Final
 
 from pc2cad.equation.family import Family
 from pc2cad.equation.fields import make_field
-from pc2cad.equation.language import Listed, check_constants, nearest, read_expression
+from pc2cad.equation.language import Listed, check_constants
 from pc2cad.equation.point_equation import (
     Expectations,
     Interval,
@@ -28,96 +27,18 @@ from pc2cad.errors import InputError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.substitution import Substitution
-from pc2cad.expression.tree import Expr, Number, as_expr, substitute, symbol, walk
+from pc2cad.expression.tree import Expr, Number, substitute, symbol, walk
+from pc2cad.templates.header import Definition, Header, Moved, TemplateError
 
 if TYPE_CHECKING:
     from pc2cad.channels.frames import Frame
     from pc2cad.channels.guides import Guide
 
 
-class TemplateError(InputError):
-    """A template is not as the format asks; the message names file, key and column."""
-
-
-class ParameterRangeError(InputError):
-    """A parameter's value is outside the range its template allows."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A scalar that a user may set: its default, its range (None: open) and its meaning."""
-
-    name: str
-    default: Expr
-    minimum: Expr | None = None
-    maximum: Expr | None = None
-    about: str = ""
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Its least and its largest value."""
-        low = evaluate(self.minimum, {}) if self.minimum else float("-inf")
-        high = evaluate(self.maximum, {}) if self.maximum else float("inf")
-        return low, high
-
-
-@dataclass(frozen=True)
-class Definition:
-    """A named value of the template: its text as written and what it means."""
-
-    name: str
-    text: str
-    value: Value
-
-
 #: what [expect] may state that is no count
 MEASURED: Final = frozenset(("volume", "area", "centroid"))
-#: what may stand for a template's point: text, a point, or three coordinates
-Moved = str | Combination | Sequence[Expr | Number]
-
-
-@dataclass(frozen=True, repr=False)
-class Header:
-    """What every template has: its words, its unit, its parameters and its points."""
-
-    name: str
-    title: str
-    about: str
-    source: str
-    units: str
-    parameters: tuple[Parameter, ...]
-    points: tuple[Definition, ...]
-
-    def __repr__(self) -> str:
-        given = ", ".join(f"{p.name}={p.default}" for p in self.parameters)
-        return (
-            f"<{type(self).__name__} {self.name}: {'; '.join(filter(None, (self.title, given)))}>"
-        )
-
-    def values(self, values: Mapping[str, Any] | None) -> tuple[dict[str, Expr], dict[str, Moved]]:
-        """Return the value of every parameter and what moves points, checked as `bind` does."""
-        moved, rest = self.split(values or {})
-        given = {name: _constant(name, value) for name, value in rest.items()}
-        known = [p.name for p in self.parameters]
-        self._check_names(given, [*known, *(p.name for p in self.points)], "parameter")
-        bound = {p.name: given.get(p.name, p.default) for p in self.parameters}
-        for parameter in self.parameters:
-            _check_range(parameter, bound[parameter.name])
-        return bound, moved
-
-    def split(self, values: Mapping[str, Any]) -> tuple[dict[str, Moved], dict[str, Any]]:
-        """Return what moves points and what sets parameters, told apart by the names."""
-        points = {p.name for p in self.points}
-        moved = {name: value for name, value in values.items() if name in points}
-        return moved, {name: value for name, value in values.items() if name not in points}
-
-    def _check_names(self, given: Mapping[str, Any], known: list[str], what: str) -> None:
-        for name in given:
-            if name not in known:
-                listed = ", ".join(known) or "none"
-                raise InputError(
-                    f"{self.name} has no {what} '{name}' (it has: {listed}){nearest(name, known)}"
-                )
+#: readings of one template that are remembered: a guide by numbers is found anew in each
+MOST_READINGS: Final = 8
 
 
 @dataclass(frozen=True, repr=False)
@@ -215,17 +136,39 @@ class Template(Header):
     ) -> Template:
         """Return the template with values for parameters, but for a free one, and other points.
 
-        Values are put into the trees that were read. It is read again for other points, where the
-        reading asks for values, and where they do not fit: then it says where.
+        Values are put into the trees that were read. It is read again for other points, for other
+        values of what reading asks for, and where they do not fit: then it says where.
         """
         points = {**self._given[1], **moved}
         if not values:
-            return self._again({}, points) if moved else self
+            return self._reading({}, points, free) if moved else self
         with suppress(InputError):
-            read = self._again({}, points) if moved else self
-            if not read.consumed:
-                return read._put({name: value for name, value in values.items() if name != free})
+            read = self._reading({}, points, free) if moved else self
+            known, asked = {p.name: p.default for p in self.parameters}, dict[str, Expr]()
+            while more := {
+                n: x for n, x in values.items() if n in read.consumed and known[n] is not x
+            }:
+                known |= more
+                asked |= more
+                read = self._reading(asked, points, free)
+            return read._put({name: value for name, value in values.items() if name != free})
         return self._again(values, points, free)
+
+    def _reading(
+        self, asked: Mapping[str, Expr], points: Mapping[str, Moved], free: str
+    ) -> Template:
+        """Return the template as read with what it asks for: the last few are remembered."""
+        texts = {name: place for name, place in points.items() if isinstance(place, str)}
+        if texts.keys() != points.keys():
+            return self._again(asked, points, free)
+        key = tuple(sorted(asked.items())), tuple(sorted(texts.items()))
+        return self._readings(*key, free if free in asked else "")
+
+    @cached_property
+    def _readings(self) -> Callable[..., Template]:
+        return lru_cache(maxsize=MOST_READINGS)(
+            lambda asked, texts, free: self._again(dict(asked), dict(texts), free)
+        )
 
     def _put(self, values: dict[str, Expr]) -> Template:
         """Return the template with values in its trees; raise InputError where they do not fit."""
@@ -240,8 +183,9 @@ class Template(Header):
         assert isinstance(M, Combination)
         return replace(
             self, points=points, layers=layers, lets=lets, fields=fields, M=M,
-            domain=(u, v, w), _again=partial(_put_again, self._again),
-            _given=(values, self._given[1]),
+            domain=(u, v, w), expected=self._figures(values),
+            consumed=self.consumed - values.keys(), _given=(values, self._given[1]),
+            _again=partial(_put_again, self._again, self._given[0]),
         )  # fmt: skip
 
     @property
@@ -256,6 +200,18 @@ class Template(Header):
         names = frozenset(p.name for p in self.parameters)
         alone = [x for x in walk(tuple(trees)) if x.args and x.symbols and x.symbols <= names]
         return Substitution((*trees, *alone), names)
+
+    def _figures(self, values: dict[str, Expr]) -> Mapping[tuple[str, ...], tuple[Expr, ...]]:
+        """Return what is expected with values in its trees, as it is where these do not fit."""
+        with suppress(InputError):  # a choice that is not made may have no value
+            trees = iter(self._stated(values))
+            return {key: tuple([next(trees) for _ in row]) for key, row in self.expected.items()}
+        return self.expected
+
+    @cached_property
+    def _stated(self) -> Substitution:
+        names = frozenset(p.name for p in self.parameters)
+        return Substitution(tuple([x for row in self.expected.values() for x in row]), names)
 
     def _freed(self, bound: Mapping[str, Expr], moved: Mapping[str, Moved], name: str) -> Variation:
         """Return how the equation changes with one of its parameters."""
@@ -327,16 +283,14 @@ def expectations(
     """
     figures: dict[str, Any] = {}
     at = {parameter: evaluate(value, {}) for parameter, value in values.items()}
-    for (key, *below), stated in expected.items():
-        trees = stated
-        with suppress(InputError):  # a choice that is not made may have no value: then in floats
-            trees = substitute(stated, dict(values))
+    for (key, *below), trees in expected.items():
         numbers = tuple([evaluate(tree, at) for tree in trees])
-        for tree, value in zip(stated, numbers, strict=True):
+        for tree, value in zip(trees, numbers, strict=True):
             if not isfinite(value):
-                where = ", ".join(f"{p} = {x:g}" for p, x in at.items() if p in tree.symbols)
+                given = ", ".join(f"{p} = {x:g}" for p, x in at.items() if p in tree.symbols)
+                where = f" for {given}" if given else ""
                 raise TemplateError(
-                    f"{name}: [expect] {key}: {tree!r} is not a finite real number for {where}"
+                    f"{name}: [expect] {key}: {tree!r} is not a finite real number{where}"
                 )
         if key in MEASURED:
             figures[key] = numbers if key == "centroid" else numbers[0]
@@ -355,9 +309,11 @@ def check_count(key: str, tree: Expr, at: Mapping[str, float]) -> None:
         raise TemplateError(f"{key}: is a whole number, and {tree!r} was given")
 
 
-def _put_again(again: Callable[..., Template], values: dict[str, Expr], moved: Any) -> Template:
+def _put_again(
+    again: Callable[..., Template], asked: Any, values: dict[str, Expr], moved: Any
+) -> Template:
     """Read a template again that values were put into, as one from another process is."""
-    return again({}, moved)._put(values)
+    return again(asked, moved)._put(values)
 
 
 def _trees_of(value: Value) -> tuple[Expr, ...]:
@@ -369,32 +325,3 @@ def _next(value: Value, trees: Iterator[Expr]) -> Value:
     if isinstance(value, Combination):
         return Combination(next(trees), next(trees), next(trees), next(trees))
     return next(trees)
-
-
-def _constant(name: str, value: Number | str | Expr) -> Expr:
-    if isinstance(value, str):
-        try:
-            read = read_expression(value, {})
-        except InputError as error:
-            raise InputError(f"the value '{value}' of parameter {name}: {error}") from error
-        if not isinstance(read, Expr):
-            raise InputError(f"the value of parameter {name} must be a number, not a point")
-        value = read
-    if isinstance(value, bool) or not isinstance(value, (Real, Expr)):
-        raise InputError(f"the value of parameter {name} must be a number")
-    tree = as_expr(value)
-    if tree.symbols:
-        raise InputError(f"the value of parameter {name} must be constant")
-    return tree
-
-
-def _check_range(parameter: Parameter, value: Expr) -> None:
-    number, (low, high) = evaluate(value, {}), parameter.limits
-    if not low <= number <= high:
-        allowed = (
-            f"from {low:g} to {high:g}" if parameter.minimum and parameter.maximum
-            else f"{low:g} or more" if parameter.minimum else f"{high:g} or less"
-        )  # fmt: skip
-        raise ParameterRangeError(
-            f"the parameter {parameter.name} = {number:g} is outside its range: {allowed}"
-        )
