@@ -24,7 +24,7 @@ from pc2cad.solidity.embedding.blocks import near_pairs
 from pc2cad.solidity.embedding.holds import hold, hold_in_pieces
 from pc2cad.solidity.embedding.separation import boxes, boxes_of_rows
 from pc2cad.solidity.embedding.surfaces import Surfaces
-from pc2cad.solidity.embedding.windows import Cones, cones_of, is_ahead, is_alone, is_wall
+from pc2cad.solidity.embedding.windows import Cones, are_ahead, cones_of, is_alone, is_wall
 
 
 def cones(axes, degrees):
@@ -129,6 +129,11 @@ def test_no_vectors_of_three_cones_lie_in_a_plane_where_that_is_said():
     assert least < 0.1
 
 
+def is_ahead_with(signs, parts):
+    """Say of cones (k, n) with signs (k, n) what `are_ahead` says of their axes and sines."""
+    return are_ahead(np.moveaxis(parts.axes, -1, 0) * signs, parts.slopes[0])
+
+
 def test_cones_are_ahead_of_a_plane_up_to_half_of_space():
     """Two cones at an angle have a plane before them where their half angles leave room for it."""
     for between in (40, 90, 130):
@@ -136,10 +141,10 @@ def test_cones_are_ahead_of_a_plane_up_to_half_of_space():
         axes = [[[1, 0, 0]] * 2, [[np.cos(angle), np.sin(angle), 0]] * 2]
         half = (180 - between) / 2
         both = cones(axes, [[half - 1, half + 1]] * 2)
-        assert is_ahead(both, np.ones((2, 2), dtype=int)).tolist() == [True, False]
+        assert is_ahead_with(np.ones((2, 2)), both).tolist() == [True, False]
         # the same cones turned round, and their signs with them
         turned = Cones(both.axes * np.array([1, -1])[:, None, None], both.radii)
-        assert is_ahead(turned, np.array([[1, 1], [-1, -1]])).tolist() == [True, False]
+        assert is_ahead_with([[1, 1], [-1, -1]], turned).tolist() == [True, False]
 
 
 def test_vectors_of_cones_are_on_one_side_of_a_plane_where_that_is_said():
@@ -150,7 +155,7 @@ def test_vectors_of_cones_are_on_one_side_of_a_plane_where_that_is_said():
         signs = rng.choice([-1, 1], count)
         axes = rng.normal(size=(count, 3)) + rng.normal(size=3) * 2
         parts = cones(axes * signs[:, None], rng.uniform(0, 40, count))
-        if not is_ahead(Cones(parts.axes[:, None], parts.radii[:, None]), signs[:, None])[0]:
+        if not is_ahead_with(signs[:, None], Cones(parts.axes[:, None], parts.radii[:, None]))[0]:
             continue
         said += 1
         vectors = np.concatenate(
@@ -171,7 +176,7 @@ def test_vectors_of_cones_are_on_one_side_of_a_plane_where_that_is_said():
 def test_cones_of_nothing_or_of_half_of_space_are_never_ahead():
     for radius in (-np.inf, 1.5, 2.0):
         axes = np.array([[[1.0, 0, 0]], [[0.9, 0.1, 0]]])
-        assert not is_ahead(Cones(axes, np.array([[0.1], [radius]])), np.ones((2, 1), int)).any()
+        assert not is_ahead_with(np.ones((2, 1)), Cones(axes, np.array([[0.1], [radius]]))).any()
 
 
 def test_patches_are_raised_before_they_are_taken_as_after():

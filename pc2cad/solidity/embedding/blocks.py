@@ -358,8 +358,8 @@ class _Search:
     def _ahead(self, level: Level, step: Integers, first: Integers, second: Integers) -> Booleans:
         """Say between which pairs of blocks no ways with these signs come back to where they began.
 
-        All tangents are asked, not a cone of them: on two
-        sides of a wall those along one side, whichever, and the ways across at the other block.
+        All tangents are asked, not a cone of them: on two sides of a wall those along one side,
+        whichever, and the ways across at the other block.
         """
         wall = self._wall_of[level.sheet[first[0]], level.sheet[second[0]]]
         result = np.zeros(step.shape[1], dtype=bool)

@@ -133,17 +133,10 @@ def is_wall(s: Cones, t: Cones, w: Cones) -> Booleans:
     return np.asarray(volume > corner + _UNIT)
 
 
-def is_ahead(cones: Cones, signs: Integers) -> Booleans:
-    """Say where a plane has all vectors of cones (k, n), with signs (k, n), on one side.
-
-    No sum of them with positive factors is zero then.
-    """
-    return are_ahead(np.array([cones.axes[..., k] * signs for k in range(3)]), cones.slopes[0])
-
-
 def are_ahead(axes: Array, sines: Array) -> Booleans:
-    """Say the same of axes (3, k, n) with their signs, and sines (k, n).
+    """Say where a plane has all vectors of k cones on one side: no sum of any is zero then.
 
+    `axes` (3, k, n) count with their signs; `sines` (k, n) are those of half the angles at the tip.
     The plane is sought: as far as a cone is behind it, the cone is to be before it after the next
     step. Coordinate by coordinate: long rows, not three numbers at a time.
     """
