@@ -95,7 +95,7 @@ def thickness(vectors: Array) -> tuple[float, float]:
 
 
 def areas(a: Array, b: Array) -> Array:
-    """Return |a × b| of vectors (…, 3), the same bits as `lengths` of `cross`, sooner."""
+    """Return |a × b| of vectors (…, 3): what `lengths` of `cross` are, without these vectors."""
     (p, q, r), (x, y, z) = ((m[..., 0], m[..., 1], m[..., 2]) for m in (a, b))
     u, v, w = q * z - r * y, r * x - p * z, p * y - q * x
     u *= u
@@ -134,14 +134,6 @@ def product(a: NDArray[Any], b: NDArray[Any]) -> Array:
         return _by_rows(b.T, a.T).T
     parts = range(0, n, BLOCK)
     return np.concatenate([_by_rows(a, b[:, i : i + BLOCK]) for i in parts], axis=1)
-
-
-def times(a: Array, b: Array, out: Array) -> None:
-    """Put what `product` returns of two matrices where it is wanted."""
-    if len(a) * b.size <= ONE_THREAD:
-        np.matmul(a, b, out=out)
-    else:
-        out[...] = product(a, b)
 
 
 def _by_rows(a: NDArray[Any], b: NDArray[Any]) -> Array:

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import squares
 from pc2cad.domain.map import Mapping3
 from pc2cad.expression.breaks import SAME_POSITION, Break
 from pc2cad.expression.enclosures import IntervalProgram
@@ -103,7 +104,7 @@ def _slow_parts(mapping: Mapping3) -> dict[int, Array]:
     found = {}
     for k, d in enumerate(directions):
         tangent = tangents[d][k * count : (k + 1) * count]
-        lengths = np.sqrt(np.add.reduce(tangent * tangent, axis=-1))
+        lengths = np.sqrt(squares(tangent))
         first, second = lengths[:-1], lengths[1:]
         fast = ~(np.minimum(first, second) > _FAST * np.maximum(first, second))
         if fast.any():

@@ -13,6 +13,7 @@ from math import ceil, floor, log10
 import numpy as np
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import squares
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.parameters import PARAMETERS
@@ -156,7 +157,7 @@ def volumes(tangents: list[Array]) -> tuple[Array, Array, tuple[Array, Array, Ar
     """Return det J, |M_u||M_v||M_w| and its three factors, of tangents (…, 3)."""
     with np.errstate(all="ignore"):
         determinant = determinants(*tangents)
-        a, b, c = (_lengths(m) for m in tangents)
+        a, b, c = (np.sqrt(squares(m)) for m in tangents)
         return determinant, np.asarray(a * b * c), (a, b, c)
 
 
@@ -167,8 +168,3 @@ def determinants(a: Array, b: Array, c: Array) -> Array:
         + a[..., 1] * (b[..., 2] * c[..., 0] - b[..., 0] * c[..., 2])
         + a[..., 2] * (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0])
     )
-
-
-def _lengths(vectors: Array) -> Array:
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    return np.asarray(np.sqrt(x * x + y * y + z * z))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pc2cad.arrays import Array
+from pc2cad.arrays.linear import squares
 from pc2cad.domain.pieces import Pieces
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.expression.breaks import trim_pieces
@@ -69,7 +70,7 @@ class Mapping3:
 
     def points(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> Array:
         """Return M, shape broadcast(u, v, w) + (3,)."""
-        return self._run(("M",), u, v, w)[0]
+        return self._run(_POINTS, u, v, w)[0]
 
     def tangents(
         self, directions: tuple[int, ...], u: ArrayLike, v: ArrayLike, w: ArrayLike
@@ -83,7 +84,7 @@ class Mapping3:
 
     def frame(self, u: ArrayLike, v: ArrayLike, w: ArrayLike) -> list[Array]:
         """Return M, M_u, M_v and M_w, evaluated together; shapes as `points`."""
-        return self._run(("M", *PARAMETERS), u, v, w)
+        return self._run(_FRAME, u, v, w)
 
     def value(self, direction: int, local: float) -> float:
         """Return the equation's own parameter at a local coordinate of one direction."""
@@ -362,9 +363,8 @@ def _powers(mapping: Mapping3, direction: int, far: float, close: float) -> list
 def speeds_of(points: Array, *tangents: Array) -> tuple[float, float, float]:
     """Return `Mapping3.speeds` from M, M_u, M_v and M_w (…, 3) on the grid of its places."""
     coordinates = np.fmax.reduce(np.abs(points), axis=None)
-    of_each = ((m[..., 0], m[..., 1], m[..., 2]) for m in tangents)
-    squares = [np.fmax.reduce(x * x + y * y + z * z, axis=None) for x, y, z in of_each]
-    u, v, w = (float(max(np.sqrt(square), coordinates)) for square in squares)
+    largest = (np.sqrt(np.fmax.reduce(squares(m), axis=None)) for m in tangents)
+    u, v, w = (float(max(length, coordinates)) for length in largest)
     return u, v, w
 
 

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.arrays.linear import cross, lengths
+from pc2cad.arrays.linear import areas
 from pc2cad.domain.analysis import Analysis, analyse
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.pinch import pinch_of
@@ -344,7 +344,7 @@ def _volumes(
     found = []
     for i, part in enumerate(parts):
         error = max(face_mesh.error for face_mesh in face_meshes if face_mesh.shell == i)
-        area = float(lengths(cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0])).sum()) / 2
+        area = float(areas(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0]).sum()) / 2
         found.append((float(np.linalg.det(part - centre).sum()) / 6, area * error))
     return found
 

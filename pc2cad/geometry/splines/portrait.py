@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
-from pc2cad.arrays.linear import product, squares, times
+from pc2cad.arrays.linear import product, squares
 from pc2cad.errors import ToleranceNotReachedError
 
 #: values at parameters t of shape (m,): shape (m, columns, 3)
@@ -55,7 +55,7 @@ class Portrait:
             result = np.empty((len(places), self._flat[0].shape[1]))
             for first, last, flat in zip(cuts, cuts[1:], self._flat, strict=False):
                 if first < last:
-                    times(own[first:last], flat, result[first:last])
+                    result[first:last] = product(own[first:last], flat)
             start += len(places)
             results.append(result)
         return results

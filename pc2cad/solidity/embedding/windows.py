@@ -16,7 +16,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct_rows
-from pc2cad.arrays.linear import cross, dots, lengths, unit
+from pc2cad.arrays.linear import areas, cross, dots, lengths, unit
 from pc2cad.solidity.embedding.cells import Cells, cells_of
 from pc2cad.solidity.embedding.surfaces import Surfaces
 
@@ -112,7 +112,7 @@ def is_alone(s: Cones, t: Cones) -> Booleans:
     """
     (sine, cosine), (other, base) = s.slopes, t.slopes
     narrow = cosine * base > sine * other
-    between = lengths(cross(s.axes, t.axes))
+    between = areas(s.axes, t.axes)
     return np.asarray(narrow & (between > sine * base + cosine * other + _UNIT))
 
 
