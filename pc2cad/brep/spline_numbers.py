@@ -10,7 +10,8 @@ from __future__ import annotations
 import io
 import math
 import struct
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from itertools import accumulate
 from typing import Any
 
@@ -28,48 +29,61 @@ _CURVE = struct.Struct("<B2?H2i")
 _SPLINE_SURFACE, _SPLINE_CURVE = 9, 7
 
 
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """A knot vector as the kernel has it: distinct knots (n,), ascending, how often each comes."""
+
+    values: Array
+    counts: Integers
+
+    @cached_property
+    def are_apart(self) -> bool:
+        """Whether all are finite, and apart by more than the kernel's own limit."""
+        gaps = self.values[1:] - self.values[:-1]
+        whole = float(self.values[-1] - self.values[0])
+        return math.isfinite(whole) and (len(gaps) == 0 or float(gaps.min()) >= 1e-10 * whole)
+
+    @cached_property
+    def written(self) -> bytes:
+        """What the kernel writes of them."""
+        table = np.empty(len(self.values), _KNOT)
+        table["value"], table["times"] = self.values, self.counts
+        return table.tobytes()
+
+
 def spline_surface(
     poles: Array, knots: tuple[Array, Array], degrees: tuple[int, int]
 ) -> Geom_BSplineSurface:
     """Return the kernel's surface of poles (n, m, 3), or (n, m, 4) with weights, and flat knots."""
-    rational = poles.shape[-1] == 4
-    (n, u), (m, v) = (_counted(np.asarray(row, dtype=float).tobytes()) for row in knots)
+    rational, (u, v) = poles.shape[-1] == 4, map(counted, knots)
     flags = (rational, rational, False, False)
-    counts = (*poles.shape[:2], n, m)
+    counts = (*poles.shape[:2], len(u.values), len(v.values))
     head = b"Surfaces 1\n" + _SURFACE.pack(_SPLINE_SURFACE, *flags, *degrees, *counts)
     return _read(BinTools_SurfaceSet(), head, poles, u, v).Surface(1)
 
 
 def spline_curve(poles: Array, knots: Array, degree: int) -> Geom_BSplineCurve:
     """Return the kernel's curve of poles (n, 3), or (n, 4) with weights, and flat knots."""
-    rational, (n, t) = poles.shape[-1] == 4, _counted(np.asarray(knots, dtype=float).tobytes())
-    kind = _CURVE.pack(_SPLINE_CURVE, rational, False, degree, len(poles), n)
+    rational, t = poles.shape[-1] == 4, counted(knots)
+    kind = _CURVE.pack(_SPLINE_CURVE, rational, False, degree, len(poles), len(t.values))
     return _read(BinTools_CurveSet(), b"Curves 1\n" + kind, poles, t).Curve(1)
 
 
-def counted(flat: Array) -> tuple[Array, Integers]:
-    """Return the distinct knots of a knot vector, and how often each comes."""
-    return _distinct(np.asarray(flat, dtype=float).tobytes())
+def counted(flat: Array) -> Knots:
+    """Return a flat knot vector as the kernel has it."""
+    return _counted(np.asarray(flat, dtype=float).tobytes())
 
 
 @lru_cache(maxsize=64)  # faces and edges that meet have theirs in common
-def _distinct(flat: bytes) -> tuple[Array, Integers]:
+def _counted(flat: bytes) -> Knots:
     values, counts = np.unique(np.frombuffer(flat), return_counts=True)
     values.flags.writeable = counts.flags.writeable = False
-    return values, counts
+    return Knots(values, counts)
 
 
-@lru_cache(maxsize=64)
-def _counted(flat: bytes) -> tuple[int, bytes]:
-    """Return how many knots are distinct, and what the kernel writes of a knot vector."""
-    values, counts = _distinct(flat)
-    table = np.empty(len(values), _KNOT)
-    table["value"], table["times"] = values, counts
-    return len(values), table.tobytes()
-
-
-def _read(one: Any, head: bytes, poles: Array, *knots: bytes) -> Any:
-    one.Read(io.BytesIO(b"".join((head, np.asarray(poles, "<f8").tobytes(), *knots))))
+def _read(one: Any, head: bytes, poles: Array, *knots: Knots) -> Any:
+    parts = (head, np.asarray(poles, "<f8").tobytes(), *(row.written for row in knots))
+    one.Read(io.BytesIO(b"".join(parts)))
     return one
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache, singledispatch
+from functools import singledispatch
 from math import isfinite, sqrt
 
 import numpy as np
@@ -25,13 +25,13 @@ from OCP.Geom import (
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_Line
 from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
-from pc2cad.arrays import Array, Integers
+from pc2cad.arrays import Array
 from pc2cad.brep.kernel import (
     Array1OfInteger,
     Array1OfPnt2d,
     Array1OfReal,
 )
-from pc2cad.brep.spline_numbers import counted, spline_curve, spline_surface
+from pc2cad.brep.spline_numbers import Knots, counted, spline_curve, spline_surface
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import (
     Arc,
@@ -98,7 +98,7 @@ def curve(carrier: CurveCarrier) -> tuple[Geom_Curve, float, float]:
 
 def _spline_curve(carrier: SplineCurve) -> Geom_BSplineCurve:
     poles = _weighted(carrier.poles, carrier.weights, "an edge's")
-    _multiplicities(carrier.knots)
+    _checked(carrier.knots)
     return spline_curve(poles, carrier.knots, carrier.degree)
 
 
@@ -111,29 +111,21 @@ def _weighted(poles: Array, weights: Array | None, whose: str) -> Array:
     return np.concatenate((poles, weights[..., None]), axis=-1)
 
 
-def _multiplicities(flat: Array) -> tuple[Array, Integers]:
-    """Return the distinct knots, which the kernel can tell apart, and how often each comes."""
-    values, counts = counted(flat)
-    if not _are_apart(values.tobytes()):
-        check_finite(values, "a knot vector")
+def _checked(flat: Array) -> Knots:
+    """Return the knots of a flat knot vector, which the kernel can tell apart."""
+    knots = counted(flat)
+    if not knots.are_apart:
+        check_finite(knots.values, "a knot vector")
         raise KernelError("two knots are nearer than 1e-10 of the parameter range")
-    return values, counts
-
-
-@lru_cache(maxsize=64)  # faces and edges that meet have theirs in common
-def _are_apart(distinct: bytes) -> bool:
-    """Say whether ascending knots are finite, and apart by more than the kernel's own limit."""
-    values = np.frombuffer(distinct)
-    gaps = values[1:] - values[:-1]
-    whole = float(values[-1] - values[0])
-    return isfinite(whole) and (len(gaps) == 0 or float(gaps.min()) >= 1e-10 * whole)
+    return knots
 
 
 def _knots(flat: Array) -> tuple[Array1OfReal, Array1OfInteger]:
-    values, counts = _multiplicities(flat)
-    knots = Array1OfReal(1, len(values))
-    multiplicities = Array1OfInteger(1, len(values))
-    for i, (value, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True), start=1):
+    found = _checked(flat)
+    knots = Array1OfReal(1, len(found.values))
+    multiplicities = Array1OfInteger(1, len(found.values))
+    pairs = zip(found.values.tolist(), found.counts.tolist(), strict=True)
+    for i, (value, count) in enumerate(pairs, start=1):
         knots.SetValue(i, value)
         multiplicities.SetValue(i, count)
     return knots, multiplicities
@@ -192,7 +184,7 @@ def _(carrier: Revolution) -> Geom_Surface:
 def _(carrier: SplineSurface) -> Geom_Surface:
     poles = _weighted(carrier.poles, carrier.weights, "a face's")
     for knots in carrier.knots:
-        _multiplicities(knots)
+        _checked(knots)
     return spline_surface(poles, carrier.knots, carrier.degrees)
 
 
