@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pc2cad.brep.build import KERNEL_TOLERANCE, BuiltSolid
+from pc2cad.brep.build import BuiltSolid
 from pc2cad.brep.inspect import KernelFindings, crossing_wires, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
 from pc2cad.brep.plane_solids import plane_solid
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.checked import CheckedMap
 from pc2cad.domain.pinch import pinch_of
 from pc2cad.equation.point_equation import Expectations

@@ -13,7 +13,7 @@ from numpy.polynomial.legendre import leggauss
 
 import pc2cad as pc
 from pc2cad.arrays import Array
-from pc2cad.brep.build import KERNEL_TOLERANCE
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.csg.edge_curves import DEGREE, common_curve, path_along
 from pc2cad.csg.seams import MET
 from pc2cad.geometry.jets import CurveFunction, EdgeFunction, Jet, Sizes, SurfaceFunction, Trace

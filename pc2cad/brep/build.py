@@ -28,13 +28,12 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import lengths
 from pc2cad.brep import to_kernel
 from pc2cad.brep.kernel import as_face
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.errors import KernelError
 from pc2cad.geometry.carriers import PCurve, Plane, SplineSurface
 from pc2cad.representation.boundary_model import BoundaryModel, ModelFace
 
-#: the kernel's own confusion distance; what it is given is exact to far less
-KERNEL_TOLERANCE = 1e-7
-#: beyond this, a dozen roundings of a coordinate are as large as that
+#: beyond this, a dozen roundings of a coordinate are as large as what the kernel tells apart
 LARGEST_COORDINATE = KERNEL_TOLERANCE / (16 * float(np.finfo(float).eps))
 
 

@@ -35,11 +35,10 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.brep.closed_shells import is_closed
 from pc2cad.brep.plane_solids import USE, WIRE, PlaneSolid, Topology, is_one_shell
+from pc2cad.brep.tolerance import WELL_WITHIN
 
 #: corners of a face beyond which pairs of them are too many
 MOST_CORNERS = 12
-#: a tenth of the least tolerance that the kernel knows (``Precision::Confusion``)
-_NEAR = 1e-8
 #: to which the kernel finds where edges meet (``BRepCheck_Wire::SelfIntersect``)
 _MEETING = 1e-10
 #: how many of its tolerances a vertex must be away from the edges that are not its own
@@ -67,10 +66,10 @@ def is_convex(solid: PlaneSolid) -> bool:
     lean, turn = float(np.abs(leans).max()), float(turns.min())
     return bool(
         (solid.ranges[:, 0] < solid.ranges[:, 1]).all()
-        and gap + float(np.abs(height).max()) <= _NEAR
+        and gap + float(np.abs(height).max()) <= WELL_WITHIN
         # a projection is as much shorter, from where the line's numbers begin
-        and lean * lean * float(np.abs(solid.ranges).max()) <= _NEAR
-        and gap + _MEETING <= _NEAR * turn
+        and lean * lean * float(np.abs(solid.ranges).max()) <= WELL_WITHIN
+        and gap + _MEETING <= WELL_WITHIN * turn
         and away.min() >= _AWAY * solid.tolerance
     )
 
@@ -85,7 +84,7 @@ def is_convex_body(solid: PlaneSolid) -> bool:
         return False
     outwards = solid.planes[:, 3:6] * found.outward
     height = solid.points @ outwards.T - (solid.planes[:, :3] * outwards).sum(axis=1)
-    return bool(height.max() <= _NEAR)
+    return bool(height.max() <= WELL_WITHIN)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,9 +26,8 @@ from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 from pc2cad.brep.from_kernel import vector
 from pc2cad.brep.kernel import IndexedMapOfShape, as_face
 from pc2cad.brep.spline_numbers import surface_numbers
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 
-#: ``Precision::Confusion``
-_CONFUSION = 1e-7
 _FAR = sys.float_info.max
 _POINTS_PER_FACE = 10
 _OUT, _IN = (
@@ -75,9 +74,9 @@ def _first(faces: list[TopoDS_Face], line: gp_Lin) -> tuple[Any, Any]:
     """Return where in its face, and how, a line first meets one of the faces."""
     nearest, state, transition = _FAR, TopAbs_State.TopAbs_OUT, None
     for face in faces:
-        if not _may_meet(face, line, nearest - _CONFUSION):
+        if not _may_meet(face, line, nearest - KERNEL_TOLERANCE):
             continue
-        meeting = IntCurvesFace_Intersector(face, _CONFUSION, True, False)
+        meeting = IntCurvesFace_Intersector(face, KERNEL_TOLERANCE, True, False)
         meeting.Perform(line, -_FAR, nearest)
         if not meeting.IsDone() or meeting.NbPnt() == 0:
             continue
@@ -101,5 +100,6 @@ def _may_meet(face: TopoDS_Face, line: gp_Lin, last: float) -> bool:
     across = gp_Ax2(line.Location(), line.Direction())
     beside = poles @ np.array([vector(across.XDirection()), vector(across.YDirection())]).T
     return bool(
-        (beside.min(axis=0) <= _CONFUSION).all() and (beside.max(axis=0) >= -_CONFUSION).all()
+        (beside.min(axis=0) <= KERNEL_TOLERANCE).all()
+        and (beside.max(axis=0) >= -KERNEL_TOLERANCE).all()
     )

@@ -24,6 +24,7 @@ from pc2cad.arrays import Array, Booleans
 from pc2cad.brep.booleans import NamedShape
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
 from pc2cad.brep.kernel import IndexedMapOfShape, as_edge, as_vertex
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.topology.cells import SideKey
 
 #: places along an edge, and along each parameter of a face, from which distances are looked for
@@ -183,7 +184,7 @@ def _face(
     surface = surface_function(BRep_Tool.Surface_s(face), np.zeros(3))
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
     low, high = np.array([u0, v0]), np.array([u1, v1])
-    classifier = IntTools_FClass2d(face, 1e-7)
+    classifier = IntTools_FClass2d(face, KERNEL_TOLERANCE)
 
     def jet(at: Array) -> tuple[Array, tuple[Array, ...]]:
         point, along_a, along_b = surface.jet(at[:, 0], at[:, 1])

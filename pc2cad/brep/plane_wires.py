@@ -16,6 +16,7 @@ from pc2cad.arrays import Array
 from pc2cad.brep.from_kernel import frame
 from pc2cad.brep.kernel import as_edge, children
 from pc2cad.brep.spline_integrals import read_curve
+from pc2cad.brep.tolerance import WELL_WITHIN
 from pc2cad.geometry.carriers import SplineCurve
 from pc2cad.geometry.plane_chains import outer_chain, turn_of
 from pc2cad.geometry.round_chains import round_chains
@@ -27,8 +28,6 @@ WORTH_WHILE = 120
 _STRAIGHT = 4
 #: points that the kernel takes of a spline at most (``Geom2dInt_Geom2dCurveTool::NbSamples``)
 _MOST_SAMPLES = 300
-#: how far curves go on beside their vertices: a tenth of ``Precision::Confusion``
-_GAP = 1e-8
 _ORIGIN = np.zeros(3)
 #: how what is oriented is walked; what is internal or external is not
 TURNS = {TopAbs_Orientation.TopAbs_FORWARD: 1, TopAbs_Orientation.TopAbs_REVERSED: -1}
@@ -97,7 +96,7 @@ def _ordered(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> _Ordered | Non
         if np.abs(flat[..., 2]).max() > min(tolerances) / 2:
             return None
         chain = np.ascontiguousarray(flat[..., :2])
-        if np.abs(chain[:, -1] - np.roll(chain[:, 0], -1, axis=0)).max() > _GAP:
+        if np.abs(chain[:, -1] - np.roll(chain[:, 0], -1, axis=0)).max() > WELL_WITHIN:
             return None
         chains.append(chain)
     margin = 8 * max(tolerances) + 6 * max(off for row in known for _, off in row)

@@ -16,7 +16,6 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
 from pc2cad.arrays import Array
 from pc2cad.brep import to_kernel
 from pc2cad.brep.booleans import NamedEdge, NamedShape
-from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.from_kernel import curve_function, path_function, surface_function
 from pc2cad.brep.kernel import (
     IndexedDataMapOfShapeListOfShape,
@@ -27,6 +26,7 @@ from pc2cad.brep.kernel import (
     shapes_in,
 )
 from pc2cad.brep.pieces import PieceJet
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.geometry.carriers import SplineCurve, SplinePath
 from pc2cad.geometry.jets import SurfaceFunction
 

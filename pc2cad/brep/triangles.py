@@ -25,6 +25,7 @@ from pc2cad.arrays import AnyArray, Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct
 from pc2cad.brep.face_patches import shapes_of
 from pc2cad.brep.kernel import as_face
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.brep.triangle_agreement import Reference, Slack, face_slack
 from pc2cad.brep.triangle_borders import Borders
 from pc2cad.brep.triangle_grids import attach
@@ -43,10 +44,6 @@ FINEST_ANGLE = 0.01
 #: deflection is halved to get there.
 VOLUME_AGREEMENT = 0.01
 REFINEMENTS = 6
-
-
-#: within which the kernel takes points for one
-KERNEL_DISTANCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -179,7 +176,7 @@ def _complaint(mesh: Triangles, slack: Slack, reference: Reference | None) -> st
         return lost if slack.lost else None
     found = triangle_integrals(mesh.vertices, mesh.triangles)
     size = float(np.abs(mesh.vertices).max())
-    off = reference.tolerance + KERNEL_DISTANCE + 1e3 * float(np.finfo(float).eps) * size
+    off = reference.tolerance + KERNEL_TOLERANCE + 1e3 * float(np.finfo(float).eps) * size
     pairs = [("volume", found.volume, reference.volume, slack.volume + off * found.area)]
     if reference.area is not None:
         # along an edge, a distance costs its length; and no edge is longer than a triangle's

@@ -26,9 +26,9 @@ from pc2cad.brep.booleans import (
     original,
     unplaced,
 )
-from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.inspect import KernelFindings, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.csg.arithmetic import Reduced
 from pc2cad.csg.completeness import completeness
 from pc2cad.csg.contacts import check_contacts, check_merged

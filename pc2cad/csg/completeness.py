@@ -20,7 +20,7 @@ from pc2cad.bounds.one_curve import KnownCurve, KnownCurves
 from pc2cad.bounds.surface_cells import Border, Region
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions, edges_between, label
 from pc2cad.brep.borders import border_of, surface_of
-from pc2cad.brep.build import KERNEL_TOLERANCE
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.csg.contacts import ZERO, MissedCrossingError
 from pc2cad.geometry.jets import EdgeFunction
 from pc2cad.report import TopologyReport

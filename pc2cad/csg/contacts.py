@@ -21,9 +21,9 @@ from scipy.spatial import cKDTree
 from pc2cad.arrays import Array, Booleans
 from pc2cad.arrays.boxes import meeting
 from pc2cad.brep.booleans import NamedEdge, NamedShape, label
-from pc2cad.brep.build import KERNEL_TOLERANCE
 from pc2cad.brep.links import Branching, branchings
 from pc2cad.brep.pieces import Piece, Pieces, pieces_of
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.errors import KernelError, NotASolidError
 from pc2cad.topology.cells import SideKey
 

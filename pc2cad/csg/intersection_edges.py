@@ -13,7 +13,7 @@ from math import isfinite
 from pc2cad.arrays import Array
 from pc2cad.bounds.edge_bounds import EdgeBound, bound_edge
 from pc2cad.brep.booleans import NamedEdge, NamedShape, edge_functions
-from pc2cad.brep.build import KERNEL_TOLERANCE
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.geometry.carriers import AnalyticSurface, Arc, Evidence, Line, Plane, SplineSurface
 from pc2cad.geometry.recognition.implicit import ROUNDING, holds, point_along
 from pc2cad.report import EdgeReport

@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from pc2cad.brep.build import KERNEL_TOLERANCE
+from pc2cad.brep.tolerance import KERNEL_TOLERANCE
 from pc2cad.csg.arithmetic import Reduced, reduced
 from pc2cad.csg.bodies import InvalidResultError, join_bodies, known_within
 from pc2cad.csg.refusals import with_notes
