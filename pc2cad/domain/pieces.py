@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 from pc2cad.expression.breaks import resolve_pieces
 from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.rewriting import among
+from pc2cad.expression.rewriting import among, downwards
 from pc2cad.expression.simplification import cancel
 from pc2cad.expression.tree import Expr, number, ops_of, substitute, symbol
 from pc2cad.geometry.splines.bernstein import degree_in
@@ -124,19 +124,10 @@ def _may_make_roots(trees: tuple[Expr, ...], names: frozenset[str]) -> bool:
 
     What becomes a number holds none, and sums, products and quotients make none.
     """
-    seen, stack = set[Expr](), [*trees]
-    pop, push, apart = stack.pop, stack.append, names.isdisjoint
-    while stack:
-        node = pop()
-        symbols = node.symbols
-        if node in seen or apart(symbols) or symbols <= names:
-            continue
-        if node.op not in _ARITHMETIC:
-            return True
-        seen.add(node)
-        for arg in node.args:
-            push(arg)
-    return False
+    changed = downwards(
+        trees, lambda node: not (names.isdisjoint(node.symbols) or node.symbols <= names)
+    )
+    return any(node.op not in _ARITHMETIC for node in changed)
 
 
 def _has_new_root(side: tuple[Expr, ...], trees: tuple[Expr, ...]) -> bool:

@@ -18,6 +18,7 @@ from pc2cad.arrays.distinct import distinct
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import Interval
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.rewriting import downwards
 from pc2cad.expression.sign_changes import EVEN, even_cells, on_all_cells
 from pc2cad.expression.tree import Expr
 
@@ -55,16 +56,8 @@ def _are_quiet(values: Sequence[Interval]) -> bool:
 
 @lru_cache(maxsize=8)  # each parameter of the same trees is asked for
 def _steep(trees: tuple[Expr, ...]) -> list[Expr]:
-    found, seen, stack = list[Expr](), set[Expr](), [*trees]
-    while stack:
-        node = stack.pop()
-        if node in seen or not node.symbols or node.ops <= _PLAIN:
-            continue
-        seen.add(node)
-        if _is_steep(node):
-            found.append(node)
-        stack += node.args
-    return found
+    nodes = downwards(trees, lambda node: bool(node.symbols) and not node.ops <= _PLAIN)
+    return [node for node in nodes if _is_steep(node)]
 
 
 @lru_cache(maxsize=256)  # the faces and edges of a part are made of few such functions

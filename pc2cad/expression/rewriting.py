@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
+from itertools import islice
 
 from pc2cad.expression.budget import is_counted
 from pc2cad.expression.recent import Recent
@@ -13,6 +14,17 @@ from pc2cad.expression.tree import Expr, rebuild, walk
 def among(roots: tuple[Expr, ...], holds: Callable[[Expr], bool]) -> list[Expr]:
     """Return once, operands first, the nodes of which something holds as it does of all above."""
     return walk(tuple(filter(holds, roots)), lambda node: tuple(filter(holds, node.args)))
+
+
+def downwards(roots: tuple[Expr, ...], holds: Callable[[Expr], bool]) -> Iterator[Expr]:
+    """Yield the same nodes from above: for who stops at the first of a kind, or needs no order."""
+    seen, stack = set[Expr](), [*roots]
+    while stack:
+        node = stack.pop()
+        if node not in seen and holds(node):
+            seen.add(node)
+            yield node
+            stack += node.args
 
 
 @lru_cache(maxsize=64)  # the same trees are asked about their roots by one after another
@@ -26,15 +38,8 @@ def has_more(root: Expr, most: int, leaves: bool = True) -> bool:
 
     Not many more are looked at.
     """
-    seen, stack = set[Expr](), [root] if leaves or root.args else []
-    while stack:
-        node = stack.pop()
-        if node not in seen:
-            seen.add(node)
-            if len(seen) > most:
-                return True
-            stack += node.args if leaves else [arg for arg in node.args if arg.args]
-    return False
+    nodes = downwards((root,), lambda node: leaves or bool(node.args))
+    return next(islice(nodes, most, None), None) is not None
 
 
 def rewrite(
