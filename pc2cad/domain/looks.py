@@ -7,7 +7,7 @@ call. No value depends on what is evaluated with it, but where series are (`is_a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby, islice
+from itertools import accumulate, groupby, islice, pairwise
 from math import prod
 
 import numpy as np
@@ -56,7 +56,7 @@ def look(functions: Sequence[RestrictedMap], *asked: Array) -> None:
 
 
 def look_on_grids(functions: Sequence[RestrictedMap], *grids: tuple[Array, Array]) -> None:
-    """Do the same for faces that extend alike, on several products of places, of moderate size.
+    """Evaluate faces that extend alike together, on several products of places of moderate size.
 
     What depends on one parameter alone, they have in common.
     """
@@ -92,9 +92,9 @@ def tell_sides_points(
 
 
 def look_along(asked: Sequence[_Asked]) -> None:
-    """Do the same for edges, each asked for several arrays of places, and corners, for none.
+    """Evaluate edges, each asked for several arrays of places, and corners, for none, together.
 
-    All are evaluated in one row, whatever ways they go.
+    All are in one row, whatever ways they go.
     """
     if not (asked and asked[0][0].analysis.map.is_alike_together):
         for cell, arrays in asked:
@@ -114,7 +114,7 @@ def look_along(asked: Sequence[_Asked]) -> None:
 def look_at_all(
     faces: Sequence[RestrictedMap], squares: tuple[Array, ...], asked: Sequence[_Asked]
 ) -> None:
-    """Do both: few faces are evaluated in one row with the edges and corners."""
+    """Evaluate faces on square grids, edges and corners: few faces in one row with the others."""
     count = len(faces) * sum(len(places) ** 2 for places in squares)
     alike = bool(faces) and faces[0].analysis.map.is_alike_together
     if alike and count <= FEW_PLACES and len(faces) + len(asked) <= MOST_CELLS:
@@ -125,17 +125,25 @@ def look_at_all(
 
 
 def _look_in_row(asked: Sequence[_Asked]) -> None:
+    table, rows = _in_row(asked)
+    points = asked[0][0].analysis.map.points(*table)
+    for (cell, arrays), row in zip(asked, rows, strict=True):
+        _remember(cell, arrays, points[row] if arrays else points[row.start])
+
+
+def _in_row(asked: Sequence[_Asked]) -> tuple[Array, list[slice]]:
+    """Return u, v and w of all places of cells, one cell after the other, (3, n).
+
+    With them comes the part of the row that is each cell's.
+    """
     lines = [_joined(cell, arrays) for cell, arrays in asked]
-    counts = [len(line[0]) if line else 1 for line in lines]
-    table, start = np.empty((len(PARAMETERS), sum(counts))), 0
-    for (cell, _), line, count in zip(asked, lines, counts, strict=True):
+    ends = [*accumulate((len(line[0]) if line else 1 for line in lines), initial=0)]
+    rows = [slice(*pair) for pair in pairwise(ends)]
+    table = np.empty((len(PARAMETERS), ends[-1]))
+    for (cell, _), line, row in zip(asked, lines, rows, strict=True):
         for values, place in zip(table, cell.places(*line), strict=True):
-            values[start : start + count] = place
-        start += count
-    points, start = asked[0][0].analysis.map.points(*table), 0
-    for (cell, arrays), count in zip(asked, counts, strict=True):
-        _remember(cell, arrays, points[start : start + count] if arrays else points[start])
-        start += count
+            values[row] = place
+    return table, rows
 
 
 def _joined(cell: RestrictedMap, arrays: tuple[Array, ...]) -> list[Array]:
@@ -164,7 +172,7 @@ def _remember(cell: RestrictedMap, arrays: tuple[Array, ...], points: Array) -> 
 
 
 def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
-    """Do the same for the normals of faces."""
+    """Evaluate normals of faces together, on a product of places."""
     for several, grid in _together(sorted(functions, key=_directions), local):
         s, t = directions_of(several[0].cell)
         _, *tangents = several[0].analysis.map.frame(*grid)
@@ -174,29 +182,23 @@ def look_across(functions: Sequence[RestrictedMap], *local: Array) -> None:
 
 
 def look_across_each(*asked: tuple[Sequence[RestrictedMap], Array]) -> None:
-    """Do so for faces that are asked on the square grids of different places."""
+    """Evaluate normals of faces together, on square grids, some faces on those of other places."""
     first = next((functions[0] for functions, _ in asked if functions), None)
     if first is None:
         return
     count = sum(len(functions) * len(places) ** 2 for functions, places in asked)
     if count <= FEW_PLACES and first.analysis.map.is_alike_together:
-        _look_across_in_row([(f, places) for functions, places in asked for f in functions], count)
+        _look_across_in_row([(f, (places,)) for functions, places in asked for f in functions])
         return
     for functions, places in asked:
         look_across(functions, places, places)
 
 
-def _look_across_in_row(asked: Sequence[tuple[RestrictedMap, Array]], count: int) -> None:
+def _look_across_in_row(asked: Sequence[_Asked]) -> None:
     """Evaluate all in one row, whatever ways they go: few places cost less than operations do."""
-    table, start, rows = np.empty((len(PARAMETERS), count)), 0, []
-    for face, places in asked:
-        row = slice(start, start := start + len(places) ** 2)
-        line = np.repeat(places, len(places)), np.tile(places, len(places))
-        for values, place in zip(table, face.places(*line), strict=True):
-            values[row] = place
-        rows.append(row)
+    table, rows = _in_row(asked)
     _, *tangents = asked[0][0].analysis.map.frame(*table)
-    for (face, places), row in zip(asked, rows, strict=True):
+    for (face, (places,)), row in zip(asked, rows, strict=True):
         s, t = directions_of(face.cell)
         normals = cross(tangents[s][row], tangents[t][row])
         square = len(places), len(places), 3
