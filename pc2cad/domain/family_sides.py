@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.domain.analysis import NODES, SampledSides
+from pc2cad.domain.analysis import SampledSides
+from pc2cad.domain.map_questions import NODES
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.centred import CentredProgram
 from pc2cad.expression.identity import Verdict

@@ -21,6 +21,11 @@ _Spans: TypeAlias = tuple[_Span, ...]
 _ARITHMETIC: Final = frozenset(("add", "mul", "neg", "div"))
 
 
+def span_at(limits: Sequence[float], position: int) -> _Span:
+    """Return the interval of a cell position, of no length for a limit of the pieces."""
+    return limits[position // 2], limits[(position + 1) // 2]
+
+
 def piece_at(cell: Cell, bounds: Sequence[Sequence[float]]) -> tuple[_Spans, dict[str, Expr]]:
     """Return the spans of the piece that a cell is in, or at a limit of, and which limits: 0 or 1.
 

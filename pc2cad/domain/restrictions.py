@@ -14,7 +14,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross, thickness
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
-from pc2cad.domain.pieces import has_pieces, piece_at
+from pc2cad.domain.pieces import has_pieces, piece_at, span_at
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
@@ -119,10 +119,8 @@ class RestrictedMap:
         """Return places as local coordinates of the box, not broadcast."""
         free, found = iter(local), []
         for row, position in zip(self.analysis.bounds, self.cell, strict=True):
-            low = row[position // 2]
-            inside = position % 2 == 1
-            place = low + (row[position // 2 + 1] - low) * next(free) if inside else low
-            found.append(np.asarray(place))
+            low, high = span_at(row, position)
+            found.append(np.asarray(low + (high - low) * next(free) if position % 2 else low))
         return found
 
     @property

@@ -9,7 +9,7 @@ cells; so the direction is cut at the multiples of the shift, or at the lines th
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -19,6 +19,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans
 from pc2cad.domain.map import Mapping3, open_grid
+from pc2cad.domain.pieces import span_at
 from pc2cad.geometry.scale import Scale
 from pc2cad.topology.cells import (
     DIRECTIONS,
@@ -134,20 +135,20 @@ def _told(boundary: BoundaryComplex) -> dict[_Way, bool]:
 
 
 def folds(
-    mapping: Mapping3, sides: Iterable[Cell], span: Callable[[int, int], tuple[float, float]],
-    scale: Scale,
-) -> tuple[set[Fraction], ...]:  # fmt: skip
+    mapping: Mapping3, sides: Iterable[Cell], bounds: Sequence[Sequence[float]], scale: Scale
+) -> tuple[set[Fraction], ...]:
     """Return, per direction, where pieces of sides have to be cut that are folded onto themselves.
 
-    `span` tells the limits of a position along a direction.
+    `bounds` are the ascending limits of the pieces of each direction.
     """
     found: tuple[set[Fraction], ...] = (set(), set(), set())
     for cell in sides:
         for along in directions_of(cell):
             (normal,) = (d for d in DIRECTIONS if cell[d] % 2 == 0)
             side = _Side(mapping, normal, float(cell[normal] > 0), along)
-            low, high = span(along, cell[along])
-            first, last = span(3 - along - normal, cell[3 - along - normal])
+            low, high = span_at(bounds[along], cell[along])
+            other = 3 - along - normal
+            first, last = span_at(bounds[other], cell[other])
             across = first + (last - first) * _ACROSS
             there, back = low + (high - low) * _TRIED, high - (high - low) * _TRIED
             points = side(there, across)
