@@ -45,12 +45,15 @@ class JacobianWatch:
         proves: Proves | None = None,
         speeds: tuple[float, float, float] | None = None,
     ) -> None:
-        """Watch a map, whose `speeds` may be known."""
-        self.mapping, self._speeds = mapping, speeds
-        self._proves = proves
+        """Watch a map, whose `speeds` may have been found along with something else."""
+        self.mapping, self._proves, self._found_speeds = mapping, proves, speeds
         #: largest value of +sine and of -sine seen
         self.extremes = {1: 0.0, -1: 0.0}
         self._places: dict[int, Array] = {}
+
+    @property
+    def _speeds(self) -> tuple[float, float, float]:
+        return self._found_speeds or self.mapping.speeds
 
     def see(self, u: Array, v: Array, w: Array) -> Array:
         """Look at broadcastable places; return the quotient there (nan where M has no tangent)."""
@@ -60,11 +63,11 @@ class JacobianWatch:
     def volume(self, u: Array, v: Array, w: Array) -> Array:
         """Look at broadcastable places; return det J there, in terms of the largest tangents."""
         tangents = self.mapping.tangents((0, 1, 2), u, v, w)
-        return self.note(tangents, (u, v, w))[0] / float(np.prod(self.mapping.speeds))
+        return self.note(tangents, (u, v, w))[0] / float(np.prod(self._speeds))
 
     def note(self, tangents: list[Array], places: tuple[Array, ...]) -> tuple[Array, Array, Array]:
         """Take in M_u, M_v, M_w at some places; return det J, |M_u||M_v||M_w| and the quotient."""
-        x, y, z = self._speeds or self.mapping.speeds
+        x, y, z = self._speeds
         determinant, size, (a, b, c) = volumes(tangents)
         with np.errstate(all="ignore"):
             rounding = ERROR * (x * b * c + a * y * c + a * b * z)

@@ -105,15 +105,13 @@ def _inner_zero(mapping: Mapping3, sign: int) -> str:
     known = polynomials(mapping.coordinates)
     if known is not None and _is_clear(known):
         return ""
-    places = _inner_places()
-    count = len(INNER) ** 3
+    places, count = _inner_places(), len(INNER) ** 3
     points, *tangents = mapping.frame(*places)
     speeds = speeds_of(points[count:], *(m[count:] for m in tangents))
-    inner = places[:, :count]
     watch = JacobianWatch(mapping, speeds=speeds)
-    sine = sign * watch.note([m[:count] for m in tangents], tuple(inner))[2]
+    sine = sign * watch.note([m[:count] for m in tangents], tuple(places[:, :count]))[2]
     least = int(np.argmin(sine))
-    return _zero_near(watch, float(sine[least]), inner[:, least])
+    return _zero_near(watch, float(sine[least]), places[:, least])
 
 
 @lru_cache(maxsize=1)
