@@ -52,6 +52,13 @@ class Patches:
         return len(self.index[0]), len(self.index[1])
 
     @property
+    def making(self) -> tuple[int | bytes, ...]:
+        """What patches share that are made alike: of as many poles, by one index and matrices."""
+        index, matrices = self.index, self.matrices
+        by = [x.tobytes() for x in index] if matrices is None else map(id, (*index, *matrices))
+        return (*self.shape, *self.poles.shape, *by)
+
+    @property
     def degrees(self) -> tuple[int, int]:
         """Degrees along s and t."""
         return self.index[0].shape[1] - 1, self.index[1].shape[1] - 1

@@ -80,8 +80,7 @@ def _asked(
     for index in distinct(curved).tolist():
         own, patches = planes[curved == index], surfaces.sheets[index].patches
         if (patches.poles[..., 3] > 0).all():
-            made = (*patches.index, *(patches.matrices or ()))
-            key = (patches.poles.shape, own.tobytes(), *map(id, made))
+            key = own.tobytes(), patches.making
             groups.setdefault(key, ([], own))[0].append(index)
     return list(groups.values())
 

@@ -168,17 +168,11 @@ class _Search:
         return np.asarray((self.surfaces.shapes.prod(axis=1) > FEW) & np.array(plain))
 
     def _alike(self) -> list[list[int]]:
-        """Return numbers of sheets that are made alike, by the same index and matrices."""
-        groups: dict[tuple[int | bytes, ...], list[int]] = {}
+        """Return numbers of sheets that are made, and held, alike."""
+        groups: dict[tuple[object, ...], list[int]] = {}
         for number, sheet in enumerate(self.surfaces.sheets):
-            index, matrices = sheet.patches.index, sheet.patches.matrices
-            key: list[int | bytes] = [bool(self._large[number]), sheet.plane is None]
-            key += [*sheet.shape, *sheet.patches.poles.shape]
-            if matrices is None:
-                key += [part.tobytes() for part in index]
-            else:
-                key += map(id, (*index, *matrices))
-            groups.setdefault(tuple(key), []).append(number)
+            key = bool(self._large[number]), sheet.plane is None, sheet.patches.making
+            groups.setdefault(key, []).append(number)
         return list(groups.values())
 
     @cached_property
