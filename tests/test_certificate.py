@@ -332,7 +332,7 @@ def test_models_of_vectors_hold_their_triple_products():
     place = separable._boxes(16, 1, ())
     every = [(k, i, j) for i, j in combinations(range(4), 2) for k in range(4)]
     for triples in (every, [(k, 1, 2) for k in range(4)]):
-        middle, off, _ = triple_models.ranges(rows, triples, "u", place, Known())
+        middle, off, _ = triple_models.ranges_of_triples(rows, triples, "u", place, Known())
         assert (off < 0.4 * np.abs(middle).max()).all()
         for share in (-1, -0.3, 0.8, 1):
             at = {"u": place.centre + share * place.half}
@@ -365,7 +365,7 @@ def test_a_length_that_may_vanish_leaves_triple_products_open():
         Scaled(u - number(Fraction(1, 2)), (u, ONE, u * u), ONE),
         Scaled(ONE, (call("sin", u), u, ONE), ONE),
     ]
-    middle, off, _ = triple_models.ranges(
+    middle, off, _ = triple_models.ranges_of_triples(
         rows, [(0, 0, 1)], "u", separable._boxes(8, 1, ()), Known()
     )
     clear = off < np.abs(middle)

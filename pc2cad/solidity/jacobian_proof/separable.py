@@ -29,7 +29,7 @@ from pc2cad.expression.rewriting import has_more
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
-from pc2cad.solidity.jacobian_proof.triple_models import ranges
+from pc2cad.solidity.jacobian_proof.triple_models import ranges_of_triples
 from pc2cad.solidity.jacobian_proof.triples import MOST_NODES, Products, minor, scaled, triple
 
 #: boxes of two parameters
@@ -163,7 +163,8 @@ class _Sum:
         common, bad, _ = _signs(b[:1], db[:1], 0)
         if bad.any():
             return 0
-        a, da, models = ranges(rows, list(self._triples), self._names[0], first, self._known)
+        triples = list(self._triples)
+        a, da, models = ranges_of_triples(rows, triples, self._names[0], first, self._known)
         self.models = [models, self._known.at(self._names[1:], others, ORDER)]
         sign, bad, _ = _signs(*_summed(a, da, b[1:], db[1:]), 0)
         return 0 if bad.any() else common * sign

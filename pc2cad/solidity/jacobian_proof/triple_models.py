@@ -28,7 +28,7 @@ _ONE, _OTHER = [1, 2, 0, 2, 0, 1], [2, 0, 1, 1, 2, 0]
 _Ranges = tuple[Array, Array]
 
 
-def ranges(
+def ranges_of_triples(
     rows: Sequence[Scaled], triples: Sequence[tuple[int, int, int]], name: str, place: Place,
     known: Known,
 ) -> tuple[Array, Array, Models]:  # fmt: skip
