@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -44,38 +45,39 @@ def samples(edge: TopoDS_Edge) -> int:
 def is_in_order(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> bool:
     """Return whether a plane face is proved to be what the kernel's checker wants of it.
 
-    That is what `outer_wire` proves, and that edges of a wire are joined by their vertices, that
+    That is what `ordered_wires` proves, and that edges of a wire are joined by their vertices, that
     the outer wire runs counterclockwise and all others clockwise, and that neither edges nor
     vertices have something on the plane of their own: what is left are wires by themselves.
     """
-    found = _ordered(face, wires)
+    found = ordered_wires(face, wires)
     if found is None:
         return False
-    outer, senses, edges = found
-    for i, (wire, sense) in enumerate(zip(wires, senses, strict=True)):
-        if sense * TURNS.get(wire.Orientation(), 0) != (1 if i == outer else -1):
+    for i, (wire, sense) in enumerate(zip(wires, found.senses, strict=True)):
+        if sense * TURNS.get(wire.Orientation(), 0) != (1 if i == found.outer else -1):
             return False
-    return all(map(_are_joined, edges)) and all(_is_plain(edge) for row in edges for edge in row)
+    return all(map(_are_joined, found.edges)) and all(
+        _is_plain(edge) for row in found.edges for edge in row
+    )
 
 
-def outer_wire(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> int | None:
-    """Return which wire of a plane face is around the others, if the kernel finds them in order.
+class OrderedWires(NamedTuple):
+    """Wires of a plane face that are simple, apart and nested, as they are run through forward."""
+
+    #: the wire around all others
+    outer: int
+    #: whether each runs counterclockwise (1) or not (-1)
+    senses: tuple[int, ...]
+    edges: list[list[TopoDS_Edge]]
+
+
+def ordered_wires(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> OrderedWires | None:
+    """Return the wires of a plane face, if it is proved that the kernel finds them in order.
 
     That is: each simple, none nearer to another than the kernel's tolerances and the distance
     between curves and the polygons that it compares, edges on the plane, and all but the outer one
     side by side in that. None where this is not proved, or not worth its while: of surfaces other
     than planes, and curves other than lines and polynomial splines.
     """
-    found = _ordered(face, wires)
-    return None if found is None else found[0]
-
-
-#: a face's outer wire, whether wires run counterclockwise (1) or not (-1), and their edges
-_Ordered = tuple[int, tuple[int, ...], list[list[TopoDS_Edge]]]
-
-
-def _ordered(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> _Ordered | None:
-    """Return what `outer_wire` proves; wires and edges as they are run through forward."""
     plane = BRep_Tool.Surface_s(face)
     if not isinstance(plane, Geom_Plane):
         return None
@@ -102,7 +104,7 @@ def _ordered(face: TopoDS_Face, wires: Sequence[TopoDS_Shape]) -> _Ordered | Non
     margin = 8 * max(tolerances) + 6 * max(off for row in known for _, off in row)
     shapes = tuple(chain.shape for chain in chains)
     outer, senses = _outer_of(tuple(chain.tobytes() for chain in chains), shapes, margin)
-    return None if outer is None else (outer, senses, edges)
+    return None if outer is None else OrderedWires(outer, senses, edges)
 
 
 def _are_joined(edges: Sequence[TopoDS_Edge]) -> bool:
