@@ -1,34 +1,30 @@
 """Pairs of patches that are not parted as blocks: a hierarchy of these, from whole sheets down.
 
-Most of a spline of many patches is done with before any patch of it is made (`holds`).
+Most of a spline of many patches is done with before any patch of it is made (`held_patches`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from pc2cad.arrays import Array, Booleans, Integers
+from pc2cad.arrays import Booleans, Integers
 from pc2cad.arrays.boxes import meeting
-from pc2cad.geometry.sheets import Patches, points_of, projected
+from pc2cad.geometry.sheets import Patches
 from pc2cad.solidity.embedding.above_planes import PlaneSides, sides_of_planes
+from pc2cad.solidity.embedding.held_patches import HeldPatches
 from pc2cad.solidity.embedding.hierarchy import Level
-from pc2cad.solidity.embedding.holds import Hold, hold, hold_in_pieces
 from pc2cad.solidity.embedding.levels import is_graph
-from pc2cad.solidity.embedding.separation import boxes_of_rows
 from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
 from pc2cad.solidity.embedding.windows import (
     Cones,
     are_ahead,
-    cones_of_rows,
     is_alone,
     is_wall,
 )
 
-#: sheets of no more patches are held by the control points of each from the first
-FEW = 128
 #: blocks of so many are few enough to be compared each with each
 FEW_BLOCKS = 640
 #: blocks on one line that are at most so many steps apart are looked at in one rectangle
@@ -86,17 +82,21 @@ class _Search:
     #: what is no farther apart is not parted
     room: float
     every: bool
-    #: control points of the patches of sheets that were held by these, (3, q+1, p+1, m, n)
-    _points: dict[int, Array] = field(default_factory=dict)
-    #: what holds the ways from one of two sheets to the other
-    _held_ways: dict[tuple[int, int], Hold] = field(default_factory=dict)
+
+    @cached_property
+    def _held(self) -> HeldPatches:
+        return HeldPatches(self.surfaces, self.noise)
 
     @cached_property
     def levels(self) -> list[Level]:
         """Patches, and ever larger blocks of them, until they are few."""
-        low, high, cones = self._held
+        low, high, cones = self._held.patches
+        # cones of the ways across walls stand behind those of the tangents
+        ways = [self._held.ways(i, j) for i, j in self._walls]
+        axes = np.concatenate([cones.axes, *(way.axes for way in ways)])
+        radii = np.concatenate([cones.radii, *(way.radii for way in ways)])
         shapes = [*self.surfaces.shapes, *(self.surfaces.shapes[i] for i, _ in self._walls)]
-        found = [Level(low, high, cones, np.array(shapes))]
+        found = [Level(low, high, Cones(axes, radii), np.array(shapes))]
         while len(found[-1].low) > FEW_BLOCKS and found[-1].shapes.max() > 1:
             found.append(found[-1].coarser())
         return found
@@ -126,7 +126,7 @@ class _Search:
     def _sheets(self) -> Integers:
         """The pairs of sheets that are to be compared."""
         surfaces = self.surfaces
-        low, high, _ = self._patches
+        low, high, _ = self._held.patches
         pairs = meeting(
             np.minimum.reduceat(low, surfaces.start), np.maximum.reduceat(high, surfaces.start),
             self.room,
@@ -156,100 +156,6 @@ class _Search:
         for k, (i, j) in enumerate(self._walls):
             table[i, j] = table[j, i] = k
         return table
-
-    @cached_property
-    def _large(self) -> Booleans:
-        """Which sheets are held by their corners: splines of many patches."""
-        plain = [
-            sheet.patches.knots is not None
-            and bool(np.ptp(sheet.patches.poles[..., 3]) <= SAME_WEIGHT)
-            for sheet in self.surfaces.sheets
-        ]
-        return np.asarray((self.surfaces.shapes.prod(axis=1) > FEW) & np.array(plain))
-
-    def _alike(self) -> list[list[int]]:
-        """Return numbers of sheets that are made, and held, alike."""
-        groups: dict[tuple[object, ...], list[int]] = {}
-        for number, sheet in enumerate(self.surfaces.sheets):
-            key = bool(self._large[number]), sheet.plane is None, sheet.patches.making
-            groups.setdefault(key, []).append(number)
-        return list(groups.values())
-
-    @cached_property
-    def _patches(self) -> tuple[Array, Array, Cones]:
-        """Limits of all patches, and cones of their tangents along s, then along t."""
-        surfaces = self.surfaces
-        count = len(surfaces.sheet_of)
-        found = (np.empty((count, 13)), np.empty((count, 13)),
-                 Cones(np.zeros((2 * count, 3)), np.full(2 * count, 2.0)))  # fmt: skip
-        for own in self._alike():
-            if not self._large[own[0]]:
-                self._hold_by_points(*found, own)
-                continue
-            held = self._hold_together(own)
-            rows = surfaces.start[own][:, None] + np.arange(surfaces.shapes[own[0]].prod())
-            found[0][rows], found[1][rows] = held.limits()
-            for axis in (0, 1):
-                cones = held.tangents(axis, self.noise)
-                found[2].axes[axis * count + rows] = cones.axes
-                found[2].radii[axis * count + rows] = cones.radii
-        return found
-
-    def _hold_together(self, own: list[int]) -> Hold:
-        """Return what holds splines made alike, and keep that of the ways from one of two on."""
-        patches = self.surfaces.sheets[own[0]].patches
-        poles = [projected(self.surfaces.sheets[i].patches.poles) for i in own]
-        # two may be the sides of a wall: a third spline takes little more
-        ways = [poles[1] - poles[0]] if len(own) == 2 else []
-        stacked = np.stack(poles + ways, axis=2)
-        held, count = hold(patches, stacked), len(own)
-        if ways:
-            self._held_ways[own[0], own[1]] = held.of(count)
-        return hold_in_pieces(patches, stacked[:, :, :count], held.of(slice(count)))
-
-    @cached_property
-    def _held(self) -> tuple[Array, Array, Cones]:
-        """The same with cones of the ways across walls behind them."""
-        low, high, cones = self._patches
-        ways = [self._ways(i, j) for i, j in self._walls]
-        axes = np.concatenate([cones.axes, *(way.axes for way in ways)])
-        radii = np.concatenate([cones.radii, *(way.radii for way in ways)])
-        return low, high, Cones(axes, radii)
-
-    def _ways(self, i: int, j: int) -> Cones:
-        """Return cones of the ways from the patches of one sheet to those of another."""
-        if (i, j) in self._held_ways:
-            return self._held_ways[i, j].ways(self.noise)
-        first, second = (self.surfaces.sheets[k].patches for k in (i, j))
-        if self._large[i] and self._large[j]:
-            return hold(first, projected(second.poles) - projected(first.poles)).ways(self.noise)
-        one, other = (
-            self._points[k] if k in self._points else points_of([patches])[:, :, :, 0]
-            for k, patches in ((i, first), (j, second))
-        )  # fmt: skip
-        # row by row of the grid again
-        ways = other - one
-        order = np.arange(ways.shape[3] * ways.shape[4]).reshape(ways.shape[3:]).T.ravel()
-        return cones_of_rows(ways.reshape(3, -1, len(order)), self.noise)[order]
-
-    def _hold_by_points(self, low: Array, high: Array, cones: Cones, sheets: list[int]) -> None:
-        """Hold patches of sheets made alike by their own control points."""
-        surfaces = self.surfaces
-        points = points_of([surfaces.sheets[i].patches for i in sheets])
-        self._points |= {i: points[:, :, :, k] for k, i in enumerate(sheets)}
-        m, n = points.shape[4:]
-        own = np.arange(n) * m + np.arange(m)[:, None]
-        patches = (surfaces.start[sheets][:, None, None] + own).ravel()
-        low[patches], high[patches] = boxes_of_rows(points.reshape(3, -1, len(patches)))
-        if surfaces.sheets[sheets[0]].plane is not None:
-            return
-        # along s, then along t
-        for axis, steps in enumerate(
-            (points[:, :, 1:] - points[:, :, :-1], points[:, 1:] - points[:, :-1])
-        ):
-            found = cones_of_rows(steps.reshape(3, -1, len(patches)), self.noise)
-            rows = axis * len(low) + patches
-            cones.axes[rows], cones.radii[rows] = found.axes, found.radii
 
     def left(self, level: Level, pairs: Integers) -> Integers:
         """Return the pairs of blocks that are not parted as rectangles."""
