@@ -12,7 +12,8 @@ from test_hexahedra import check_conforming
 import pc2cad as pc
 from pc2cad.checked import check_map
 from pc2cad.domain.analysis import analyse, sample_sides
-from pc2cad.domain.splits import _closes, _few, _told
+from pc2cad.domain.closed_sides import closes, few_points
+from pc2cad.domain.splits import _told
 from pc2cad.equation.point_equation import point_equation
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.tree import Expr, number, substitute
@@ -196,13 +197,13 @@ def test_gmsh_reads_and_meshes_a_folded_side_without_healing(tmp_path: Path) -> 
 def test_edges_tell_which_sides_close(name, count, closed):
     sides = sample_sides(pc.read_template(name).bind({}))
     boundary = derive_boundary(sides.questions, sides.questions.labels)
-    few, said = _few(sides.map), _told(boundary)
+    few, said = few_points(sides.map), _told(boundary)
     closing = {
         (*side, along)
         for along, rows in enumerate(few)
         for side, points in rows.items()
-        if _closes(points, sides.questions.scale)
+        if closes(points, sides.questions.scale)
     }
-    assert {way for way, closes in said.items() if closes} <= closing
-    assert {way for way, closes in said.items() if not closes}.isdisjoint(closing)
+    assert {way for way, is_closed in said.items() if is_closed} <= closing
+    assert {way for way, is_closed in said.items() if not is_closed}.isdisjoint(closing)
     assert len(said) == count + closed

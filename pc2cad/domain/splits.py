@@ -10,15 +10,28 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import combinations_with_replacement, groupby
+from itertools import combinations_with_replacement
 
 import numpy as np
 
 from pc2cad.arrays import Array, Booleans
-from pc2cad.domain.map import Mapping3, open_grid
+from pc2cad.domain.closed_sides import (
+    ACROSS,
+    BEFORE,
+    COUNT,
+    NEXT,
+    TRIED,
+    UNIFORM,
+    ClosedSide,
+    Side,
+    all_closed,
+    closes,
+    farthest,
+    few_points,
+)
+from pc2cad.domain.map import Mapping3
 from pc2cad.domain.pieces import span_at
 from pc2cad.geometry.scale import Scale
 from pc2cad.topology.cells import (
@@ -30,14 +43,6 @@ from pc2cad.topology.cells import (
 )
 from pc2cad.topology.complex import BoundaryComplex
 
-#: places along a closed direction, the two across it, and others at which a shift is tried
-_COUNT = 240
-_ACROSS = np.array([0.2137, 1 - 0.2137])
-_TRIED = np.array([0.0713, 0.1931, 0.3877, 0.6173, 0.7919, 0.9377])
-#: distances of points from what may lie beside them, in steps from one place to the next
-_BESIDE = 2
-#: the uniform places next to each one, round the direction
-_NEXT, _BEFORE = (np.arange(_COUNT) + 1) % _COUNT, (np.arange(_COUNT) - 1) % _COUNT
 #: steps of Newton's method, and what is left of a distance after them, in units of "same point"
 _STEPS, _LEFT = 12, 100
 #: steps after which a distance that is not halved is left: it is rounding, or that of no meeting
@@ -50,34 +55,6 @@ _Way = tuple[int, float, int]
 _Ends = dict[int, tuple[int, bool]]
 #: means over a period differ less than this share of the extent where sides may coincide
 _ALIKE = 0.02
-
-
-@dataclass(frozen=True)
-class _Side:
-    """A whole side of the box along one direction in which it may close."""
-
-    mapping: Mapping3
-    #: the direction across the box, its limit (0 or 1), and the direction that is followed
-    normal: int
-    limit: float
-    along: int
-
-    def __call__(self, places: Array, across: Array = _ACROSS) -> Array:
-        """Return points (places, across, 3)."""
-        return self.ordered(self.mapping.points(*self.grid(places, across)))
-
-    def grid(self, places: Array, across: Array) -> list[Array]:
-        grid = [np.array([self.limit])] * 3
-        grid[self.along], grid[3 - self.along - self.normal] = places, across
-        shapes = ((-1, 1, 1), (1, -1, 1), (1, 1, -1))
-        return [axis.reshape(shape) for axis, shape in zip(grid, shapes, strict=True)]
-
-    def ordered(self, values: Array) -> Array:
-        """Return values (…, 3) over the box as (places, across, 3)."""
-        other = 3 - self.along - self.normal
-        return np.moveaxis(values, (self.along, other), (0, 1)).reshape(
-            values.shape[self.along], values.shape[other], 3
-        )
 
 
 def shifts(
@@ -96,11 +73,11 @@ def shifts(
     ways = [(d, limit, along) for along in DIRECTIONS for d, limit in sorted(limits) if d != along]
     known = _told(boundary) if boundary is not None else dict[_Way, bool]()
     if any([way not in known for way in ways]):
-        few = _few(mapping)
-        known = {(d, x, way): _closes(few[way][d, x], scale) for d, x, way in ways} | known
+        few = few_points(mapping)
+        known = {(d, x, way): closes(few[way][d, x], scale) for d, x, way in ways} | known
     for along in DIRECTIONS:
-        closing = [_Side(mapping, *way) for way in ways if way[2] == along and known[way]]
-        searches = _searches(_all_closed(closing), scale) if closing else []
+        closing = [Side(mapping, *way) for way in ways if way[2] == along and known[way]]
+        searches = _searches(all_closed(closing), scale) if closing else []
         _follow(searches)
         for search in searches:
             found[along].update(_cuts(search))
@@ -145,12 +122,12 @@ def folds(
     for cell in sides:
         for along in directions_of(cell):
             (normal,) = (d for d in DIRECTIONS if cell[d] % 2 == 0)
-            side = _Side(mapping, normal, float(cell[normal] > 0), along)
+            side = Side(mapping, normal, float(cell[normal] > 0), along)
             low, high = span_at(bounds[along], cell[along])
             other = 3 - along - normal
             first, last = span_at(bounds[other], cell[other])
-            across = first + (last - first) * _ACROSS
-            there, back = low + (high - low) * _TRIED, high - (high - low) * _TRIED
+            across = first + (last - first) * ACROSS
+            there, back = low + (high - low) * TRIED, high - (high - low) * TRIED
             points = side(there, across)
             is_one = np.abs(points - side(back, across)).max() <= scale.same_point
             if is_one and np.abs(points - points[:1]).max() > 1000 * scale.same_point:
@@ -158,107 +135,7 @@ def folds(
     return found
 
 
-@lru_cache(maxsize=1)
-def _uniform() -> Array:
-    return (np.arange(_COUNT) + 0.5) / _COUNT
-
-
-@lru_cache(maxsize=1)
-def _places() -> Array:
-    return np.concatenate((_uniform(), _TRIED))
-
-
-def _few(mapping: Mapping3) -> list[dict[tuple[int, float], Array]]:
-    """Return for each direction points (4, 2, 3) of the four sides along it, by normal and limit.
-
-    All are of one grid, whose places along a direction serve as those across others.
-    """
-    ends, places, across = (0, -1), (0, 2, 3, 5), (1, 4)
-    grid = np.array([0.0, _ACROSS[0], 0.3, 0.7, _ACROSS[1], 1.0])
-    whole = mapping.points(*open_grid(grid, grid, grid))
-    rows = []
-    for along in DIRECTIONS:
-        points = np.moveaxis(whole, along, 0)[places, :, :]
-        first, second = (d for d in DIRECTIONS if d != along)
-        rows.append(
-            {(first, float(k < 0)): points[:, k, across] for k in ends}
-            | {(second, float(k < 0)): points[:, across, k] for k in ends}
-        )
-    return rows
-
-
-def _along_all(sides: Sequence[_Side]) -> list[Array]:
-    """Return points (246, 2, 3) of sides along one direction, those across one normal together."""
-    found: list[Array] = []
-    for _, group in groupby(sides, lambda side: side.normal):
-        row = list(group)
-        first = row[0]
-        if len(row) == 1 or not first.mapping.is_alike_together:
-            found += [side(_places()) for side in row]
-            continue
-        grid = first.grid(_places(), _ACROSS)
-        grid[first.normal] = open_grid(*[[side.limit for side in row]] * 3)[first.normal]
-        both = first.mapping.points(*grid)
-        found += [first.ordered(np.take(both, [k], axis=first.normal)) for k in range(len(row))]
-    return found
-
-
-def _closes(points: Array, scale: Scale) -> bool:
-    """Say whether a side is no curve, and ends along its direction where it began."""
-    start, *between, end = points
-    if not np.abs(end - start).max() <= scale.same_point:
-        return False
-    inner = points[:3]
-    moves = np.abs(between - start).max(), np.abs(inner[:, 1] - inner[:, 0]).max()
-    return bool(min(moves) > 1000 * scale.same_point)
-
-
-@dataclass(frozen=True, eq=False)
-class _Closed:
-    """A side that closes along its direction, and its points at the uniform places."""
-
-    side: _Side
-    #: (240, 2, 3)
-    points: Array
-    #: the points at the places at which a shift is tried, (6, 2, 3)
-    tried: Array
-    #: the means over the places, (2, 3)
-    mean: Array
-    #: the largest extent of all points along an axis
-    extent: float
-    #: how far from each place points may be that lie between it and the next ones, (240,)
-    reach: Array
-
-    def may_meet(self, points: Array, places: Array, turned: bool) -> bool:
-        """Say whether samples leave it open that the side meets points (n, 2, 3) at places."""
-        nearest = (places * _COUNT).astype(int) % _COUNT
-        there = self.points[nearest, ::-1] if turned else self.points[nearest]
-        return bool((_farthest(there - points) <= self.reach[nearest]).all())
-
-
-def _all_closed(sides: Sequence[_Side]) -> list[_Closed]:
-    """Return sides that close along one direction with their points, of all at once."""
-    both = np.stack(_along_all(sides))
-    points, tried = both[:, :_COUNT], both[:, _COUNT:]
-    means = np.add.reduce(points, axis=1) / _COUNT
-    flat = points.reshape(len(sides), -1, 3)
-    extents = (flat.max(axis=1) - flat.min(axis=1)).max(axis=1)
-    steps = _farthest(points[:, _NEXT] - points)
-    reach = _BESIDE * np.maximum(steps, steps[:, _BEFORE])
-    # waves too short for the places to tell
-    reach[steps.sum(axis=1) < extents] = np.inf
-    rows = zip(sides, points, tried, means, extents.tolist(), reach, strict=True)
-    return [_Closed(*row) for row in rows]
-
-
-def _farthest(away: Array) -> Array:
-    """Return the greater length of two vectors, (…) of (…, 2, 3)."""
-    squares = away * away
-    lengths = squares[..., 0] + squares[..., 1] + squares[..., 2]  # sooner than a sum over three
-    return np.asarray(np.sqrt(np.maximum(lengths[..., 0], lengths[..., 1])))
-
-
-def _searches(closed: Sequence[_Closed], scale: Scale) -> list[_Search]:
+def _searches(closed: Sequence[ClosedSide], scale: Scale) -> list[_Search]:
     """Return the searches for shifts and reflections of sides, or pairs, whose means are alike."""
     means = np.stack([side.mean for side in closed])
     limits = np.array([_ALIKE * side.extent for side in closed])[:, None]
@@ -275,8 +152,8 @@ def _searches(closed: Sequence[_Closed], scale: Scale) -> list[_Search]:
     if not pairs:
         return []
     there = np.stack([b.points[:, ::-1] if turned else b.points for _, b, turned in pairs])
-    away = _farthest(there - np.stack([a.tried[:1] for a, _, _ in pairs]))
-    lowest = (away <= away[:, _BEFORE]) & (away <= away[:, _NEXT])
+    away = farthest(there - np.stack([a.tried[:1] for a, _, _ in pairs]))
+    lowest = (away <= away[:, BEFORE]) & (away <= away[:, NEXT])
     lowest &= away <= np.stack([b.reach for _, b, _ in pairs])
     return [_Search(*pair, scale, row) for pair, row in zip(pairs, lowest, strict=True)]
 
@@ -288,20 +165,20 @@ class _Search:
     """
 
     def __init__(
-        self, first: _Closed, second: _Closed, turned: bool, scale: Scale, lowest: Booleans
+        self, first: ClosedSide, second: ClosedSide, turned: bool, scale: Scale, lowest: Booleans
     ) -> None:
         """Begin at the uniform places where the distance is lowest, and may be none."""
         self.first, self.second, self.scale = first.side, second.side, scale
-        self.across = _ACROSS[::-1] if turned else _ACROSS
+        self.across = ACROSS[::-1] if turned else ACROSS
         self.closed, self.turned = second, turned
         self.points = first.tried
         #: places at which the points are met, in the end
         self.met: list[float] = []
         if first is second and not turned:
             # it meets itself there
-            self.met.append(float(_TRIED[0]))
-            lowest = lowest & (np.abs(_uniform() - _TRIED[0]) > 1 / _COUNT)
-        self.at = _uniform()[lowest]
+            self.met.append(float(TRIED[0]))
+            lowest = lowest & (np.abs(UNIFORM - TRIED[0]) > 1 / COUNT)
+        self.at = UNIFORM[lowest]
         self.is_over = not lowest.any()
         self._off = np.full(len(self.at), np.inf)
 
@@ -373,7 +250,7 @@ def _cuts(search: _Search) -> set[Fraction]:
     found: set[Fraction] = set()
     for place in search.met:
         for reverse in (False, True):
-            shift = (place + _TRIED[0] if reverse else place - _TRIED[0]) % 1
+            shift = (place + TRIED[0] if reverse else place - TRIED[0]) % 1
             part = _simple(shift)
             if abs((float(part) - shift + 0.5) % 1 - 0.5) > 1e-9:
                 if not reverse:
@@ -382,7 +259,7 @@ def _cuts(search: _Search) -> set[Fraction]:
                 part = Fraction(shift)
             elif part == 0 and not reverse:
                 continue
-            moved = (float(part) - _TRIED if reverse else float(part) + _TRIED) % 1
+            moved = (float(part) - TRIED if reverse else float(part) + TRIED) % 1
             if not search.closed.may_meet(points, moved, search.turned):
                 continue
             if np.abs(second(moved, search.across) - points).max() > near:
