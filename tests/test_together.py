@@ -12,7 +12,8 @@ from pc2cad.arrays.linear import areas, cross, lengths
 from pc2cad.domain.analysis import analyse
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.equation.point_equation import point_equation
-from pc2cad.integrals.mass_properties import _Densities, integrate
+from pc2cad.integrals.densities import Densities
+from pc2cad.integrals.mass_properties import integrate
 from pc2cad.integrals.rules import limits_of, narrowed
 from pc2cad.integrals.spectral import even, lobatto, spread
 from pc2cad.integrals.together import integrate_together
@@ -24,7 +25,7 @@ PI = pc.pi
 def together(map_):
     analysis = analyse(point_equation(map_))
     centre = np.array([0.1, 0.2, 0.3])
-    densities = _Densities(analysis, centre, JacobianWatch(analysis.map))
+    densities = Densities(analysis, centre, JacobianWatch(analysis.map))
     limits = narrowed(analysis, limits_of(analysis))
     return integrate_together(analysis, limits, densities.look, centre)
 

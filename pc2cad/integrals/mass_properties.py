@@ -14,21 +14,20 @@ from functools import partial
 import numpy as np
 
 from pc2cad.arrays import Array
-from pc2cad.arrays.linear import cross
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.jacobian_watch import JacobianWatch, determinants, volumes
+from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.domain.map import open_grid
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.polynomials import polynomials
 from pc2cad.expression.tree import ops_of
 from pc2cad.geometry.splines.bernstein import degree_in
+from pc2cad.integrals.densities import Densities
 from pc2cad.integrals.exact import ExactIntegrals, exact_integrals
 from pc2cad.integrals.flat_faces import MOST_DEGREE, flat_areas
-from pc2cad.integrals.quadrature import Panels, Samples
+from pc2cad.integrals.quadrature import Panels
 from pc2cad.integrals.rules import (
     EXACT,
-    Density,
     by_layer,
     limits_of,
     narrowed,
@@ -37,7 +36,7 @@ from pc2cad.integrals.rules import (
 from pc2cad.integrals.settling import settle
 from pc2cad.integrals.side_areas import areas_of_side, sides_in_pieces
 from pc2cad.integrals.together import integrate_together
-from pc2cad.topology.cells import Cell, directions_of
+from pc2cad.topology.cells import Cell
 
 #: relative difference of two rules at which there is no integral
 UNSETTLED = 0.01
@@ -88,12 +87,12 @@ def integrate(analysis: Analysis, proved: bool = False) -> MassProperties:
         if not proved:
             watch.see(*open_grid(*(panels.rule()[0] for panels in exact)))
             watch.check()
-        densities = _Densities(analysis, np.zeros(3), watch)
+        densities = Densities(analysis, np.zeros(3), watch)
         areas, errors = _areas(analysis, densities, exact, exact, closed, {})
         return _in_closed_form(closed, areas, _settled(errors))
     centre = _centre(analysis)
     # no node shows a fold where the sign is proved, and det J is nought on no more than a null set
-    densities = _Densities(analysis, centre, None if proved else watch)
+    densities = Densities(analysis, centre, None if proved else watch)
     layers: list[Array] = []
     known: dict[Cell, tuple[float, float]] = {}
     if exact is not None:
@@ -140,7 +139,7 @@ def _settled(errors: list[float]) -> list[float]:
 
 def _areas(
     analysis: Analysis,
-    densities: _Densities,
+    densities: Densities,
     whole: list[Panels],
     exact: list[Panels] | None,
     closed: ExactIntegrals | None,
@@ -210,65 +209,6 @@ def _centre(analysis: Analysis) -> Array:
     """Return a point amid the solid: moments about it lose no digits far from the origin."""
     inside = open_grid([0.21, 0.74], [0.23, 0.71], [0.26, 0.77])
     return np.asarray(analysis.map.points(*inside).mean(axis=(0, 1, 2)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Densities:
-    """The integrands, as functions of places."""
-
-    analysis: Analysis
-    centre: Array
-    #: notes the sign of det J at all nodes, where that is not proved
-    watch: JacobianWatch | None
-
-    def look(self, u: Array, v: Array, w: Array) -> tuple[Array, Array, list[Array]]:
-        """Return det J, M, and M_u, M_v and M_w; signs are noted on the way, if they are to be."""
-        points, *tangents = self.analysis.map.frame(u, v, w)
-        if self.watch is not None:
-            return self.watch.note(tangents, (u, v, w))[0], points, tangents
-        with np.errstate(all="ignore"):
-            return determinants(*tangents), points, tangents
-
-    def volume(self, u: Array, v: Array, w: Array) -> Samples:
-        """Return det J and (M - centre) det J; signs are noted on the way, if they are to be."""
-        points, *tangents = self.analysis.map.frame(u, v, w)
-        if self.watch is None:
-            determinant, size, _ = volumes(tangents)
-        else:
-            determinant, size, _ = self.watch.note(tangents, (u, v, w))
-        values = np.empty((4, *determinant.shape))
-        values[0] = determinant
-        with np.errstate(all="ignore"):
-            for axis, centre in enumerate(self.centre):
-                values[1 + axis] = (points[..., axis] - centre) * determinant
-        return Samples(np.moveaxis(values, 0, -1), size, points, tangents)
-
-    def measure(self, u: Array, v: Array, w: Array) -> Samples:
-        """Return det J and (M - centre) det J, and note no sign."""
-        points, a, b, c = self.analysis.map.frame(u, v, w)
-        values = np.einsum("...i,...i->...", a, cross(b, c))[..., None]
-        with np.errstate(all="ignore"):
-            moments = (points - self.centre) * values
-        return Samples(np.concatenate((values, moments), axis=-1), np.abs(values[..., 0]))
-
-    def area_of(self, patch: Cell) -> Density:
-        """Return the function that gives |M_s × M_t| on a patch."""
-        s, t = directions_of(patch)
-
-        def area(u: Array, v: Array, w: Array) -> Samples:
-            tangents = self.analysis.map.tangents((s, t), u, v, w)
-            # coordinate by coordinate: np.cross is slower
-            (a, b, c), (x, y, z) = (np.moveaxis(m, -1, 0) for m in tangents)
-            with np.errstate(all="ignore"):
-                values = _length(b * z - c * y, c * x - a * z, a * y - b * x)
-                terms = _length(a, b, c) * _length(x, y, z)
-            return Samples(values[..., None], terms)
-
-        return area
-
-
-def _length(x: Array, y: Array, z: Array) -> Array:
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def _refined(analysis: Analysis, patch: Cell, whole: list[Panels]) -> list[list[float]]:

@@ -10,7 +10,7 @@ shown by the functions through the nodes as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, prod
 
@@ -25,6 +25,7 @@ from pc2cad.domain.pieces import has_pieces
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.tree import Expr
 from pc2cad.geometry.splines.bernstein import degree_in
+from pc2cad.integrals.densities import Look, with_moments
 from pc2cad.integrals.features import SCATTER, explained, scatter, tops
 from pc2cad.integrals.flat_faces import flat_lengths
 from pc2cad.integrals.quadrature import EPSILON
@@ -48,10 +49,6 @@ _RESOLVED, _MISSED = 1e-14, 1e-12
 _LEFT = 1e-4
 #: a degree of M up to which it says the nodes of a direction
 _MOST_DEGREE = 4
-
-
-#: u, v and w (broadcastable) to det J (…), M, and M_u, M_v and M_w (…, 3)
-Look = Callable[[Array, Array, Array], tuple[Array, Array, list[Array]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +153,9 @@ def _along_lines(
     values, points, tangents = look(*places)
     if not _is_whole(points, tangents[d], rule):
         return None
-    rows = np.empty((4, *values.shape))
-    rows[0] = values
-    for row, axis in zip(rows[1:], range(3), strict=True):
-        np.subtract(points[..., axis], centre[axis], out=row)
-        row *= values
     highest = HIGHEST // 2 if comes_round else HIGHEST
     u, v, w = map(lengths, tangents)
-    last = _last_term(rows, u * v * w, rule)
+    last = _last_term(with_moments(values, points, centre), u * v * w, rule)
     if last is None or last > highest:
         return None
     for e in across:
@@ -310,9 +302,7 @@ class _Scatter:
 
         These are taken through det J and through M, of whose products the integrands are made.
         """
-        values = np.empty((4, SCATTER))
-        values[0] = self.determinant
-        values[1:] = (self.points - centre).T * self.determinant
+        values = with_moments(self.determinant, self.points, centre)
         sizes = np.abs(values).max(axis=1)
         if not sizes.max() < np.inf:
             return False
