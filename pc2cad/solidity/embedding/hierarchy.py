@@ -9,7 +9,7 @@ import numpy as np
 
 from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.linear import lengths, unit
-from pc2cad.solidity.embedding.windows import Cones, squares_of_rows, unit_rows
+from pc2cad.solidity.embedding.windows import Cones, joint_of_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +84,7 @@ class Level:
     def tangents(self, corners: Integers) -> Cones:
         """Return cones of the tangents along s and t in rectangles of corners (k, n), (2, n)."""
         index = np.array((corners, len(self.low) + corners)).transpose(1, 0, 2)
-        parts = self.axes.take(index, axis=1)
-        axes = unit_rows(parts.sum(axis=1))
-        parts -= axes[:, None]
-        off = np.sqrt(squares_of_rows(parts))
-        off += self.cones.radii.take(index)
-        return Cones(axes.transpose(1, 2, 0), off.max(axis=0))
+        return joint_of_rows(self.axes.take(index, axis=1), self.cones.radii.take(index))
 
     def coarser(self) -> Level:
         """Return blocks of two by two."""

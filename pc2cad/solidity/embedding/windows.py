@@ -77,7 +77,7 @@ def cones_of_rows(rows: Array, noise: float) -> Cones:
 
     Coordinate by coordinate and cones last: long rows, not three numbers at a time.
     """
-    size = np.sqrt(squares_of_rows(rows))
+    size = np.sqrt(_squares_of_rows(rows))
     none = size <= noise
     some = bool(none.any())
     if some:
@@ -86,14 +86,14 @@ def cones_of_rows(rows: Array, noise: float) -> Cones:
     rows /= size
     axes = unit(rows.sum(axis=1).T)
     rows -= axes.T[:, None]
-    squares = squares_of_rows(rows)
+    squares = _squares_of_rows(rows)
     if some:
         squares[none] = -1.0
     most = squares.max(axis=0)
     return Cones(axes, np.sqrt(most, out=np.full(len(most), -np.inf), where=most >= 0))
 
 
-def squares_of_rows(rows: Array) -> Array:
+def _squares_of_rows(rows: Array) -> Array:
     """Return the squares of the lengths of vectors (3, …)."""
     squares = rows * rows
     return np.asarray(squares[0] + squares[2] + squares[1])
@@ -103,6 +103,18 @@ def joint(parts: Cones) -> Cones:
     """Return the cones that hold those (k, …) of one row each."""
     axes = unit(parts.axes.sum(axis=0))
     return Cones(axes, (lengths(parts.axes - axes) + parts.radii).max(axis=0))
+
+
+def joint_of_rows(axes: Array, radii: Array) -> Cones:
+    """Return the same of axes (3, k, …), which are used up, and radii (k, …).
+
+    Coordinate by coordinate, as `cones_of_rows`.
+    """
+    joint_axes = _unit_rows(axes.sum(axis=1))
+    axes -= joint_axes[:, None]
+    off = np.sqrt(_squares_of_rows(axes))
+    off += radii
+    return Cones(np.moveaxis(joint_axes, 0, -1), off.max(axis=0))
 
 
 def is_alone(s: Cones, t: Cones) -> Booleans:
@@ -140,7 +152,7 @@ def are_ahead(axes: Array, sines: Array) -> Booleans:
     The plane is sought: as far as a cone is behind it, the cone is to be before it after the next
     step. Coordinate by coordinate: long rows, not three numbers at a time.
     """
-    normal = unit_rows(axes.sum(axis=1))
+    normal = _unit_rows(axes.sum(axis=1))
     left, result = np.arange(axes.shape[2]), np.zeros(axes.shape[2], dtype=bool)
     for turn in range(_TURNS):
         room = axes[0] * normal[0]
@@ -156,13 +168,13 @@ def are_ahead(axes: Array, sines: Array) -> Booleans:
         pull = axes[:, room[:, rest].argmin(axis=0), rest]
         pull *= _BEFORE - 2 * least[rest]
         left, axes, sines = left[rest], axes[:, :, rest], sines[:, rest]
-        normal = unit_rows(normal[:, rest] + pull)
+        normal = _unit_rows(normal[:, rest] + pull)
     return result
 
 
-def unit_rows(rows: Array) -> Array:
-    """Return vectors (3, n) at length 1; those of no length stay."""
-    size = np.sqrt(squares_of_rows(rows))
+def _unit_rows(rows: Array) -> Array:
+    """Return vectors (3, …) at length 1; those of no length stay."""
+    size = np.sqrt(_squares_of_rows(rows))
     return np.asarray(rows / np.where(size > 0, size, 1.0))
 
 
