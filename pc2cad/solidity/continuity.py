@@ -102,6 +102,7 @@ def _asked(node: Expr) -> list[tuple[str, Expr]] | None:
     if node.op not in _RANGES:
         return None
     if node.op == "div" and node.args[1].op == "sqrt":
+        # a root is above 0 where what it is of is
         return [("log", node.args[1].args[0])]
     return [(node.op, node.args[-1])]
 
