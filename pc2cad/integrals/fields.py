@@ -18,8 +18,8 @@ from pc2cad.domain.fields import LocalField, looked_at
 from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.errors import InputError
 from pc2cad.integrals.exact import exact_weighted
-from pc2cad.integrals.inertia import CLOSED_FORM, PAIRS, Mass, joined, made
-from pc2cad.integrals.mass_properties import QUADRATURE, UNSETTLED, MassProperties
+from pc2cad.integrals.inertia import PAIRS, Mass, joined, made
+from pc2cad.integrals.mass_properties import CLOSED_FORM, QUADRATURE, UNSETTLED, MassProperties
 from pc2cad.integrals.quadrature import Samples
 from pc2cad.integrals.rules import (
     Density,

@@ -21,13 +21,11 @@ from pc2cad.domain.jacobian_watch import JacobianWatch
 from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import InputError
 from pc2cad.integrals.exact import exact_second_moments
-from pc2cad.integrals.mass_properties import QUADRATURE, MassProperties
+from pc2cad.integrals.mass_properties import CLOSED_FORM, QUADRATURE, MassProperties
 from pc2cad.integrals.quadrature import Samples
 from pc2cad.integrals.rules import by_layer, limits_of, narrowed
 from pc2cad.integrals.settling import settle
 
-#: sources of second moments, as a report shows them
-CLOSED_FORM = "equation (closed form over the rationals)"
 #: products of inertia below this share of the trace may be rounding: they turn no axis
 ROUNDING = 1e-14
 

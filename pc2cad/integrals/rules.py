@@ -34,7 +34,7 @@ SLAB_POINTS = 300_000
 #: relative difference of two rules at which a third is tried
 DOUBTFUL = 1e-12
 #: places of the lines in the other two directions
-_LINES = scattered(8, 2)
+LINES = scattered(8, 2)
 #: places at which the sizes of integrands are looked at
 _SIZED = 32
 #: where a break lies
@@ -117,7 +117,7 @@ def panels_for(
     others = [d for d in range(3) if d != direction]
     spans = [(limits[d][0], limits[d][-1]) for d in others]
     across = [
-        np.append(low + (high - low) * _LINES[:, k], features[:, others[k]])
+        np.append(low + (high - low) * LINES[:, k], features[:, others[k]])
         for k, (low, high) in enumerate(spans)
     ]
 

@@ -29,7 +29,7 @@ from pc2cad.integrals.densities import Look, with_moments
 from pc2cad.integrals.features import SCATTER, explained, scatter, tops
 from pc2cad.integrals.flat_faces import flat_lengths
 from pc2cad.integrals.quadrature import EPSILON
-from pc2cad.integrals.rules import DOUBTFUL, EXACT, SLAB_POINTS
+from pc2cad.integrals.rules import DOUBTFUL, EXACT, LINES, SLAB_POINTS
 from pc2cad.integrals.spectral import (
     HIGHEST,
     LEAST,
@@ -40,8 +40,6 @@ from pc2cad.integrals.spectral import (
 )
 from pc2cad.topology.cells import IDENTITY, Cell, directions_of, normal_direction
 
-#: places of the lines in the other two directions
-_LINES = scattered(8, 2)
 #: terms of a series that are taken for resolved, and what a point's way along a line may miss of
 #: the integral of its tangent (of the largest way)
 _RESOLVED, _MISSED = 1e-14, 1e-12
@@ -148,7 +146,7 @@ def _along_lines(
     """
     rule = spread(comes_round)
     # one line after the other in memory
-    places = [x[:, None] for x in _LINES.T]
+    places = [x[:, None] for x in LINES.T]
     places.insert(d, rule.nodes)
     values, points, tangents = look(*places)
     if not _is_whole(points, tangents[d], rule):

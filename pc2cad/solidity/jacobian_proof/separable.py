@@ -29,13 +29,11 @@ from pc2cad.expression.rewriting import has_more
 from pc2cad.expression.scalar import evaluate
 from pc2cad.expression.separable_sums import vector_products
 from pc2cad.expression.tree import ONE, ZERO, Expr, ops_of, symbol
-from pc2cad.solidity.jacobian_proof.triple_models import ranges_of_triples
+from pc2cad.solidity.jacobian_proof.triple_models import Ranges, ranges_of_triples
 from pc2cad.solidity.jacobian_proof.triples import MOST_NODES, Products, minor, scaled, triple
 
 #: boxes of two parameters
 _Boxes = tuple[Place, Place]
-#: middles and half widths of ranges, of as many boxes of the first parameter as rows
-_Ranges = tuple[Array, Array]
 
 #: more products than this are left to others
 MOST_PRODUCTS = 6
@@ -169,17 +167,17 @@ class _Sum:
         sign, bad, _ = _signs(*_summed(a, da, b[1:], db[1:]), 0)
         return 0 if bad.any() else common * sign
 
-    def _common_in(self, first: Place, others: _Boxes) -> _Ranges:
+    def _common_in(self, first: Place, others: _Boxes) -> Ranges:
         """Return the common factor in boxes of the others: middles and half widths, (1, boxes)."""
         return _enclosed([self._common], self._names[1:], others, self._known)
 
-    def _terms_in(self, first: Place, others: _Boxes) -> _Ranges:
+    def _terms_in(self, first: Place, others: _Boxes) -> Ranges:
         """Return the same of the sum of the terms, (boxes of the first, those of the others)."""
         a, da = _enclosed([x for x, _ in self._terms], self._names[:1], (first,), self._known)
         b, db = _enclosed([x for _, x in self._terms], self._names[1:], others, self._known)
         return _summed(a, da, b, db)
 
-    def _leave(self, first: Place, others: _Boxes, ranges: _Ranges) -> None:
+    def _leave(self, first: Place, others: _Boxes, ranges: Ranges) -> None:
         """Keep the worst boxes: those whose values may have the other sign."""
         middle, off = ranges
         known = np.where(np.isfinite(middle) & np.isfinite(off), middle, 0.0)
@@ -190,7 +188,7 @@ class _Sum:
         self.left = np.stack([first.centre[row], *(x.ravel()[column] for x in pairs)])
 
 
-def _summed(a: Array, da: Array, b: Array, db: Array) -> _Ranges:
+def _summed(a: Array, da: Array, b: Array, db: Array) -> Ranges:
     """Return the ranges of the sums of products of a ± da, (terms, n), and b ± db, (terms, m)."""
     with np.errstate(all="ignore"):  # what is not bounded is nan, and of no sign
         size = product(np.abs(a).T, np.abs(b))
@@ -216,10 +214,10 @@ def _levels(names: tuple[str, ...], breaks: list[tuple[float, ...]]) -> list[lis
 
 
 def _refined(
-    ranges_in: Callable[[Place, _Boxes], _Ranges],
+    ranges_in: Callable[[Place, _Boxes], Ranges],
     rows: list[list[Place]],
     breaks: list[tuple[float, ...]],
-) -> tuple[int, tuple[Place, _Boxes, _Ranges]]:
+) -> tuple[int, tuple[Place, _Boxes, Ranges]]:
     """Return the sign that is proved on boxes, smaller ones where it is not at once; 0 for none.
 
     With it come the boxes that were looked at last, and their ranges.
@@ -339,7 +337,7 @@ def _enclosed(
     names: tuple[str, ...],
     places: tuple[Place, ...],
     known: Known | None = None,
-) -> tuple[Array, Array]:
+) -> Ranges:
     """Return middles and half widths of the trees' ranges, (trees, all boxes)."""
     count = len(places[0].centre)
     if len(places) > 1 and places[1].centre.shape == (count, 1) and count > MOST_BOXES:

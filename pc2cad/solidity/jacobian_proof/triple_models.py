@@ -24,8 +24,8 @@ from pc2cad.solidity.jacobian_proof.triples import Scaled
 WIDER, ORDER = 2.0, 5
 #: coordinates whose products make those of a × b, less the products of the last three
 _ONE, _OTHER = [1, 2, 0, 2, 0, 1], [2, 0, 1, 1, 2, 0]
-#: middles and half widths
-_Ranges = tuple[Array, Array]
+#: middles and half widths of ranges
+Ranges = tuple[Array, Array]
 
 
 def ranges_of_triples(
@@ -65,7 +65,7 @@ def ranges_of_triples(
     return *found, known.at((name,), (wide,), ORDER)
 
 
-def _products(vectors: Model, derived: list[int], i: list[int], j: list[int]) -> _Ranges:
+def _products(vectors: Model, derived: list[int], i: list[int], j: list[int]) -> Ranges:
     """Return the ranges of the triple products of vectors, given by number."""
     inner, slopes = _narrow(vectors), _slope(vectors)
     one, other = (
@@ -79,7 +79,7 @@ def _products(vectors: Model, derived: list[int], i: list[int], j: list[int]) ->
     return total.centre[:, 0], total.reach[:, 0]
 
 
-def _times(x: _Ranges, y: _Ranges) -> _Ranges:
+def _times(x: Ranges, y: Ranges) -> Ranges:
     """Return the ranges of products."""
     (a, da), (b, db) = x, y
     middle, size = a * b, np.abs(b) + db
