@@ -49,7 +49,7 @@ class Known:
         #: a parameter is hard for its others
         self.finer: dict[tuple[str, int, bytes], Cells] = {}
         #: functions of a parameter beside their fits: two walls share those along the guide
-        self.courses: dict[tuple[object, ...], Course] = {}
+        self.courses: dict[Key, Course] = {}
         #: discs round boxes of a parameter: two walls have the same along the guide
         self.discs: dict[Key, Discs] = {}
         #: trees of two parameters as sums of products, by those and a name

@@ -102,9 +102,9 @@ class RestrictedMap:
         """Say whether points on a product of parameters are known."""
         return _key(local) in self._points
 
-    def knows_normals(self, places: Array) -> bool:
-        """Say whether normals on the square grid of places are known."""
-        return _key((places, places)) in self._normals
+    def knows_normals(self, *local: Array) -> bool:
+        """Say whether normals on a product of parameters are known."""
+        return _key(local) in self._normals
 
     def shown(self, *local: float) -> str:
         """Return a place as the equation's own parameters, for a message."""

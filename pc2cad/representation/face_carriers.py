@@ -110,7 +110,7 @@ def placements_of(
     ]
     nodes = irrational(9)
     unplaced = [f for f, p in zip(functions, placed, strict=True) if p is None]
-    look_across([f for f in unplaced if not f.knows_normals(nodes)], nodes, nodes)
+    look_across([f for f in unplaced if not f.knows_normals(nodes, nodes)], nodes, nodes)
     return [p or _fitted(f, slack) for f, p in zip(functions, placed, strict=True)]
 
 
