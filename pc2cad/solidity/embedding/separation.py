@@ -55,6 +55,7 @@ def boxes_of_rows(points: Array) -> tuple[Array, Array]:
     low, high = np.empty((2, len(_DIRECTIONS), points.shape[2]))
     x, y, z = points
     p, q = x + y, x - y
+    # in the order of the directions; sums take less than products with these
     for k, values in enumerate(
         (x, y, z, p + z, p - z, q + z, z - q, p, q, x + z, x - z, y + z, y - z)
     ):
