@@ -608,3 +608,38 @@ def test_the_depth_that_is_told_is_one_that_is_there(angle):
         pc.compile_part(((3 + W) * pc.cos(t), (3 + W) * pc.sin(t), 2 * V))
     told = float(re.search(r"itself, ([\d.e-]+) mm deep or more", str(caught.value))[1])
     assert 2.5 * float(angle) < told <= 4 * float(angle)
+
+
+#: maps whose det J vanishes inside, without a change of its sign, and which touch themselves there
+PINCHED = {
+    "walls in a point": lambda a: (U, V, (2 * W - 1) * ((U - a) ** 2 + (V - a) ** 2)),
+    "walls in a point, sides in common": lambda a: (
+        U, V + U**2 / 4,
+        (W - Fraction(1, 2)) * U * (1 - U) * V * (1 - V) * ((U - a) ** 2 + (V - a) ** 2)
+        + U * V / 3,
+    ),
+    "walls along a line": lambda a: (
+        U, V + U**2 / 5, (W - Fraction(1, 3)) * (U - a) ** 2 + pc.sin(U) / 5
+    ),
+    "a neck without width": lambda a: (
+        U, (V - Fraction(1, 2)) * (U - a) ** 2 + U**2 / 3,
+        (W - Fraction(1, 2)) * (U - a) ** 2 + pc.sin(2 * U),
+    ),
+    "a sheet along a line": lambda a: (
+        U, (V - Fraction(1, 2)) * (U - a) ** 4 + U**2 / 3, W + pc.sin(2 * U)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", PINCHED)
+def test_what_has_no_width_inside_is_refused(case):
+    """Of tangents and ways that vanish cones say nothing, wherever they do."""
+    for place in (Fraction(3, 8), Fraction(1, 2)):
+        with pytest.raises(OverlappingMapError):
+            embedding(PINCHED[case](place), 1e-4)
+
+
+def test_what_has_no_width_along_its_sides_is_proved():
+    bump = U * (1 - U) * V * (1 - V)
+    for slow in (1, 2):
+        assert embedding((U, V + U**2 / 4, (W - Fraction(1, 2)) * bump**slow + U * V / 3)).proved

@@ -14,9 +14,10 @@ import numpy as np
 from pc2cad.arrays import Array, Booleans
 from pc2cad.geometry.sheets import points_of, projected
 from pc2cad.solidity.embedding.holds import Hold, hold, hold_in_pieces
+from pc2cad.solidity.embedding.pinches import pinched_patches, pinched_walls
 from pc2cad.solidity.embedding.separation import boxes_of_rows
-from pc2cad.solidity.embedding.surfaces import SAME_WEIGHT, Surfaces
-from pc2cad.solidity.embedding.windows import Cones, cones_of_rows
+from pc2cad.solidity.embedding.surfaces import POINT, SAME_WEIGHT, Surfaces
+from pc2cad.solidity.embedding.windows import UNKNOWN, Cones, cones_of_rows
 
 #: sheets of no more patches are held by the control points of each from the first
 FEW = 128
@@ -57,7 +58,7 @@ class HeldPatches:
         surfaces = self.surfaces
         count = len(surfaces.sheet_of)
         found = (np.empty((count, 13)), np.empty((count, 13)),
-                 Cones(np.zeros((2 * count, 3)), np.full(2 * count, 2.0)))  # fmt: skip
+                 Cones(np.zeros((2 * count, 3)), np.full(2 * count, UNKNOWN)))  # fmt: skip
         for own in self._alike():
             if not self._large[own[0]]:
                 self._hold_by_points(*found, own)
@@ -97,7 +98,10 @@ class HeldPatches:
         # row by row of the grid again
         ways = other - one
         order = np.arange(ways.shape[3] * ways.shape[4]).reshape(ways.shape[3:]).T.ravel()
-        return cones_of_rows(ways.reshape(3, -1, len(order)), self.noise)[order]
+        pinched = pinched_walls(self.surfaces, (i, j), ways, self.noise)
+        found = cones_of_rows(ways.reshape(3, -1, len(order)), self.noise)[order]
+        found.radii[pinched] = UNKNOWN
+        return found
 
     def _hold_by_points(self, low: Array, high: Array, cones: Cones, sheets: list[int]) -> None:
         """Hold patches of sheets made alike by their own control points."""
@@ -110,10 +114,11 @@ class HeldPatches:
         low[patches], high[patches] = boxes_of_rows(points.reshape(3, -1, len(patches)))
         if surfaces.sheets[sheets[0]].plane is not None:
             return
+        pinched = pinched_patches(points, surfaces.edges[sheets] == POINT, self.noise)
         # along s, then along t
-        for axis, steps in enumerate(
-            (points[:, :, 1:] - points[:, :, :-1], points[:, 1:] - points[:, :-1])
-        ):
+        both = points[:, :, 1:] - points[:, :, :-1], points[:, 1:] - points[:, :-1]
+        for axis, steps in enumerate(both):
             found = cones_of_rows(steps.reshape(3, -1, len(patches)), self.noise)
+            found.radii[pinched[axis].ravel()] = UNKNOWN
             rows = axis * len(low) + patches
             cones.axes[rows], cones.radii[rows] = found.axes, found.radii

@@ -65,7 +65,8 @@ class Hold:
 
     def ways(self, noise: float) -> Cones:
         """Return cones of all values themselves, (…, n·m)."""
-        return self._around(self.corners, self._bow, noise)
+        # where one is rounding nothing is known: it may be nought
+        return self._around(self.corners, np.maximum(self._bow, 2 * noise), noise)
 
     @property
     def turn(self) -> float:

@@ -26,6 +26,7 @@ from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.linear import cross, dots, heights, lengths, product, unit
 from pc2cad.solidity.embedding.cells import ENDS, Cells, Joints
 from pc2cad.solidity.embedding.levels import beyond_corner, beyond_plane, by_levels, rises
+from pc2cad.solidity.embedding.pinches import pinched_sides
 
 #: rounding of the sums and products of unit vectors here
 _UNIT = 1e-12
@@ -199,6 +200,7 @@ class Separation:
         """Say which cells may meet themselves."""
         result = ~cells.surfaces.separable[cells.sheet[rows]]
         left = np.flatnonzero(~result)
+        pinched = np.asarray(pinched_sides(cells.take(rows), self.noise).any(axis=1))
         for side in (0, 1):
             if len(left) == 0:
                 break
@@ -207,6 +209,7 @@ class Separation:
             chords, has = _directions(np.diff(nets, axis=1), self.noise)
             ways, there = _directions(np.diff(nets, axis=2), self.noise)
             parted = half_space(chords, has, ways, there)
+            parted &= ~pinched[left]
             left = left[~parted]
         if len(left):
             parted = by_levels(side_nets(cells, rows[left], np.zeros_like(left)), self.noise)

@@ -18,10 +18,13 @@ from pc2cad.arrays import Array, Booleans, Integers
 from pc2cad.arrays.distinct import distinct_rows
 from pc2cad.arrays.linear import areas, cross, dots, lengths, unit
 from pc2cad.solidity.embedding.cells import Cells, cells_of
+from pc2cad.solidity.embedding.pinches import pinched_sides, pinched_ways
 from pc2cad.solidity.embedding.surfaces import Surfaces
 
 #: from a cell to the four corners of the rectangle round it and the other one, in steps
 _SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+#: the radius of a cone that says nothing
+UNKNOWN = 2.0
 #: the chord of a right angle
 _RIGHT = np.sqrt(2.0)
 #: steps of the search for a plane, and how far before it the cone farthest behind is to be then
@@ -227,12 +230,15 @@ def _cones(
     )
     kept, nets = distinct_rows(patch, *window.T)
     low, length = window[kept, :2], window[kept, 2:]
-    points = cells_of(surfaces, patch[kept], low, low + length).points
+    cells = cells_of(surfaces, patch[kept], low, low + length)
+    points, pinched = cells.points, pinched_sides(cells, noise)
     one, other = nets.reshape(2, -1)
     corners = ways.reshape(4, -1)
     result = []
     for axis in (1, 2):
         cones = cones_of(np.diff(points, axis=axis).reshape(len(points), -1, 3), noise)
+        cones.radii[pinched[:, axis - 1]] = UNKNOWN
         result.append(joint(cones[np.concatenate((one[corners], other[corners]))]))
     across = cones_of((points[other] - points[one]).reshape(len(one), -1, 3), noise)
+    across.radii[pinched_ways(cells, one, other, noise)] = UNKNOWN
     return [*result, joint(across[corners])]
