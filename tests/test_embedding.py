@@ -639,6 +639,26 @@ def test_what_has_no_width_inside_is_refused(case):
             embedding(PINCHED[case](place), 1e-4)
 
 
+@pytest.mark.parametrize("root", [False, True])
+def test_samples_see_that_a_wall_has_no_width_at_an_inner_place(root):
+    """A wall that comes to nothing between samples, smoothly or to a point."""
+    gap = (U - pc.sqrt(2) / 3) ** 2 + (V - Fraction(2, 7)) ** 2
+    map_ = U, V, (2 * W - 1) * (pc.sqrt(gap) if root else gap) * pc.exp(U)
+    with pytest.raises(OverlappingMapError):
+        unexamined(point_equation(map_, None)).solidity  # noqa: B018
+
+
+def test_samples_are_asked_where_a_fitted_wall_is_thinner_than_its_deviation():
+    """The fitted walls are apart in wide blocks, the equation's touch."""
+    gap = (U - Fraction(47, 100)) ** 2 + (V - Fraction(18, 25)) ** 2
+    asked = []
+    for more in (0, Fraction(1, 10)):
+        checked = unexamined(point_equation((U, V, (2 * W - 1) * pc.sqrt(gap + more)), None))
+        model = represent(checked, CompileOptions(0.03))
+        assert embed(checked, model, lambda: asked.append(more)).proved  # noqa: B023
+    assert asked == [0]
+
+
 def test_what_has_no_width_along_its_sides_is_proved():
     bump = U * (1 - U) * V * (1 - V)
     for slow in (1, 2):

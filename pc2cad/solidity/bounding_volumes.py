@@ -139,10 +139,12 @@ def _leaves(face_meshes: Sequence[FaceMesh], faces: list[int], opposite: Integer
     if walls:
         # both sides of a wall take the way across it in one sense
         sides = [sorted((faces[k], int(opposite[faces[k]]))) for k in walls]
-        vectors = unit(
-            np.stack([face_meshes[b].samples - face_meshes[a].samples for a, b in sides])
-        )
-        axes[walls, ..., 2, :], radii[walls, ..., 2] = spread(np.stack(_corners(vectors), axis=3))
+        ways = np.stack([face_meshes[b].samples - face_meshes[a].samples for a, b in sides])
+        axis, radius = spread(np.stack(_corners(unit(ways)), axis=3))
+        axes[walls, ..., 2, :] = axis
+        thin = may_vanish(ways)
+        radii[walls, ..., 2] = np.where(thin, 2.0, radius)
+        slack[walls] /= np.where(thin, BETWEEN, 1.0)
     return low - slack[..., None], high + slack[..., None], axes, radii
 
 
@@ -156,6 +158,14 @@ def bow(samples: Array) -> Array:
         np.maximum(across[..., :-1:2, :], across[..., 1::2, :]), across[..., 2::2, :]
     )
     return np.asarray(along + across)
+
+
+def may_vanish(ways: Array, rounding: float = 0.0) -> Booleans:
+    """Say in which cells of vectors (…, 2n+1, 2m+1, 3) one may be nought, by samples and bow."""
+    size = np.sqrt(np.einsum("...i,...i->...", ways, ways))
+    n, m = size.shape[-2] - 1, size.shape[-1] - 1
+    least = [size[..., i : n + i : 2, j : m + j : 2] for i in range(3) for j in range(3)]
+    return np.asarray(np.minimum.reduce(least) <= bow(ways) + rounding)
 
 
 def _off_chord(start: Array, middle: Array, end: Array) -> Array:

@@ -34,6 +34,7 @@ from pc2cad.solidity.bounding_volumes import (
     cannot_return,
     children,
     independent,
+    may_vanish,
     meet,
     opposite_faces,
     overshoots,
@@ -303,7 +304,9 @@ class _Descent:
         a, b = pairs[:, 0], pairs[:, 1]
         s, t = axes[:, 0], axes[:, 1]
         left = np.arange(len(pairs))
-        gap = slack[a] + slack[b]
+        # a wall without width may come to a point between samples
+        thin = self._thin(parts, pairs)
+        gap = (slack[a] + slack[b]) / np.where(thin, BETWEEN, 1.0)
         depth = np.full(len(pairs), np.inf)
         # samples first: what lies along all pairs is in one piece
         first, second = (g[k].transpose(1, 2, 0).copy() for k in (a, b))
@@ -323,7 +326,7 @@ class _Descent:
             near = over >= 0
             if not near.all():
                 left, first, second = left[near], first[..., near], second[..., near]
-        kept = left[~self._walled(parts, cones, pairs[left])]
+        kept = left[thin[left] | ~self._walled(parts, cones, pairs[left])]
         return pairs[kept], depth[kept]
 
     def _walled(self, parts: _Parts, cones: Cones, pairs: Integers) -> Booleans:
@@ -350,6 +353,18 @@ class _Descent:
             for k in (a, b)
         )
         result[rows] = independent(first, second, crossing=True)
+        return result
+
+    def _thin(self, parts: _Parts, pairs: Integers) -> Booleans:
+        """Say which pairs are over one another on a wall that may have no width there."""
+        result = np.zeros(len(pairs), dtype=bool)
+        a, b = pairs[:, 0], pairs[:, 1]
+        over = self.opposite[parts.face[a]] == parts.face[b]
+        for own in (parts.low, parts.step):
+            over &= (np.abs(own[b] - own[a]) < 1e-6 * parts.step[a]).all(axis=1)
+        rows = np.flatnonzero(over)
+        ways = parts.samples[b[rows]] - parts.samples[a[rows]]
+        result[rows] = may_vanish(ways, self.rounding)[:, 0, 0]
         return result
 
 

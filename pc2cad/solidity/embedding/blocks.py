@@ -35,11 +35,12 @@ ALONE, NO_WALL = -1, -2
 
 def near_pairs(
     surfaces: Surfaces, noise: float, every: bool = False, near: float = 0.0
-) -> tuple[Integers, int]:
+) -> tuple[Integers, int, float]:
     """Return pairs of patches, each with itself too, that nothing parts as blocks.
 
-    What is no farther apart than `near` is not parted. With them comes the number of blocks that
-    were looked at. Sheets with no solid in common, one of them between two, are compared where
+    What is no farther apart than `near` is not parted, but for the two sides of a wall. With them
+    come the number of blocks that were looked at and how thin walls may be between those that were
+    parted. Sheets with no solid in common, one of them between two, are compared where
     `every` pair is asked for.
     """
     search = _Search(surfaces, noise, max(near, 2 * noise), every)
@@ -55,7 +56,7 @@ def near_pairs(
             pairs = pairs[search.meet(level, pairs)]
         pairs = pairs[~search.planes[depth].part(pairs, level.sheet)]
         pairs = search.left(level, pairs)
-    return pairs, count
+    return pairs, count, search.thinnest
 
 
 def _is_graph(patches: Patches, noise: float) -> bool:
@@ -100,6 +101,11 @@ class _Search:
         while len(found[-1].low) > FEW_BLOCKS and found[-1].shapes.max() > 1:
             found.append(found[-1].coarser())
         return found
+
+    @property
+    def thinnest(self) -> float:
+        """How thin a wall may be between blocks that are parted."""
+        return self._held.least_way
 
     def coarsest(self) -> Integers:
         """Return the pairs of the largest blocks, of sheets to be compared."""

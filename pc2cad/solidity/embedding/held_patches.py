@@ -17,7 +17,7 @@ from pc2cad.solidity.embedding.holds import Hold, hold, hold_in_pieces
 from pc2cad.solidity.embedding.pinches import pinched_patches, pinched_walls
 from pc2cad.solidity.embedding.separation import boxes_of_rows
 from pc2cad.solidity.embedding.surfaces import POINT, SAME_WEIGHT, Surfaces
-from pc2cad.solidity.embedding.windows import UNKNOWN, Cones, cones_of_rows
+from pc2cad.solidity.embedding.windows import RIGHT, UNKNOWN, Cones, cones_of_rows
 
 #: sheets of no more patches are held by the control points of each from the first
 FEW = 128
@@ -33,6 +33,8 @@ class HeldPatches:
     _points: dict[int, Array] = field(default_factory=dict)
     #: what holds the ways from one of two sheets to the other
     _held_ways: dict[tuple[int, int], Hold] = field(default_factory=dict)
+    #: no way that a cone narrower than a right angle holds is shorter, but for those that vanish
+    least_way: float = np.inf
 
     @cached_property
     def _large(self) -> Booleans:
@@ -86,11 +88,15 @@ class HeldPatches:
 
     def ways(self, i: int, j: int) -> Cones:
         """Return cones of the ways from the patches of one sheet to those of another."""
-        if (i, j) in self._held_ways:
-            return self._held_ways[i, j].ways(self.noise)
         first, second = (self.surfaces.sheets[k].patches for k in (i, j))
         if self._large[i] and self._large[j]:
-            return hold(first, projected(second.poles) - projected(first.poles)).ways(self.noise)
+            if (i, j) not in self._held_ways:
+                poles = projected(second.poles) - projected(first.poles)
+                self._held_ways[i, j] = hold(first, poles)
+            held = self._held_ways[i, j]
+            found = held.ways(self.noise)
+            self._keep_least(found, held.least())
+            return found
         one, other = (
             self._points[k] if k in self._points else points_of([patches])[:, :, :, 0]
             for k, patches in ((i, first), (j, second))
@@ -99,9 +105,18 @@ class HeldPatches:
         ways = other - one
         order = np.arange(ways.shape[3] * ways.shape[4]).reshape(ways.shape[3:]).T.ravel()
         pinched = pinched_walls(self.surfaces, (i, j), ways, self.noise)
-        found = cones_of_rows(ways.reshape(3, -1, len(order)), self.noise)[order]
-        found.radii[pinched] = UNKNOWN
-        return found
+        rows = ways.reshape(3, -1, len(order))
+        found = cones_of_rows(rows.copy(), self.noise)
+        heights = np.einsum("ikn,ni->kn", rows, found.axes)
+        there = (rows * rows).sum(axis=0) > self.noise * self.noise
+        found.radii[order[pinched]] = UNKNOWN
+        self._keep_least(found, np.where(there, heights, np.inf).min(axis=0))
+        return found[order]
+
+    def _keep_least(self, ways: Cones, least: Array) -> None:
+        """Keep how short ways are, by the least of those that a cone holds each."""
+        chosen = least[ways.radii < RIGHT]
+        self.least_way = min(self.least_way, float(chosen.min(initial=np.inf)))
 
     def _hold_by_points(self, low: Array, high: Array, cones: Cones, sheets: list[int]) -> None:
         """Hold patches of sheets made alike by their own control points."""

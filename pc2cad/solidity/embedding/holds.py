@@ -68,6 +68,11 @@ class Hold:
         # where one is rounding nothing is known: it may be nought
         return self._around(self.corners, np.maximum(self._bow, 2 * noise), noise)
 
+    def least(self) -> Array:
+        """Return how short values are at least, (…, n·m)."""
+        corners = self._within(lengths(self.corners)).min(axis=0)
+        return _in_row(corners - self._bow, 0)
+
     @property
     def turn(self) -> float:
         """How far a patch's tangents turn on average, along both directions together, at most."""

@@ -119,7 +119,9 @@ class _Descent:
 
     def run(self, every: bool) -> Outcome:
         surfaces = self.surfaces
-        pairs, self.count = near_pairs(surfaces, self.noise, every, self.doubt.near)
+        pairs, self.count, thin = near_pairs(surfaces, self.noise, every, self.doubt.near)
+        if thin <= self.doubt.near:
+            self.doubt.raised()
         if len(pairs) == 0:
             return Outcome(self.count)
         patches, index = np.unique(pairs, return_inverse=True)
@@ -286,6 +288,9 @@ class _Descent:
         index = np.flatnonzero(~done)
         if len(index):
             done[index] = parted_beside(cells, pairs[index], self.noise)
+            one, other = cells.sheet[pairs[index]].T
+            if (done[index] & (one != other) & ~where.any[index]).any():
+                self.doubt.raised()
         left = ~done
         return (
             np.concatenate((own, pairs[left])),

@@ -26,7 +26,7 @@ _SHIFTS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 #: the radius of a cone that says nothing
 UNKNOWN = 2.0
 #: the chord of a right angle
-_RIGHT = np.sqrt(2.0)
+RIGHT = np.sqrt(2.0)
 #: steps of the search for a plane, and how far before it the cone farthest behind is to be then
 _TURNS, _BEFORE = 8, 0.02
 #: where a cone is so far behind a plane that no turn helps: at first, and at least
@@ -56,7 +56,7 @@ class Cones:
         It is a right angle, too wide for every test, where sums may leave a cone, and where there
         is no vector.
         """
-        chord = np.where((self.radii >= 0) & (self.radii < _RIGHT), self.radii, _RIGHT)
+        chord = np.where((self.radii >= 0) & (self.radii < RIGHT), self.radii, RIGHT)
         square = chord * chord
         return chord * np.sqrt(1 - square / 4), 1 - square / 2
 
