@@ -236,6 +236,20 @@ def test_a_jump_is_named_with_its_place(name, place):
         pc.compile_part(BROKEN[name])
 
 
+@pytest.mark.parametrize("jump", [pc.sign(U - 0.4), pc.atan(1 / (U - 0.4))], ids=["sign", "atan"])
+def test_a_jump_that_reaches_no_side_is_refused(jump):
+    """It leaves gaps, and covers as much twice, in equal parts all round: the integrals agree."""
+    inside = U * (1 - U) * V * (1 - V) * W * (1 - W) * (V - Fraction(1, 2)) * (W - Fraction(1, 2))
+    with pytest.raises(DiscontinuousMapError, match=r"near u = 0\.4,"):
+        pc.compile_part((U + inside * jump, V, W))
+
+
+def test_a_map_of_functions_that_may_jump_is_not_called_proved():
+    part = pc.compile_part((U, V, W + (U - Fraction(1, 2)) * pc.sign(U - Fraction(1, 2)) / 3))
+    assert part.report.own.injectivity == "sampled"
+    assert part.report.own.overlap_open == "that M does not jump is sampled"
+
+
 def test_a_steep_place_is_no_jump():
     step = pc.tanh(10**7 * (V - THIRD))
     steep = analyse(point_equation((U + step / 100, V, W)))

@@ -101,6 +101,8 @@ def not_proved(checked: CheckedMap, model: BoundaryModel, embedding: Embedding) 
         found.append(f"nothing has separated {embedding.open}")
     if checked.orientation.verdict is not Verdict.PROVED:
         found.append("the sign of det J is sampled")
+    if not checked.question.continuous:
+        found.append("that M does not jump is sampled")
     sampled = [face.name for face in model.faces if face.evidence == "sampled"]
     if sampled:
         found.append(f"deviations from the equation are sampled: {', '.join(sampled)}")

@@ -4,13 +4,14 @@ It does not where it is made of continuous functions, and nothing that is divide
 is proved by enclosures over boxes that fill the box. Where it is not, samples are looked at: a step
 between two samples that is much larger than those beside it is either steep or a jump. Which
 of them shows by halving: where the map is continuous the step becomes small with its interval, and
-at a jump it stays, down to neighbouring numbers. Jumps inside the box reach its sides, unless they
-close in themselves; those of the sides are found.
+at a jump it stays, down to neighbouring numbers. The sides are looked at, and where M may jump some
+lines through the box: jumps inside need not reach its sides.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
 from typing import Final
@@ -20,6 +21,8 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.bounds.known import Models
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.map import Mapping3
+from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.intervals import ULP, Interval
@@ -31,10 +34,16 @@ from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 STEEP, MOST = 4.0, 4
 #: halvings, down to neighbouring numbers, and the share of the step that they leave at a jump
 HALVINGS, LEFT = 52, 0.25
+#: the last halvings, in which no jump falls
+LAST: Final = 20
 #: faces that are looked at together
 TOGETHER = 16
 #: steps below this share of the part's size are left to the comparison with the tolerance
 SMALLEST = 1e-6
+
+#: lines through the box along each parameter, so many by so many, and places on each of them
+ACROSS = 6
+LINES: Final = (97, ACROSS**2)
 
 #: what is continuous wherever its operands are
 _CONTINUOUS: Final = frozenset((
@@ -131,7 +140,7 @@ def _stay(names: tuple[str, ...], asked: tuple[tuple[str, Expr], ...]) -> bool:
 
 
 def check_continuous(analysis: Analysis, face_meshes: Sequence[FaceMesh]) -> None:
-    """Raise DiscontinuousMapError where the map jumps on a side."""
+    """Raise DiscontinuousMapError where the map jumps on a side, or on a line through the box."""
     for faces in by_shape(face_meshes):
         for start in range(0, len(faces), TOGETHER):
             several = [face_meshes[f] for f in faces[start : start + TOGETHER]]
@@ -140,7 +149,46 @@ def check_continuous(analysis: Analysis, face_meshes: Sequence[FaceMesh]) -> Non
                 found = _steep(samples, axis, SMALLEST * analysis.size)
                 for face_mesh, places in zip(several, found, strict=True):
                     if len(places):
-                        _check(face_mesh, axis, places)
+                        _check(face_mesh.function, face_mesh.samples.shape, axis, places)
+    if not is_continuous(analysis.map.coordinates):
+        for direction in range(3):
+            lines = _Lines(analysis.map, direction)
+            samples = lines.at(*np.meshgrid(*(np.linspace(0, 1, n) for n in LINES), indexing="ij"))
+            places = _uneven(samples, SMALLEST * analysis.size)
+            if len(places):
+                _check(lines, samples.shape, 0, places, SMALLEST * analysis.size)
+
+
+def _uneven(samples: Array, smallest: float) -> Integers:
+    """Return indices (k, 2) of the steps along lines that differ most from those beside them."""
+    gap = np.diff(samples, axis=0)
+    off = np.zeros(gap.shape[:2])
+    off[1:-1] = _lengths(gap[1:-1] - (gap[:-2] + gap[2:]) / 2)
+    most = np.argsort(-off, axis=None)[:MOST]
+    places = np.stack(np.unravel_index(most, off.shape), axis=1)
+    return np.asarray(places[off.ravel()[most] > smallest])
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Lines through the box along one parameter: the first coordinate; the second tells which."""
+
+    map: Mapping3
+    direction: int
+
+    def at(self, s: Array, t: Array) -> Array:
+        """Return points of the lines."""
+        return self.map.points(*self._place(s, t))
+
+    def shown(self, s: float, t: float) -> str:
+        """Return a place in the equation's own parameters."""
+        return self.map.shown(float(x) for x in self._place(np.array(s), np.array(t)))
+
+    def _place(self, s: Array, t: Array) -> list[Array]:
+        row, column = np.divmod(np.rint(t * (LINES[1] - 1)), ACROSS)
+        place = [(row + 0.5) / ACROSS, (column + 0.5) / ACROSS]
+        place.insert(self.direction, s)
+        return place
 
 
 def _steep(samples: Array, axis: int, smallest: float) -> list[Integers]:
@@ -164,27 +212,38 @@ def _steep(samples: Array, axis: int, smallest: float) -> list[Integers]:
     return rows
 
 
-def _check(face_mesh: FaceMesh, axis: int, places: Integers) -> None:
-    low = places / (np.array(face_mesh.samples.shape[:2]) - 1)
+def _check(
+    function: RestrictedMap | _Lines,
+    shape: tuple[int, ...],
+    axis: int,
+    places: Integers,
+    smallest: float = 0.0,
+) -> None:
+    """Raise where halving leaves a share of a step; or more than is told, where that is given."""
+    low = places / (np.array(shape[:2]) - 1)
     high = low.copy()
-    high[:, axis] += 1 / (face_mesh.samples.shape[axis] - 1)
-    ends = [face_mesh.function.at(*place.T) for place in (low, high)]
+    high[:, axis] += 1 / (shape[axis] - 1)
+    ends = [function.at(*place.T) for place in (low, high)]
     first = _lengths(ends[1] - ends[0])
-    for _ in range(HALVINGS):
+    most = np.full(len(first), smallest) if smallest else LEFT * first
+    for turn in range(HALVINGS):
+        if smallest and turn == HALVINGS - LAST:
+            # steep roots leave more than is told, too, but go on falling
+            most = np.maximum(most, LEFT * _lengths(ends[1] - ends[0]))
         middle = (low + high) / 2
-        amid = face_mesh.function.at(*middle.T)
+        amid = function.at(*middle.T)
         known = np.isfinite(amid).all(axis=1)  # right at a jump there may be no value
         left = known & (_lengths(amid - ends[0]) > _lengths(ends[1] - amid))
         right = known & ~left
         low[right], ends[0][right] = middle[right], amid[right]
         high[left], ends[1][left] = middle[left], amid[left]
-        jumps = np.flatnonzero(_lengths(ends[1] - ends[0]) > LEFT * first)
+        jumps = np.flatnonzero(_lengths(ends[1] - ends[0]) > most)
         if len(jumps) == 0:
             return
     worst = jumps[first[jumps].argmax()]
     before, after = (", ".join(f"{x:.6g}" for x in end[worst]) for end in ends)
     raise DiscontinuousMapError(
-        f"the map jumps near {face_mesh.function.shown(*high[worst])}, "
+        f"the map jumps near {function.shown(*high[worst])}, "
         f"from ({before}) to ({after}): a solid's points follow its parameters without a gap; end "
         "the domain there, or write the equation so that it goes on (a branch cut of atan2 can be "
         "turned away)"

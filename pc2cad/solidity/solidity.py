@@ -67,9 +67,14 @@ class Question:
         return (
             self.faces
             and self.orientation.verdict is Verdict.PROVED
-            and is_continuous(self.analysis.map.coordinates, self.orientation.models)
+            and self.continuous
             and self._material is not None
         )
+
+    @cached_property
+    def continuous(self) -> bool:
+        """Whether it is proved that M does not jump."""
+        return is_continuous(self.analysis.map.coordinates, self.orientation.models)
 
     @cached_property
     def _material(self) -> int | None:
