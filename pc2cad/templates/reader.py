@@ -29,44 +29,16 @@ if TYPE_CHECKING:
 
 TEXTS: Final = ("title", "about", "source", "units")
 TABLES: Final = (
-    "parameters",
-    "points",
-    "domain",
-    "data",
-    "curves",
-    "fourier",
-    "tables",
-    "guide",
-    "frame",
-    "layers",
-    "let",
-    "solid",
-    "fields",
-    "expect",
-)
+    "parameters", "points", "domain", "data", "curves", "fourier", "tables", "guide", "frame",
+    "layers", "let", "solid", "fields", "expect",
+)  # fmt: skip
 _EXPECTED: Final = (
-    "volume",
-    "area",
-    "centroid",
-    "faces",
-    "carriers",
-    "edges",
-    "vertices",
-    "shells",
-    "euler",
-)
+    "volume", "area", "centroid", "faces", "carriers", "edges", "vertices", "shells", "euler",
+)  # fmt: skip
 _CARRIERS: Final = (
-    "plane",
-    "cylinder",
-    "cone",
-    "sphere",
-    "torus",
-    "extrusion",
-    "revolution",
-    "bezier",
-    "spline",
+    "plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bezier", "spline",
     "rational",
-)
+)  # fmt: skip
 
 
 def read_tables(
