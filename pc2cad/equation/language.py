@@ -90,15 +90,12 @@ class _Reader:
     def value(self, node: Node) -> Value:
         try:
             value = self._value(node)
+            if isinstance(value, Expr):
+                check_constants((value,))
         except ExpressionSyntaxError:
             raise
         except InputError as error:
             raise ExpressionValueError(str(error), node.column) from error
-        if isinstance(value, Expr):
-            try:
-                check_constants((value,))
-            except InputError as error:
-                raise ExpressionValueError(str(error), node.column) from error
         return value
 
     def _value(self, node: Node) -> Value:
