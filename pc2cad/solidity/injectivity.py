@@ -70,14 +70,19 @@ class Injectivity:
 
 
 def check_injective(
-    analysis: Analysis, sign: int, face_meshes: Sequence[FaceMesh], most_pairs: int = MOST_PAIRS
+    analysis: Analysis,
+    sign: int,
+    face_meshes: Sequence[FaceMesh],
+    most_pairs: int = MOST_PAIRS,
+    continuous: bool = False,
 ) -> Injectivity:
     """Return how injectivity was checked; raise a NotASolidError where it fails.
 
     `sign` is that of det J: it says on which side of the boundary the image is. `most_pairs` of
-    cells are followed at once.
+    cells are followed at once. Whether M jumps is looked at on the sides, and inside as well where
+    it is not proved to be `continuous`.
     """
-    check_continuous(analysis, face_meshes)
+    check_continuous(analysis, face_meshes, continuous)
     found = find_contact(analysis, face_meshes, most_pairs=most_pairs)
     if isinstance(found, Contact):
         raise OverlappingMapError(_met(analysis, face_meshes, found))

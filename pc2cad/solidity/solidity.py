@@ -54,7 +54,8 @@ class Question:
     def answer(self) -> Solidity:
         """The evidence; raises NotASolidError (a subclass) where the image is no solid."""
         most = FEW_PAIRS if self.faces else MOST_PAIRS
-        found = check_injective(self.analysis, self.orientation.sign, self._face_meshes, most)
+        sign = self.orientation.sign
+        found = check_injective(self.analysis, sign, self._face_meshes, most, self.continuous)
         return Solidity(found.images, found.apart, found.outer_shell, found.warning)
 
     @cached_property
