@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from pc2cad.templates.shipped import bodies_paths, template_paths
+from pc2cad.trust.processes import collect_rarely
 
 HERE = Path(__file__).parent
 #: what may be missing in CI: words of the reason to skip -> why it cannot be installed there
@@ -24,6 +25,7 @@ MAY_BE_MISSING: dict[str, str] = {}
 # The hundred processes that tests start read one cache of bytecode, as users' do
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+collect_rarely()  # as the command does
 
 Report = pytest.TestReport | pytest.CollectReport
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -113,15 +113,7 @@ def _name(path: Path) -> str:
 
 def _imports(tree: ast.Module, files: Mapping[str, Path]) -> Iterator[str]:
     """Yield what a module imports, lazily or not: own modules as ``.name``, libraries by name."""
-    skipped = {
-        id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-        for inner in ast.walk(node)
-    }
-    for node in ast.walk(tree):
-        if id(node) in skipped:
-            continue
+    for node in _statements(tree.body):
         if isinstance(node, ast.Import):
             found = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -133,6 +125,19 @@ def _imports(tree: ast.Module, files: Mapping[str, Path]) -> Iterator[str]:
         for name in found:
             top, _, rest = name.partition(".")
             yield f".{rest}" if top == "pc2cad" else top
+
+
+def _statements(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
+    """Yield all statements, those within others too, but for what only type checkers see."""
+    for node in body:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        yield node
+        for part in ("body", "orelse", "finalbody"):
+            yield from _statements(getattr(node, part, ()))
+        for part in ("handlers", "cases"):
+            for inner in getattr(node, part, ()):
+                yield from _statements(inner.body)
 
 
 def depends(module: Module) -> set[str]:
