@@ -77,6 +77,20 @@ def test_templates_render_and_the_surfaces_are_their_boundary(name):
     assert not drawn[-4:].any()
 
 
+def test_faces_whose_corners_are_singular_are_lit_from_outside():
+    u, v, w = pc.parameters()
+    across, up = 2 * pc.pi * u, pc.pi * (v - 0.5)
+    x, y = pc.cos(up) * abs(pc.cos(up)) * w, pc.sin(up) * abs(pc.sin(up)) * w
+    round_z = (pc.cos(across) * abs(pc.cos(across)), pc.sin(across) * abs(pc.sin(across)))
+    octahedron = pc.compile_part([3 * x * round_z[0], 2 * x * round_z[1], y])
+    scene = drawing(octahedron, Style())
+    assert len(scene.surfaces) == 8
+    for surface in scene.surfaces:
+        outwards = (surface.points * surface.normals).sum(axis=1)
+        assert outwards == pytest.approx(1 / math.sqrt(1 / 9 + 1 / 4 + 1))
+    assert enclosed(scene) == pytest.approx(8.0)
+
+
 def test_a_point_is_where_the_camera_says():
     camera = aim(np.array([[0.0, 0, 0], [2, 2, 2]]), VIEWS["front"], (200, 100))
     middle, depth = camera.project(np.array([[1.0, 1, 1], [1, 0, 1], [2, 1, 1], [1, 1, 2]]))

@@ -22,6 +22,8 @@ TURN = 0.05
 NODES = (2, 640)
 #: places along a direction, and lines across, from which its turning is told
 PROBES = (257, 9)
+#: how far beside a singular place of a patch its normal is taken, in shares of the patch
+BESIDE = 1e-3
 
 Place = dict[int, Array | float]
 
@@ -165,25 +167,26 @@ class Sides:
         return int(np.clip(np.ceil(needed) + 1, NODES[0] if needed < 0.01 else 8, NODES[1]))
 
     def _normals(self, patch: Cell, place: Place) -> Array:
-        """Return unit normals out of the solid; a pole has that of the point next to it."""
-        first, second = directions_of(patch)
-        grid = open_grid(*self._axes(patch, place))
-        tangents = self.map.tangents((first, second), *grid)
+        """Return unit normals out of the solid; where there is none, that of a place beside."""
+        normals = self._across(patch, place)
+        # nodes of a coarse grid may all be singular, and their normals rounding: ask the middle
+        middle = self._across(patch, dict.fromkeys(directions_of(patch), 0.5))
+        largest = max(np.linalg.norm(n, axis=-1).max() for n in (normals, middle))
+        bad = np.linalg.norm(normals, axis=-1) <= 1e-7 * largest
+        if bad.any():
+            beside: Place = {d: _beside(np.asarray(at, dtype=float)) for d, at in place.items()}
+            normals[bad] = self._across(patch, beside)[bad]
+        lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+        unit: Array = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+        return unit
+
+    def _across(self, patch: Cell, place: Place) -> Array:
+        """Return normals out of the solid, as long as the patch is stretched there."""
+        tangents = self.map.tangents(directions_of(patch), *open_grid(*self._axes(patch, place)))
         shape = self._shape(patch, place)
         s, t = (np.nan_to_num(tangent.reshape(*shape, 3)) for tangent in tangents)
-        normals = np.cross(s, t) * (self._handed * outward_sign(patch))
-        lengths = np.linalg.norm(normals, axis=-1)
-        speed = np.linalg.norm(s, axis=-1).max() * np.linalg.norm(t, axis=-1).max()
-        good = lengths > 1e-7 * speed
-        unit: Array = np.divide(
-            normals, lengths[..., None], out=np.zeros_like(normals), where=good[..., None]
-        )
-        for axis in (0, 1):
-            for row, near in ((0, 1), (-1, -2)):
-                ends, inner = np.moveaxis(unit, axis, 0), np.moveaxis(good, axis, 0)
-                if len(ends) > 1 and not inner[row].all():
-                    ends[row] = np.where(inner[row][:, None], ends[row], ends[near])
-        return unit
+        across: Array = np.cross(s, t) * (self._handed * outward_sign(patch))
+        return across
 
     def _points(self, cell: Cell, place: Place) -> Array:
         """Return M on a cell at places in 0…1 of its pieces; directions ascend."""
@@ -200,6 +203,12 @@ class Sides:
 
     def _shape(self, cell: Cell, place: Place) -> list[int]:
         return [np.asarray(place[d]).size for d in directions_of(cell)]
+
+
+def _beside(at: Array) -> Array:
+    """Return places of a patch, 0…1, moved a little towards its middle."""
+    moved: Array = at + np.where(at <= 0.5, BESIDE, -BESIDE)
+    return moved
 
 
 def _turn(vectors: Array) -> float:
