@@ -24,6 +24,7 @@ from pc2cad.brep.kernel import IndexedMapOfShape
 from pc2cad.brep.triangles import enclosed_volume
 from pc2cad.channels import guide_functions
 from pc2cad.channels.channel import ChannelError
+from pc2cad.channels.limits import ChannelLimitError
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.point_equation import LayersError, PointEquation, point_equation
@@ -34,6 +35,7 @@ from pc2cad.part import Part
 from pc2cad.representation.boundary import represent
 from pc2cad.representation.embedding import embed
 from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
+from pc2cad.solidity.injectivity import OverlappingMapError
 from pc2cad.templates.file import parse_template
 
 u, v, w = pc.parameters()
@@ -296,3 +298,24 @@ def test_what_makes_no_layers_is_refused(make, error, message):
     assert issubclass(error, InputError)
     with pytest.raises(error, match=message):
         make()
+
+
+def test_layers_that_cover_one_another_are_refused_as_such():
+    turns = pc.channel(pc.helix(5, 2.2, 3), pc.ellipse(0.9, 0.9, v), {"core": None, "skin": 0.4})
+    with pytest.raises(ChannelLimitError, match="comes within 2"):
+        compile_equation(turns)
+    pinched = parse_template("""
+title = "a throat of no radius"
+[layers]
+liner = 1
+jacket = 2
+[let]
+r = "(u - 1/2)^2 + depth(w)"
+[solid]
+x = "r*cos(2*pi*v)"
+y = "r*sin(2*pi*v)"
+z = "3*u"
+""", "pinched")  # fmt: skip
+    with pytest.raises(OverlappingMapError, match="covers itself, or touches") as refused:
+        compile_equation(pinched.bind())
+    assert "for w" not in str(refused.value)  # layers share all of it

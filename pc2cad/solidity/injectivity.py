@@ -267,7 +267,9 @@ def _advice(analysis: Analysis) -> str:
                 f"M repeats itself in {name} with the period {period * (high - low):.6g}: shorten "
                 f"the domain of {name} to [{low:g}, {low + period * (high - low):.6g}] at most"
             )
-    shorter = [text for d in (2, 1, 0) if (text := _shorter(analysis, d))]
+    # layers share all of w
+    directions = (1, 0) if analysis.equation.layers else (2, 1, 0)
+    shorter = [text for d in directions if (text := _shorter(analysis, d))]
     general = "a larger pitch or distance between strands"
     if shorter:
         return f"it does not for {' or for '.join(shorter)}; {general} may do as well"
@@ -301,7 +303,7 @@ def _holds(analysis: Analysis, direction: int, share: Fraction, upper: bool) -> 
     kept = number(share) * (high - low)
     domain[direction] = (low, low + kept) if upper else (high - kept, high)
     try:
-        part = analyse(replace(equation, domain=(domain[0], domain[1], domain[2])))
+        part = analyse(replace(equation, domain=(domain[0], domain[1], domain[2]), layers=()))
         return not isinstance(find_contact(part, cut(part), ROUGHLY), Contact)
     except NotASolidError:
         return False
