@@ -54,6 +54,14 @@ def assert_refused(equation, error, message, domain=None, seconds=20.0):
     return caught.value
 
 
+def test_what_lacks_a_parameter_is_told_which():
+    u, v, _ = pc.parameters()
+    r, turn = 3 + u * (1 - u), 2 * pc.pi * v
+    vase = [r * pc.cos(turn), r * pc.sin(turn), 5 * u]
+    assert_refused(vase, FlatMapError, r"no volume \(M does not depend on w; a wall")
+    assert_refused([u, u * u, 1], FlatMapError, "M does not depend on v or w;")
+
+
 def pyramid(**points):
     A, B, C, D = pc.points(**(P1 | points))
     u, v, w = pc.parameters()

@@ -85,10 +85,9 @@ class JacobianWatch:
     def check(self) -> None:
         """Raise FlatMapError or FoldedMapError where what was seen shows one."""
         if max(self.extremes.values()) <= ROUNDING:
+            why = self._why_flat()
             raise FlatMapError(
-                "det J is zero everywhere: the image is flat and has no volume (for a simplex: "
-                "the points lie in one plane, or two of them coincide; for a truncated body: "
-                "nothing is left between its ends)"
+                f"det J is zero everywhere: the image is flat and has no volume ({why})"
             )
         if min(self.extremes.values()) > ROUNDING:
             minor = 1 if self.extremes[1] < self.extremes[-1] else -1
@@ -99,6 +98,21 @@ class JacobianWatch:
                 f"{self.mapping.shown(place)}, at ({', '.join(f'{x:.6g}' for x in point)}); "
                 f"{self._advice(-minor)}"
             )
+
+    def _why_flat(self) -> str:
+        """Say what takes the volume away."""
+        used = {name for tree in self.mapping.coordinates for name in tree.symbols}
+        names = [name for name in PARAMETERS if name not in used]
+        if names:
+            last = names[-1]
+            return (
+                f"M does not depend on {' or '.join(names)}; a wall runs along {last} from face to "
+                f"face, what is filled from its axis outwards: r + wall*{last}, r*{last}"
+            )
+        return (
+            "for a simplex: the points lie in one plane, or two of them coincide; for a truncated "
+            "body: nothing is left between its ends"
+        )
 
     def _advice(self, sign: int) -> str:
         """Say how far each parameter can run before the fold, where that is from a whole side."""
