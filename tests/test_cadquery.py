@@ -15,6 +15,7 @@ from shipped import CUBES
 import pc2cad as pc
 import pc2cad.cadquery as pcq
 from pc2cad.errors import InputError
+from pc2cad.templates.file import parse_template
 from pc2cad.templates.shipped import find_template
 
 VOLUME = 31.5  # of the pyramid
@@ -104,6 +105,33 @@ def test_tagged_faces_are_faces_of_the_result():
     assert rounded.val().isValid()
     # the four edges and, at the corners, an eighth of a ball less its cube
     assert 27 - 4 * 3 * 0.25 < rounded.val().Volume() < 27 - 4 * 2 * 0.25 * (1 - math.pi / 4)
+
+
+def test_a_side_in_pieces_has_a_tag_of_its_own():
+    v = pc.parameters()[1]
+    bend = pc.polyline([(0, 0, 0), (30, 0, 0), (30, 20, 0)], 6)
+    duct = cq.Workplane().pointSolid(pc.channel(bend, pc.ellipse(3, 3, v), wall=0.5))
+    names = ("w=0", "w=1", "w0", "w1", "w=1 (piece 2 of u)", "u=0")
+    assert [duct.faces(tag=name).size() for name in names] == [3, 3, 3, 3, 1, 1]
+    outside = duct.faces(tag="w=1")
+    assert sum(face.Area() for face in outside.vals()) == pytest.approx(
+        2 * math.pi * 3.25 * (24 + 14 + 3 * math.pi), rel=1e-12
+    )
+    roofs = parse_template("""
+title = "A roof over a box"
+result = "union(roof, box)"
+[[bodies]]
+name = "roof"
+[bodies.solid]
+M = "[u, v, 1 + w*(1 - abs(u - 1/2))]"
+[[bodies]]
+name = "box"
+[bodies.solid]
+M = "[u, v, w]"
+""", "roofs")  # fmt: skip
+    made = cq.Workplane().pointSolid(roofs.bind())
+    assert made.faces(tag="roof:w=1").size() == 2
+    assert made.faces(tag="roof:w=1 (piece 2 of u)").size() == 1
 
 
 def test_the_chain_keeps_the_parts_in_order():

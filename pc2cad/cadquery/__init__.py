@@ -49,6 +49,7 @@ from pc2cad.equation.point_equation import (  # noqa: E402
     point_equation,
 )
 from pc2cad.errors import InputError  # noqa: E402
+from pc2cad.export.model import NamedFace  # noqa: E402
 from pc2cad.options import CompileOptions  # noqa: E402
 from pc2cad.part import Part  # noqa: E402
 from pc2cad.templates.bodies import Bodies, BodiesTemplate  # noqa: E402
@@ -136,7 +137,7 @@ def placed(
     Points are local to the workplane; without any, its origin is taken. `combine` and `clean` are
     CadQuery's. Each face of the result that comes from a side of the box is tagged with the side's
     name after `prefix`, ``wp.faces(tag="w=1")``, and with ``w1``, which constraints of assemblies
-    can spell. The compiled parts of a chain are at
+    can spell; a piece of a side has its own tag besides. The compiled parts of a chain are at
     `Workplane.pointParts`. Raises what `compile_part` raises.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
@@ -153,7 +154,7 @@ def placed(
         for solid in () if combine else result.vals():
             solid.part = part  # cleaning makes new objects of the same point sets
         sides = _sides(part, copies, result)
-        for name, _ in part.named_faces:
+        for name in (name for face in part.surface for name in _names(face)):
             for tag in (prefix + name, prefix + _plain(name)):
                 result.ctx.tags.pop(tag, None)  # of an earlier solid in the chain
                 if name in sides:
@@ -281,16 +282,22 @@ def _sides(
     same = {face: face for face in faces}
     probes = [_Probe(face) for face in faces]
     for copy in copies:
-        for name, kernel_face in part.named_faces:
-            side = cq.Face(kernel_face.Moved(copy.wrapped.Location()))
+        for named in part.surface:
+            side = cq.Face(named.face.Moved(copy.wrapped.Location()))
             if side in same:
-                found.setdefault(name, []).append(same[side])
-                continue
-            old = _Probe(side)
-            matches = [p.face for p in probes if p.touches(old) or old.touches(p)]
-            known = found.setdefault(name, []) if matches else []
-            known += [face for face in matches if face not in known]
+                matches = [same[side]]
+            else:
+                old = _Probe(side)
+                matches = [p.face for p in probes if p.touches(old) or old.touches(p)]
+            for name in _names(named) if matches else ():
+                known = found.setdefault(name, [])
+                known += [face for face in matches if face not in known]
     return found
+
+
+def _names(face: NamedFace) -> tuple[str, ...]:
+    """Return what a face is called: its piece of a side, and the whole side."""
+    return tuple(dict.fromkeys((face.name, face.side or face.name)))
 
 
 class _Probe:

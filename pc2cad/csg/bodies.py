@@ -106,9 +106,10 @@ def join_bodies(
         report = _report(bodies, joining, joined, edges)
         order = list(parts)
         faces = tuple(
-            NamedFace(label(names), face, body_colour(order.index(original(names[0].body))))
+            NamedFace(label(names), face, body_colour(order.index(original(names[0].body))),
+                      label(tuple(name.whole for name in names)))
             for face, names in joined.shape.faces
-        )
+        )  # fmt: skip
         told = Told(report.name, report.units, report.solid.volume, joining.one)
         part = Part(
             parts, joined.shape.solids[0], faces, report, edges, bodies.about,

@@ -38,6 +38,8 @@ class NamedFace:
     face: Any
     #: red, green, blue in 0..1 (sRGB), or None for the reader's default
     colour: tuple[float, float, float] | None = None
+    #: the whole side that it is a piece of, where it is one
+    side: str = ""
 
     def __post_init__(self) -> None:
         if self.colour is not None and not all(0.0 <= part <= 1.0 for part in self.colour):

@@ -373,7 +373,7 @@ def _properties(report: Report) -> GeometricProperties:
 def _named(body: Body, index: int) -> NamedFace:
     face = body.model.faces[index]
     colour = side_colour(body.model.complex.faces[face.cells[0]].patch)
-    return NamedFace(face.name, body.built.faces[index], colour)
+    return NamedFace(face.name, body.built.faces[index], colour, face.key.whole.label)
 
 
 def _painted(faces: tuple[NamedFace, ...], colours: bool) -> tuple[NamedFace, ...]:
