@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pc2cad.channels import curves
 from pc2cad.channels.guides import Guide, helix, spline
@@ -265,11 +265,25 @@ def fourier(
 # -- channels: what works with numbers along the guide is imported late ----------------------------
 
 
-def guide(N: Value, interval: Sequence[Expr | Number] = (0, 1)) -> Guide:
-    """Return the guide of any point N(u); see `guides.curve`."""
-    from pc2cad.channels.guides import curve
+def guide(N: Value | Sequence[Expr | Number], interval: Sequence[Expr | Number] = (0, 1)) -> Guide:
+    """Return the guide of any point N(u), or of its three coordinates; see `guides.curve`."""
+    from pc2cad.channels.guides import GuideError, curve
 
+    if not isinstance(N, (Expr, Combination)):
+        coordinates = _three(N)
+        if coordinates is None:
+            raise GuideError(
+                "a guide is a point N(u) or its three coordinates; through points runs "
+                "spline(points) or polyline(points, radius), along a wire guide_from_wire(wire)"
+            )
+        N = point(*coordinates)
     return curve(N, interval)
+
+
+def _three(given: Any) -> list[Expr | Number] | None:
+    """Return three numbers or expressions that were given as a row, and None for all else."""
+    row = list(given) if isinstance(given, Iterable) else []
+    return row if len(row) == 3 and not any(isinstance(c, Iterable) for c in row) else None
 
 
 def composite(*parts: Guide, corners: str = "refuse") -> Guide:
@@ -298,21 +312,27 @@ def section_from_wire(wire: Any, t: Expr) -> tuple[Expr, Expr]:
 
 
 def frame(
-    along: Guide | Value,
+    along: Guide | Value | Sequence[Expr | Number],
     kind: str = "rotation-minimising",
-    reference: Value | None = None,
+    reference: Value | Sequence[Expr | Number] | None = None,
     twist: Expr | Number = 0,
     symmetry: int = 1,
 ) -> Frame:
-    """Return a frame along a guide (or along a point N(u)); see `frames.frame`."""
+    """Return a frame along a guide (or along a point N(u)); see `frames.frame`.
+
+    Three numbers are the point E of the kind ``point``, and else a direction.
+    """
     from pc2cad.channels.frames import frame
 
-    run = guide(along) if isinstance(along, (Expr, Combination)) else along
-    return frame(run, kind, reference, twist, symmetry)
+    run = along if isinstance(along, Guide) else guide(along)
+    row = _three(reference)
+    if row is not None:
+        reference = (point if kind == "point" else vector)(*row)
+    return frame(run, kind, cast("Value | None", reference), twist, symmetry)
 
 
 def channel(
-    along: Frame | Guide | Value,
+    along: Frame | Guide | Value | Sequence[Expr | Number],
     section: Sequence[Expr | Number],
     wall: Wall | None = None,
     *,

@@ -164,9 +164,11 @@ def compile_part(
     `compile_equation` for the rest.
     """
     options = CompileOptions(tolerance, degree, max_degree, profile)
-    if isinstance(equation, str) and equation in template_paths() | bodies_paths():
+    if isinstance(equation, str) and (
+        equation.endswith(".toml") or equation in template_paths() | bodies_paths()
+    ):
         raise InputError(
-            f"'{equation}' is a shipped template, and a text is an equation here: "
+            f"'{equation}' is a template, and a text is an equation here: "
             f"pc2cad.read_template('{equation}').bind() makes one of it"
         )
     if not isinstance(equation, Bodies):

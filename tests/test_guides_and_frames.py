@@ -423,10 +423,27 @@ def test_the_least_sine_is_sharp(sine):
         pc.frame(N, "direction", direction)
 
 
+def test_three_numbers_are_a_guide_a_direction_and_a_fixed_point():
+    N = (10 * pc.cos(u), 10 * pc.sin(u), 3 * u)
+    pairs = [
+        (pc.frame(N), pc.frame(pc.point(*N))),
+        (pc.frame(N, "direction", (0, 0, 1)), pc.frame(N, "direction", pc.vector(0, 0, 1))),
+        (pc.frame(N, reference=[0, 1, 1]), pc.frame(N, reference=pc.vector(0, 1, 1))),
+        (pc.frame(N, "point", np.zeros(3)), pc.frame(N, "point", pc.point(0, 0, 0))),
+    ]
+    assert len(pairs) == 4
+    for short, long in pairs:
+        assert short.N.coordinates == long.N.coordinates
+        assert short.normal.coordinates == long.normal.coordinates
+
+
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
         (lambda: pc.guide(pc.vector(u, 0, 0)), GuideError, "a guide is a point"),
+        (lambda: pc.channel(SKEW, pc.ellipse(1, 1, v)), GuideError, r"runs spline\(points\)"),
+        (lambda: pc.guide((1, 2)), GuideError, "a point N\\(u\\) or its three coordinates"),
+        (lambda: pc.frame(pc.spline(SKEW), "point", (1, 2)), InputError, "a point is point"),
         (lambda: pc.guide(pc.point(1, 0, 0)), GuideError, "depends on u, and this one does not"),
         (lambda: pc.guide(pc.point(u, v, 0)), GuideError, "on u alone, not on v"),
         (lambda: pc.spline([(0, 0, 0)]), GuideError, "at least 2 points"),

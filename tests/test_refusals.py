@@ -54,6 +54,11 @@ def assert_refused(equation, error, message, domain=None, seconds=20.0):
     return caught.value
 
 
+@pytest.mark.parametrize("name", ["torus", "mine/flute.toml"])
+def test_templates_given_as_equations_are_told_how_to_read_them(name):
+    assert_refused(name, InputError, rf"read_template\('{name}'\)\.bind\(\) makes one of it")
+
+
 def test_what_lacks_a_parameter_is_told_which():
     u, v, _ = pc.parameters()
     r, turn = 3 + u * (1 - u), 2 * pc.pi * v

@@ -102,9 +102,16 @@ def vector(x: Expr | Number, y: Expr | Number, z: Expr | Number) -> Combination:
 
 
 def kind_of(value: Value) -> Kind:
-    """Return what the value is; raise WeightsDoNotSumError for what is neither point nor vector."""
+    """Return what the value is; raise WeightsDoNotSumError for what is neither point nor vector.
+
+    What is no expression raises InputError.
+    """
     if isinstance(value, Expr):
         return Kind.SCALAR
+    if not isinstance(value, Combination):
+        raise InputError(
+            f"a point is point(x, y, z) and a free vector vector(x, y, z); {value!r:.60} is neither"
+        )
     # nearly always the number itself
     weight = value.weight
     if weight is ONE or (weight is not ZERO and is_constant_value(weight, 1)):
