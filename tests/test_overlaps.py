@@ -186,6 +186,16 @@ def test_the_period_is_what_mends_a_double_cover():
         pc.compile_part(RING, {"u": (0, Fraction(5, 4))})
 
 
+@pytest.mark.parametrize(
+    ("turns", "limit"), [(U, r"2\*pi"), (3 * pc.pi * U / 7, "14/3"), (2 * U + 1, "pi")]
+)
+def test_the_period_is_written_as_it_has_to_be_typed(turns, limit):
+    """Six digits of 2*pi are more than a turn, and are refused as too close to one."""
+    rod = [W * pc.cos(turns), W * pc.sin(turns), V]
+    with pytest.raises(OverlappingMapError, match=rf"the domain of u to \[0, {limit}\] at most"):
+        pc.compile_part(rod, {"u": (0, 7)})
+
+
 @pytest.mark.slow
 def test_the_largest_section_is_what_mends_a_rod():
     """Of radius 1 at a pitch of 1.8: what touches at 1.8 is 1.8/2.0064 of it."""

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from math import pi
 
 import numpy as np
 
@@ -263,9 +264,10 @@ def _advice(analysis: Analysis) -> str:
         low, high = analysis.equation.limits[d]
         period = _period(analysis, d)
         if period is not None and period < 1 - 1e-9:
+            length = period * (high - low)
             return (
-                f"M repeats itself in {name} with the period {period * (high - low):.6g}: shorten "
-                f"the domain of {name} to [{low:g}, {low + period * (high - low):.6g}] at most"
+                f"M repeats itself in {name} with the period {_written(length)}: shorten the "
+                f"domain of {name} to [{low:g}, {_written(low + length)}] at most"
             )
     # layers share all of w
     directions = (1, 0) if analysis.equation.layers else (2, 1, 0)
@@ -331,7 +333,17 @@ def _turn_rate(argument: Expr, name: str) -> float:
     """Return r where the argument grows by r·pi per unit of the symbol (0 where it does not)."""
     (shifted,) = substitute((argument,), {name: symbol(name) + 1})
     turns, rest = split_turns(shifted - argument)
-    return abs(float(turns)) if not rest.symbols and rest.op == "number" else 0.0
+    return abs(float(turns) + evaluate(rest, {}) / pi) if not rest.symbols else 0.0
+
+
+def _written(value: float) -> str:
+    """Return a number as it may be written: six digits of 2*pi are more than that."""
+    short = f"{value:.6g}"
+    for unit, name in ((1.0, ""), (pi, "*pi")):
+        share = Fraction(value / unit).limit_denominator(60)
+        if float(short) != value and abs(float(share) * unit - value) <= 1e-12 * abs(value):
+            return f"{share}{name}"
+    return short
 
 
 def material_shell(analysis: Analysis, sign: int, face_meshes: Sequence[FaceMesh]) -> int | None:
