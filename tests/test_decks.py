@@ -269,6 +269,10 @@ def test_a_guide_turns_the_axes_of_a_material() -> None:
         (("--move", "u=1:x:way"), "the field way is no scalar"),
         (("--move", "u=9:x:1"), "no side is called 'u=9'"),
         (("--material", "E1=3"), "needs E2, E3, nu12"),
+        (("--fix", "v=0:x", "--fix", "v=0:y"), "--fix v=0 is given twice"),
+        (("--move", "u=1:x:1", "--move", "u=1:x:2"), "--move u=1:x is given twice"),
+        (("--pressure", "u=1:1", "--pressure", "u=1:2"), "--pressure u=1 is given twice"),
+        (("--grade", "w=2", "--grade", "w=3"), "--grade w is given twice"),
     ],
 )
 def test_axes_and_moves_that_cannot_be_are_refused(
@@ -279,6 +283,36 @@ def test_axes_and_moves_that_cannot_be_are_refused(
     assert main(["mesh", graded_bar(), "-o", "job.inp", "--quiet", *given]) == 2
     assert words in capsys.readouterr().err
     assert not Path("job.inp").exists()
+
+
+@pytest.mark.parametrize(
+    ("ratios", "stable"),
+    [
+        ((0.3, 0.3, 0.3), True),
+        ((1.9, 0, 0), True),  # below the root of E1/E2
+        ((2.1, 0, 0), False),
+        ((0, -2.1, 0), False),
+        ((0, 0, 1.01), False),
+        ((1.2, 1.2, 0.6), False),  # each by itself is below its root
+        ((1.2, 1.2, -0.6), True),
+    ],
+)
+def test_an_orthotropic_material_stores_energy(
+    ratios: tuple[float, float, float], stable: bool
+) -> None:
+    """Its compliances are a positive definite matrix, or it is no material."""
+    E1, E2, E3 = 4.0, 1.0, 1.0
+    a, b, c = ratios
+    compliance = np.array([
+        [1 / E1, -a / E1, -b / E1], [-a / E1, 1 / E2, -c / E2], [-b / E1, -c / E2, 1 / E3]
+    ])  # fmt: skip
+    assert (np.linalg.eigvalsh(compliance).min() > 0) == stable
+    given = {"E1": E1, "E2": E2, "E3": E3, "nu12": a, "nu13": b, "nu23": c}
+    if stable:
+        assert pc.Material(**given).nu12 == a
+    else:
+        with pytest.raises(InputError, match="elastic energy would be negative"):
+            pc.Material(**given)
 
 
 # -- solved ----------------------------------------------------------------------------------------

@@ -342,6 +342,16 @@ def test_numbers_of_cells_are_a_size_of_tetrahedra() -> None:
         block.mesh(shape="tetrahedra", cells=(1, 0, 1))
 
 
+@pytest.mark.interop
+@pytest.mark.parametrize(("thickness", "size"), [(3.0, 1e-3), (1e-6, 1e-4)])
+def test_tetrahedra_without_number_are_refused(thickness: float, size: float) -> None:
+    """A block has too many, and a sheet has too many triangles on its sides."""
+    u, v, w = pc.parameters()
+    block = pc.compile_equation((3 * u, 3 * v, thickness * w))
+    with pytest.raises(InputError, match="make them larger"):
+        block.mesh(shape="tetrahedra", size=size)
+
+
 def test_a_package_that_is_missing_is_named_with_its_extra() -> None:
     with pytest.raises(InputError, match=r"pip install 'pc2cad\[fea\]'"):
         require("no_such_package", "tetrahedra")

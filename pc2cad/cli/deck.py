@@ -6,6 +6,7 @@ import argparse
 import re
 from typing import TYPE_CHECKING, Any
 
+from pc2cad.cli.inputs import put
 from pc2cad.errors import InputError, named
 from pc2cad.trust.names import is_identifier
 
@@ -143,13 +144,13 @@ def _materials(texts: list[str]) -> dict[str, Material]:
 
 
 def _sides(texts: list[str]) -> dict[str, str]:
-    found = {}
+    found: dict[str, str] = {}
     for text in texts:
         side, colon, axes = text.rpartition(":")
         # a side of several bodies has a colon of its own: tooth:u=1
         if not colon or "=" in axes:
             side, axes = text, "xyz"
-        found[side] = axes
+        put(found, side, axes, f"--fix {side[:40]}")
     return found
 
 
@@ -162,7 +163,8 @@ def _moves(texts: list[str]) -> dict[tuple[str, str], float | str]:
             raise InputError(
                 f"--move '{text[:40]}': write a side, x, y or z, and a number or a field: u=1:x:0.5"
             )
-        found[side, axis] = _number_or_field("move", value)
+        way = _number_or_field("move", value)
+        put(found, (side, axis), way, f"--move {side[:40]}:{axis[:40]}")
     return found
 
 
@@ -181,12 +183,12 @@ def _number_or_field(option: str, text: str) -> float | str:
 
 
 def _values(option: str, texts: list[str]) -> dict[str, float]:
-    found = {}
+    found: dict[str, float] = {}
     for text in texts:
         side, _, value = text.rpartition(":")
         if not side:
             raise InputError(f"--{option} '{text[:40]}': write a side and a value: w=0:1.5")
-        found[side] = _number(option, value)
+        put(found, side, _number(option, value), f"--{option} {side[:40]}")
     return found
 
 

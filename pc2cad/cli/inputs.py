@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 
 Kind = TypeVar("Kind", int, float)
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 
 class OutputClashError(InputError):
@@ -146,6 +148,16 @@ def read_settings(settings: Sequence[str]) -> dict[str, str]:
             raise InputError(f"-s {name[:80]}: the parameter is set twice")
         values[name] = value
     return values
+
+
+def put(found: dict[Key, Value], key: Key, value: Value, said: str) -> None:
+    """Note what a repeatable option gives for a key; raise InputError where there is one already.
+
+    `said` names the option and the key.
+    """
+    if key in found:
+        raise InputError(f"{said} is given twice")
+    found[key] = value
 
 
 def read_triple(option: str, text: str, mark: str) -> tuple[int, int, int]:

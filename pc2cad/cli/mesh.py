@@ -17,6 +17,7 @@ from pc2cad.cli.inputs import (
     bind,
     check_different,
     load,
+    put,
     read_length,
     read_options,
     read_triple,
@@ -155,7 +156,8 @@ def _grading(texts: list[str]) -> tuple[Grading, Grading, Grading]:
                 f"--grade '{text[:40]}': write a direction and a ratio between 1e-6 and 1e6, for "
                 "example w=4 or w=4,both"
             )
-        wanted[found[1]] = ratio if found[3] is None else (ratio, "both")
+        growth: Growth = ratio if found[3] is None else (ratio, "both")
+        put(wanted, found[1], growth, f"--grade {found[1]}")
     return gradings(wanted)
 
 

@@ -89,6 +89,21 @@ class Material:
                     raise InputError(f"{entry.name} is a number, and not {value:g}")
             elif not 0 < value < float("inf"):
                 raise InputError(f"a material's {entry.name} is positive, and not {value:g}")
+        self._check_stable()
+
+    def _check_stable(self) -> None:
+        """Refuse ratios with which some stress would give off energy."""
+        E1, E2, E3, a, b, c = (getattr(self, name) for name in ELASTIC[:6])
+        values = [x for x in (E1, E2, E3, a, b, c) if not (x is None or isinstance(x, str))]
+        if len(values) < 6:
+            return
+        # the compliances over the roots of those on the diagonal: 1, and these beside it
+        a, b, c = a * (E2 / E1) ** 0.5, b * (E3 / E1) ** 0.5, c * (E3 / E2) ** 0.5
+        if not (max(abs(a), abs(b), abs(c)) < 1 and 1 - a * a - b * b - c * c > 2 * a * b * c):
+            raise InputError(
+                "no material has these nu12, nu13, nu23: its elastic energy would be negative "
+                "(nu12 is below the root of E1/E2 …)"
+            )
 
     def along(self, names: Sequence[str]) -> bool:
         """Return whether the material has some of the constants of an orthotropic one."""

@@ -13,7 +13,7 @@ from pc2cad.checked import CheckedMap, Stages
 from pc2cad.errors import InputError, require
 from pc2cad.mesh.closure import check_whole
 from pc2cad.mesh.columns import Columns
-from pc2cad.mesh.grid import Grading, make_grid
+from pc2cad.mesh.grid import MOST_CELLS, Grading, UnsuitableGridError, make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.ogrid import o_grid
 from pc2cad.mesh.places import FoundPlaces, GridPlaces, Places
@@ -96,6 +96,7 @@ def mesh_solid(
 
     options, run = options or MeshOptions(shape="tetrahedra"), stages or Stages()
     size = options.size or _size(part.volume, options.cells, checked is None)
+    _check_number(part, size)
     mesh = run("mesh", lambda: tetrahedra(part, size, options.order))
     if checked is not None:
         mesh = replace(mesh, columns=Columns(checked, mesh, FoundPlaces(checked, mesh)))
@@ -103,6 +104,16 @@ def mesh_solid(
     check_whole(mesh, quality.volume)
     volumes = (part.volume, list(part.layers.values()))
     return mesh, report_on(mesh, quality, volumes, part.areas, None, run.times)
+
+
+def _check_number(part: KernelSolid, size: float) -> None:
+    """Refuse what no memory holds: gmsh would try. Cubes and squares are fewer than elements."""
+    cubes = max(part.volume / size**3, sum(part.areas.values()) / size**2)
+    if cubes > MOST_CELLS:
+        raise UnsuitableGridError(
+            f"tetrahedra of the size {size:g} are more than {cubes:.1e}, and {MOST_CELLS:.0e} are "
+            "the most; make them larger"
+        )
 
 
 def _size(volume: float, cells: tuple[int, int, int] | None, several: bool) -> float:
