@@ -47,6 +47,13 @@ def test_a_volume_is_met() -> None:
     assert found.at_limits == ()
 
 
+@pytest.mark.parametrize("also", ["x=0", "Ixy=0", "z<=0"])
+def test_a_goal_of_nothing_is_met_to_rounding(also: str) -> None:
+    """The centroid of a ball is at 1e-17, of which there is nothing to be held against."""
+    found = adjust(pc.read_template("ball"), {"R": (0.2, 5)}, ["volume=200", also])
+    assert found.parameters["R"] == pytest.approx((150 / pi) ** (1 / 3), rel=1e-10)
+
+
 @pytest.mark.slow
 def test_three_figures_give_three_parameters() -> None:
     """Centroid and volume: a = 4, b = 5 and c = 6."""

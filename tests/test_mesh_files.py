@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,8 @@ import pc2cad as pc
 from pc2cad.checked import check_map
 from pc2cad.cli.main import main
 from pc2cad.compiler import mesh_equation
-from pc2cad.errors import InputError, require
-from pc2cad.export.mesh_files import plain_names, write_mesh
+from pc2cad.errors import FileNotWrittenError, InputError, require
+from pc2cad.export.mesh_files import MESH_FORMATS, plain_names, write_mesh
 from pc2cad.mesh.grid import make_grid
 from pc2cad.mesh.hexahedra import hexahedra
 from pc2cad.mesh.meshing import MeshOptions
@@ -289,8 +290,6 @@ def test_the_verb_refuses_with_a_reason_and_leaves_no_file(
 
 
 def test_meshing_loads_no_kernel(tmp_path: Path) -> None:
-    import sys
-
     script = (
         "import sys; from pc2cad.cli.main import main\n"
         f"code = main(['mesh', 'ball', '--cells', '8x4x2', '-o', r'{tmp_path / 'b.vtu'}'])\n"
@@ -298,6 +297,28 @@ def test_meshing_loads_no_kernel(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+LIMITED = """
+import resource, sys
+from pc2cad.cli.main import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
+sys.exit(main(["mesh", "hollow_cylinder", "--cells", "20x20x20", "-o", sys.argv[1]]))
+"""
+
+
+@pytest.mark.parametrize("ending", [entry.extension for entry in MESH_FORMATS])
+def test_a_file_that_finds_no_room_is_told_in_one_sentence(tmp_path: Path, ending: str) -> None:
+    """Whoever writes it: HDF5 printed tracebacks, or ended the process; NumPy kept the reason."""
+    path = tmp_path / f"part{ending}"
+    path.write_bytes(b"old")
+    script = [sys.executable, "-c", LIMITED, str(path)]
+    done = subprocess.run(script, capture_output=True, text=True, check=False)
+    assert done.returncode == FileNotWrittenError.exit_code
+    (line,) = [line for line in done.stderr.splitlines() if line.strip()]
+    assert "size limit" in line
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
 # -- tetrahedra ------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,40 +33,47 @@ def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh, version 3.0 of the format, which all readers in use take."""
     import h5py
 
+    # in memory: where the disk is full the library prints, or ends the process
+    stream = io.BytesIO()
+    with h5py.File(stream, "w") as file:
+        _put(mesh, file)
+    path.write_bytes(stream.getbuffer())
+
+
+def _put(mesh: VolumeMesh, file: Any) -> None:
     sides = mesh.whole_sides
-    with h5py.File(path, "w", locking=False) as file:
-        _attributes(file.create_group("INFOS_GENERALES"), MAJ=3, MIN=0, REL=0)
-        body = file.create_group("ENS_MAA").create_group("mesh")
-        _attributes(
-            body, DIM=3, ESP=3, REP=0, UNT=np.bytes_(" " * 16), SRT=1, TYP=0,
-            UNI=np.bytes_(f"{mesh.units:<16}" * 3),
-            NOM=np.bytes_("".join(f"{axis:<16}" for axis in "XYZ")),
-            DES=np.bytes_(percent(mesh.name, "", limit=200)),
-        )  # fmt: skip
-        step = body.create_group(_STEP)
-        _attributes(step, CGT=1, NDT=-1, NOR=-1, PDT=-1.0)
-        family, groups = _node_families(mesh)
-        nodes = step.create_group("NOE")
-        _attributes(nodes, CGT=1, CGS=1, PFL=_NO_PROFILE)
-        _column(nodes, "COO", mesh.points.T.ravel(), len(mesh.points))
-        _column(nodes, "FAM", family, len(family))
-        cells = step.create_group("MAI")
-        _attributes(cells, CGT=1)
-        groups_of_cells = [*sides, *mesh.layers]
-        for code, rows, groups_of_rows in _sections(mesh, len(sides)):
-            section = cells.create_group(code)
-            _attributes(section, CGT=1, CGS=1, PFL=_NO_PROFILE)
-            _column(section, "NOD", rows.T.ravel() + 1, len(rows))
-            _column(section, "FAM", -groups_of_rows, len(rows))
-        families = file.create_group("FAS").create_group("mesh")
-        _attributes(families.create_group("FAMILLE_ZERO"), NUM=0)
-        _families(families.create_group("NOEUD"), groups)
-        cells_by = {-k: [name] for k, name in enumerate(groups_of_cells, start=1)}
-        _families(families.create_group("ELEME"), cells_by)
-        if column_names(mesh):
-            fields = file.create_group("CHA")
-            for name, size in column_names(mesh).items():
-                _field(fields, mesh, name, size)
+    _attributes(file.create_group("INFOS_GENERALES"), MAJ=3, MIN=0, REL=0)
+    body = file.create_group("ENS_MAA").create_group("mesh")
+    _attributes(
+        body, DIM=3, ESP=3, REP=0, UNT=np.bytes_(" " * 16), SRT=1, TYP=0,
+        UNI=np.bytes_(f"{mesh.units:<16}" * 3),
+        NOM=np.bytes_("".join(f"{axis:<16}" for axis in "XYZ")),
+        DES=np.bytes_(percent(mesh.name, "", limit=200)),
+    )  # fmt: skip
+    step = body.create_group(_STEP)
+    _attributes(step, CGT=1, NDT=-1, NOR=-1, PDT=-1.0)
+    family, groups = _node_families(mesh)
+    nodes = step.create_group("NOE")
+    _attributes(nodes, CGT=1, CGS=1, PFL=_NO_PROFILE)
+    _column(nodes, "COO", mesh.points.T.ravel(), len(mesh.points))
+    _column(nodes, "FAM", family, len(family))
+    cells = step.create_group("MAI")
+    _attributes(cells, CGT=1)
+    groups_of_cells = [*sides, *mesh.layers]
+    for code, rows, groups_of_rows in _sections(mesh, len(sides)):
+        section = cells.create_group(code)
+        _attributes(section, CGT=1, CGS=1, PFL=_NO_PROFILE)
+        _column(section, "NOD", rows.T.ravel() + 1, len(rows))
+        _column(section, "FAM", -groups_of_rows, len(rows))
+    families = file.create_group("FAS").create_group("mesh")
+    _attributes(families.create_group("FAMILLE_ZERO"), NUM=0)
+    _families(families.create_group("NOEUD"), groups)
+    cells_by = {-k: [name] for k, name in enumerate(groups_of_cells, start=1)}
+    _families(families.create_group("ELEME"), cells_by)
+    if column_names(mesh):
+        fields = file.create_group("CHA")
+        for name, size in column_names(mesh).items():
+            _field(fields, mesh, name, size)
 
 
 def _field(parent: Any, mesh: VolumeMesh, name: str, size: int) -> None:

@@ -38,7 +38,7 @@ def write(mesh: VolumeMesh, path: Path) -> None:
             for part in parts():
                 for start in range(0, len(part), _CHUNK):
                     piece = np.ascontiguousarray(part[start : start + _CHUNK], dtype=kind)
-                    piece.tofile(stream)
+                    stream.write(piece.data)  # `tofile` does not tell why it fails
         stream.write(b"\n</AppendedData>\n</VTKFile>\n")
 
 

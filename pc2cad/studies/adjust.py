@@ -24,7 +24,7 @@ from pc2cad.equation.point_equation import PointEquation
 from pc2cad.errors import InputError, KernelError, NotASolidError
 from pc2cad.integrals.weighing import Density
 from pc2cad.studies.figures import FIGURES, figures_of, figures_of_map
-from pc2cad.studies.least import FINE, Logarithms, descended, find_least
+from pc2cad.studies.least import FINE, Logarithms, descended, find_least, size_of
 from pc2cad.studies.over_ranges import ProvedLater
 from pc2cad.templates.bodies import Bodies, BodiesTemplate
 from pc2cad.templates.file import read_template
@@ -237,7 +237,8 @@ class _Problem:
 
     def scale(self, goal: Goal) -> float:
         """Return what a miss of a goal is held against."""
-        seen = [abs(known[0][goal.figure]) for known in self._known.values() if known is not None]
+        places = [known[0] for known in self._known.values() if known is not None]
+        seen = [size_of(goal.figure, figures) for figures in places]
         return abs(goal.value) or max(seen, default=1.0) or 1.0
 
     def misses(self, share: Array) -> float:

@@ -10,7 +10,7 @@ second derivatives from differences of the exact first ones, one more map a para
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
@@ -29,6 +29,19 @@ FIRST: Final = 0.3
 TOUCHED: Final = 1e-3
 #: Newton's steps at most
 MOST_STEPS: Final = 6
+
+
+#: of what a figure may be for a part of its size: less is rounding where it should be nothing
+NOTHING: Final = 1e-4
+
+
+def size_of(figure: str, figures: Mapping[str, float]) -> float:
+    """Return what a figure is held against that has no size of its own, such as a centroid at 0."""
+    length = float(abs(figures["volume"]) ** (1 / 3))
+    whole = {"x": length, "y": length, "z": length}
+    if figure not in POSITIVE and figure not in whole:
+        whole[figure] = abs(figures["mass"]) * length**2
+    return max(abs(figures[figure]), NOTHING * whole.get(figure, 0.0))
 
 
 class Goal(Protocol):
@@ -79,7 +92,9 @@ class Logarithms:
         """Return the space for what begins at shares of the ranges."""
         space = cls(problem, wanted, sign, {})
         found = problem.figures(space.share(space.place(start)))
-        return space if found is None else replace(space, sizes=dict(found[0]))
+        if found is None:
+            return space
+        return replace(space, sizes={figure: size_of(figure, found[0]) for figure in found[0]})
 
     @property
     def positive(self) -> Booleans:
