@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import asin, atan, cos, pi, sin, sqrt
+from math import asin, asinh, atan, cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -207,6 +207,27 @@ def test_a_dome_over_a_square():
     assert carriers(part) == {"sphere": 1, "plane": 5}
     assert curves(part) == {"circle": 4, "line": 8}
     assert_exact(part)
+
+
+@pytest.mark.parametrize("thick", [0, 1], ids=["touching at the corner", "thick"])
+def test_a_cone_may_have_its_apex_at_a_corner(thick, tmp_path):
+    part = compile_part((U, V, W * (thick + pc.sqrt(U**2 + V**2))))
+    assert carriers(part) == {"cone": 1, "plane": 5}
+    assert_exact(part)
+    volume = thick + (sqrt(2) + asinh(1)) / 3
+    assert part.report.solid.volume == pytest.approx(volume, rel=1e-12)
+    part.write(tmp_path / "part.step")
+    assert check_step(tmp_path / "part.step").volume == pytest.approx(volume, rel=1e-12)
+
+
+@pytest.mark.parametrize("thick", [0, 1], ids=["touching at the corner", "thick"])
+def test_a_paraboloid_with_its_pole_at_a_corner_is_polynomial(thick):
+    """The pole is a place of the surface of revolution's parameters, and none of the solid's."""
+    part = compile_part((U, V, W * (thick + U**2 + V**2)))
+    assert carriers(part) == {"Bézier surface": 1, "plane": 5}
+    assert_exact(part)
+    assert part.report.injectivity == "proved"
+    assert part.report.solid.volume == pytest.approx(thick + 2 / 3, rel=1e-12)
 
 
 def test_a_sector_of_a_degree():

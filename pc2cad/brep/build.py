@@ -138,9 +138,13 @@ class _Build:
         """Return the four sides of a face, anti-clockwise in its parameters, with pcurves set."""
         sides: list[TopoDS_Shape] = []
         counts = [use.edge for use in data.uses]
-        for use, pcurve in zip(data.uses, data.pcurves, strict=True):
+        for side, (use, pcurve) in enumerate(zip(data.uses, data.pcurves, strict=True)):
             if pcurve is None:
                 continue
+            corner = data.corner(side)
+            if corner is not None:
+                pole, forward = self._degenerated(face, corner, use.vertex), not data.turned
+                sides.append(pole.Oriented(TopAbs_FORWARD if forward else TopAbs_REVERSED))
             if use.edge is None:
                 edge, forward = self._degenerated(face, pcurve, use.vertex), not data.turned
             else:

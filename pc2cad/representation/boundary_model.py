@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 from pc2cad.arrays import Array
-from pc2cad.geometry.carriers import CurveCarrier, Evidence, PCurve, SurfaceCarrier
+from pc2cad.geometry.carriers import (
+    CurveCarrier,
+    Evidence,
+    PCurve,
+    Segment,
+    SurfaceCarrier,
+    ends_of,
+)
 from pc2cad.topology.cells import SideKey
 from pc2cad.topology.complex import BoundaryComplex, EdgeUse
 
@@ -34,6 +43,9 @@ class ModelEdge:
         """What the edge of the box is called."""
         return self.key.label
 
+
+#: parameters of a surface that differ by less are one place
+ONE_PLACE: Final = 1e-6
 
 #: a closed walk of (edge, forward) with the face on the left, seen against the plane's normal
 Wire = tuple[tuple[int, bool], ...]
@@ -74,6 +86,10 @@ class ModelFace:
         """What the side is called."""
         return self.key.label
 
+    def corner(self, side: int) -> Segment | None:
+        """Return the way round a pole of the carrier at which a side begins, or None."""
+        return corner_at(self.pcurves, self.uses, side)
+
     @property
     def border(self) -> set[int]:
         """Edges on which the face ends: those it uses once."""
@@ -81,6 +97,21 @@ class ModelFace:
         if self.wires:
             edges = [edge for wire in self.wires for edge, _ in wire]
         return {edge for edge, times in Counter(edges).items() if times == 1}
+
+
+def corner_at(
+    pcurves: Sequence[PCurve | None], uses: Sequence[EdgeUse], side: int
+) -> Segment | None:
+    """Return the way round a pole of the surface where a side begins, along the walk; or None.
+
+    There two sides meet in one vertex and at two places of the surface's parameters.
+    """
+    before, after = pcurves[side - 1], pcurves[side]
+    if before is None or after is None:
+        return None
+    walked = [use.forward or use.edge is None for use in (uses[side - 1], uses[side])]
+    (a, b), (c, d) = ends_of(before)[int(walked[0])], ends_of(after)[int(not walked[1])]
+    return Segment((a, b), (c, d)) if max(abs(c - a), abs(d - b)) > ONE_PLACE else None
 
 
 @dataclass(frozen=True, eq=False)

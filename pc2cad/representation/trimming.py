@@ -11,6 +11,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.errors import ToleranceNotReachedError
 from pc2cad.geometry.carriers import (
+    Cone,
     CurveCarrier,
     PCurve,
     Segment,
@@ -23,7 +24,7 @@ from pc2cad.geometry.point_inversion import curve_points
 from pc2cad.geometry.recognition.from_points import Fitted
 from pc2cad.geometry.recognition.placement import Along, SurfacePlacement
 from pc2cad.geometry.splines.arcs import Arcs
-from pc2cad.representation.boundary_model import ModelEdge
+from pc2cad.representation.boundary_model import ModelEdge, corner_at
 from pc2cad.topology.complex import EdgeUse
 
 #: the axis along which each side of a face runs, and the other axis' value there
@@ -57,7 +58,8 @@ def sides_of_fitted(
 
     There is none for a side that is a point where the surface has no pole, and for an edge that the
     face has on both sides where the surface has no seam. Raises ToleranceNotReachedError for a side
-    that is no smooth curve there.
+    that is no smooth curve there, and where two sides meet at a pole of a smooth surface, which is
+    no place of the face's own (the apex of a cone is: `ModelFace.corner`).
     """
     poles = [use.edge is None and fitted.is_pole(vertices[use.vertex]) for use in uses]
     sides: list[PCurve | None] = []
@@ -81,6 +83,8 @@ def sides_of_fitted(
         # sides that are one pole after the other are run through as one
         if pole and not poles[side - 1]:
             sides[side] = _round_pole(sides, uses, poles, side)
+    if not isinstance(fitted.carrier, Cone) and any(corner_at(sides, uses, k) for k in range(4)):
+        raise ToleranceNotReachedError("two sides meet at a pole of the surface they are on")
     return tuple(sides)
 
 
