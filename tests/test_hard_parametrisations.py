@@ -244,6 +244,33 @@ def test_a_jump_that_reaches_no_side_is_refused(jump):
         pc.compile_part((U + inside * jump, V, W))
 
 
+STEPS_AT_ENDS = {
+    "floor": (pc.floor(U), "u = 1, v = 0"),
+    "of another parameter": (U * pc.floor(V), "v = 1, w = 0"),
+    "sign": (pc.sign(V), "v = 0, w = 0"),
+    "a condition": (pc.where(U > 0, 0, 1), "u = 0, v = 0"),
+    "mod": (pc.mod(V, 1), "v = 1, w = 0"),
+    "at a corner": (pc.floor(U * V), "u = 1, v = 1, w = 1:"),
+    "at a crease": (abs(U - Fraction(1, 2)) + pc.sign(U - Fraction(1, 2)) ** 2, "u = 0.5, v = 0"),
+}
+
+
+@pytest.mark.parametrize("name", STEPS_AT_ENDS)
+def test_a_step_at_an_end_alone_is_a_jump(name):
+    """Pieces of M hold their ends: as floor(u) is 0 up to u = 1, samples of M do not show it."""
+    step, place = STEPS_AT_ENDS[name]
+    with pytest.raises(DiscontinuousMapError, match=f"jumps at .*{place}"):
+        pc.compile_part((U, V, W * (2 + step)))
+
+
+@pytest.mark.parametrize(
+    "height", [2 + pc.cos(2 * pc.pi * pc.mod(U, 1)), 2 + U * pc.sign(U), 2 + pc.floor(V) * (1 - V)]
+)
+def test_steps_that_m_does_not_take_are_none(height):
+    part = pc.compile_part((U, V, W * height))
+    assert part.report.own.injectivity == "proved"
+
+
 def test_a_map_of_functions_that_may_jump_is_not_called_proved():
     part = pc.compile_part((U, V, W + (U - Fraction(1, 2)) * pc.sign(U - Fraction(1, 2)) / 3))
     assert part.report.own.injectivity == "sampled"

@@ -5,13 +5,16 @@ is proved by enclosures over boxes that fill the box. Where it is not, samples a
 between two samples that is much larger than those beside it is either steep or a jump. Which
 of them shows by halving: where the map is continuous the step becomes small with its interval, and
 at a jump it stays, down to neighbouring numbers. The sides are looked at, and where M may jump some
-lines through the box: jumps inside need not reach its sides.
+lines through the box: jumps inside need not reach its sides. Pieces of M hold their ends. So where
+the equation takes a step at an end or a break alone, as floor(u) does at u = 1, none of these
+samples shows it, and the equation as it is written is asked for its values there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from itertools import groupby
 from typing import Final
@@ -21,13 +24,14 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.bounds.known import Models
 from pc2cad.domain.analysis import Analysis
-from pc2cad.domain.map import Mapping3
+from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.enclosures import IntervalProgram
+from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import ULP, Interval
 from pc2cad.expression.parameters import PARAMETERS
-from pc2cad.expression.tree import Expr, ops_of, walk
+from pc2cad.expression.tree import Expr, ValueDomainError, number, ops_of, substitute, walk
 from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 
 #: a step is looked into where it exceeds both steps beside it by this factor; so many per direction
@@ -61,6 +65,13 @@ _RANGES: Final[dict[str, _Range]] = {
     "acosh": lambda x: bool((x.lower >= 1).all()),
     "atanh": lambda x: bool(((x.lower > -1) & (x.upper < 1)).all()),
 }
+#: what may have another value at a place than on both sides of it
+_STEPS: Final = frozenset(("sign", "floor", "mod", "where"))
+#: where the other parameters are on the way along an end or a break: inside, and then at ends too
+_INSIDE: Final = (0.1371, 0.3719, 0.6131, 0.8473)
+#: places that are kept as floats are these fractions
+_LARGEST_DENOMINATOR: Final = 10**6
+
 #: boxes along each parameter, by the number of parameters that something depends on
 _BOXES: Final = {1: 64, 2: 32, 3: 12}
 
@@ -162,6 +173,51 @@ def check_continuous(
             places = _uneven(samples, SMALLEST * analysis.size)
             if len(places):
                 _check(lines, samples.shape, 0, places, SMALLEST * analysis.size)
+
+
+def check_written(analysis: Analysis) -> None:
+    """Raise DiscontinuousMapError where the equation jumps at an end or a break alone.
+
+    M comes to one place there, from inside, and the equation as it is written has another one.
+    """
+    if _STEPS.isdisjoint(ops_of(analysis.equation.coordinates)):
+        return
+    for others in (_INSIDE, (0.0, *_INSIDE, 1.0)):
+        for direction in range(3):
+            places = sorted({0.0, 1.0, *(b.position for b in analysis.breaks[direction])})
+            for place in places:
+                _check_written(analysis, direction, place, others)
+
+
+def _check_written(
+    analysis: Analysis, direction: int, place: float, others: tuple[float, ...]
+) -> None:
+    mapping, name = analysis.map, PARAMETERS[direction]
+    near = Fraction(place).limit_denominator(_LARGEST_DENOMINATOR)
+    at = number(near if abs(near - Fraction(place)) < ULP else Fraction(place))
+    local = [np.array(others)] * 3
+    local[direction] = np.array([place])
+    try:
+        own = substitute((mapping.parameters[direction],), {name: at})
+        trees = substitute(analysis.equation.coordinates, {name: own[0]})
+    except ValueDomainError:
+        return  # it has no value there
+    grid = open_grid(*local)
+    values = {n: mapping.values(d, grid[d]) for d, n in enumerate(PARAMETERS) if n != name}
+    with np.errstate(all="ignore"):
+        written = np.stack(np.broadcast_arrays(*grid, *Program(trees)(values))[3:], axis=-1)
+        comes = mapping.points(*grid)
+        off = np.nan_to_num(_lengths(written - comes), posinf=0.0)
+    if off.max() <= SMALLEST * analysis.size:
+        return
+    worst = np.unravel_index(off.argmax(), off.shape)
+    where = mapping.shown(row[k] for row, k in zip(local, worst, strict=True))
+    before, there = (", ".join(f"{x:.6g}" for x in points[worst]) for points in (comes, written))
+    raise DiscontinuousMapError(
+        f"the map jumps at {where}: beside that place it comes to ({before}), and there it is "
+        f"({there}); a solid's points follow its parameters without a gap: write the equation so "
+        "that it goes on to there, with <= for < in a condition, say"
+    )
 
 
 def _uneven(samples: Array, smallest: float) -> Integers:

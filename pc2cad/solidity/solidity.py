@@ -13,7 +13,7 @@ from functools import cached_property
 
 from pc2cad.domain.analysis import Analysis
 from pc2cad.expression.identity import Verdict
-from pc2cad.solidity.continuity import is_continuous
+from pc2cad.solidity.continuity import check_written, is_continuous
 from pc2cad.solidity.face_mesh import FaceMesh, cut
 from pc2cad.solidity.injectivity import check_injective, material_shell
 from pc2cad.solidity.orientation import Orientation
@@ -97,4 +97,5 @@ def ask_solidity(analysis: Analysis, orientation: Orientation, faces: bool = Fal
     question = Question(analysis, orientation, faces)
     if not question.can_wait:
         question.answer  # noqa: B018
+    check_written(analysis)
     return question
