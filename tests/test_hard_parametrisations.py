@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from math import asinh, exp, hypot, pi, sqrt
+from math import asinh, erfc, exp, hypot, pi, sqrt
 
 import numpy as np
 import pytest
@@ -288,3 +288,40 @@ def test_a_steep_place_is_no_jump():
 def test_what_is_not_finite_or_jumps_is_refused(name):
     with pytest.raises((NotASolidError, ToleranceNotReachedError, InputError)):
         pc.compile_part(BROKEN[name])
+
+
+# -- divisions by zero that leave a value ----------------------------------------------------------
+
+#: nought in the middle of the box
+X = U - Fraction(1, 2)
+POLES = {
+    # ∫ atan(1/x²) = ∫ (π/2 - atan x²), by its series
+    "arc tangent": (pc.atan(1 / X**2), 1.488189845279646),
+    # 1 + ∫ exp(-1/x²) over [-1/2, 1/2]
+    "exponential": (1 + pc.exp(-1 / X**2), 1 + exp(-4) - 2 * sqrt(pi) * erfc(2)),
+    "power": (U**U, sum((-1) ** k / (k + 1) ** (k + 1) for k in range(20))),
+    "root of three": (1 + abs(X) ** Fraction(1, 3), 1 + 0.75 * 0.5 ** (1 / 3)),
+}
+
+
+@pytest.mark.parametrize("name", POLES)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_value_that_a_pole_leaves_is_one(name):
+    height, volume = POLES[name]
+    part = pc.compile_part((U, V, W * height))
+    assert part.report.solid.volume == pytest.approx(volume, rel=1e-7)
+    assert not part.report.warnings  # det J does not vanish there
+
+
+@pytest.mark.parametrize("height", [2 + pc.atan(1 / U), 2 + pc.tanh(1 / U), 1 + pc.exp(-1 / U**2)])
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_division_by_zero_on_a_side_is_named_with_it(height):
+    with pytest.raises(InputError, match=r"M has no value on u=0 .* \(division by zero\)"):
+        pc.compile_part((U, V, W * height))
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_derivatives_without_a_value_are_refused_with_the_place():
+    """1/(1 + exp(1/x²)) is smooth, and exp(1/x²) beyond all numbers about x = 0."""
+    with pytest.raises(NotASolidError, match=r"no finite value inside the box near u = 0\.4"):
+        pc.compile_part((U, V, W * (1 + X**2 + 1 / (1 + pc.exp(1 / X**2)))))

@@ -71,7 +71,7 @@ class JacobianWatch:
         determinant, size, (a, b, c) = volumes(tangents)
         with np.errstate(all="ignore"):
             rounding = ERROR * (x * b * c + a * y * c + a * b * z)
-            sine = np.where(size > 0, determinant / (size + rounding / ROUNDING), 0.0)
+            sine = np.where(size == 0, 0.0, determinant / (size + rounding / ROUNDING))
         seen = np.where(np.isfinite(sine), sine, 0.0)
         for sign in (1, -1):
             index = np.unravel_index(np.argmax(sign * seen), seen.shape)

@@ -14,7 +14,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.boxes import Near
 from pc2cad.domain.map import Mapping3, open_grid
-from pc2cad.domain.pieces import piece_at, span_at
+from pc2cad.domain.pieces import having_a_value, piece_at, span_at
 from pc2cad.errors import NotASolidError
 from pc2cad.expression.identity import Verdict
 from pc2cad.expression.parameters import PARAMETERS
@@ -203,7 +203,8 @@ class MapQuestions:
         spans, values = piece_at(patch, self._bounds)
         names = [PARAMETERS[d] for d in directions_of(patch)]
         values |= zip(names, local or map(symbol, names), strict=True)
-        return substitute(self._map.pieces.trees(spans)[0], values)
+        with having_a_value(patch, self.labels):
+            return substitute(self._map.pieces.trees(spans)[0], values)
 
 
 def _prove(first: tuple[Expr, ...], second: tuple[Expr, ...]) -> Verdict:

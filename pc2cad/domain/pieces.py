@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Final, TypeAlias
 
@@ -11,9 +12,9 @@ from pc2cad.expression.linear_terms import cancel_terms
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.rewriting import among, downwards
 from pc2cad.expression.simplification import cancel
-from pc2cad.expression.tree import Expr, number, ops_of, substitute, symbol
+from pc2cad.expression.tree import Expr, ValueDomainError, number, ops_of, substitute, symbol
 from pc2cad.geometry.splines.bernstein import degree_in
-from pc2cad.topology.cells import Cell
+from pc2cad.topology.cells import Cell, Labels, cell_name
 
 _Span: TypeAlias = tuple[float, float]
 _Spans: TypeAlias = tuple[_Span, ...]
@@ -38,6 +39,19 @@ def piece_at(cell: Cell, bounds: Sequence[Sequence[float]]) -> tuple[_Spans, dic
         if position % 2 == 0:
             limits[name] = number(int(position > piece))
     return tuple(spans), limits
+
+
+@contextmanager
+def having_a_value(cell: Cell, labels: Labels) -> Iterator[None]:
+    """Name the cell where M has no value there as its trees tell it (ValueDomainError)."""
+    try:
+        yield
+    except ValueDomainError as error:
+        raise ValueDomainError(
+            f"M has no value on {cell_name(cell, labels)} as it is written ({error}): what it "
+            "comes to there is not looked for; write it in a form that has a value, or end the "
+            "domain before"
+        ) from error
 
 
 class Pieces:

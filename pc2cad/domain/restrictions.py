@@ -14,7 +14,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import cross, thickness
 from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.map import open_grid
-from pc2cad.domain.pieces import has_pieces, piece_at, span_at
+from pc2cad.domain.pieces import has_pieces, having_a_value, piece_at, span_at
 from pc2cad.domain.sections import SECTIONS
 from pc2cad.expression.breaks import Break
 from pc2cad.expression.parameters import PARAMETERS
@@ -135,7 +135,8 @@ class RestrictedMap:
         """The coordinate trees in local parameters, and the names of those."""
         spans, limits = piece_at(self.cell, self.analysis.bounds)
         names = tuple(PARAMETERS[d] for d in directions_of(self.cell))
-        return self.analysis.map.pieces.restricted(spans, limits), names
+        with having_a_value(self.cell, self.analysis.boundary.labels):
+            return self.analysis.map.pieces.restricted(spans, limits), names
 
     @cached_property
     def polynomial(self) -> tuple[Vectors, int] | None:

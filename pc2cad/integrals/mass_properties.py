@@ -40,7 +40,8 @@ from pc2cad.topology.cells import Cell
 
 #: relative difference of two rules at which there is no integral
 UNSETTLED = 0.01
-
+#: length of a panel that says where an integral does not settle
+SHORT = 1 / 48
 
 #: sources of integrals, as a report shows them
 QUADRATURE = "equation (Gauss quadrature)"
@@ -110,13 +111,10 @@ def integrate(analysis: Analysis, proved: bool = False) -> MassProperties:
             moments = np.sum(layers, axis=0)
     if not proved:
         watch.check()
-    if not (np.isfinite(moments).all() and np.isfinite(error)):
-        raise NotIntegrableError(
-            "the equation or a derivative has no finite value inside the box: look for a division "
-            "by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
-        )
+    gathered = _gathered(analysis, whole)
+    _settled([error if np.isfinite(moments).all() else np.inf], gathered)
     areas, errors = _areas(analysis, densities, whole, exact, closed, known)
-    errors = _settled([error, *errors])
+    errors = _settled([error, *errors], gathered)
     outer = len(analysis.boundary.faces)
     volume, centroid = _mass(moments, centre)
     numeric = MassProperties(
@@ -127,12 +125,29 @@ def integrate(analysis: Analysis, proved: bool = False) -> MassProperties:
     return numeric if closed is None else _in_closed_form(closed, areas, errors[1:])
 
 
-def _settled(errors: list[float]) -> list[float]:
+def _gathered(analysis: Analysis, rules: list[Panels]) -> str:
+    """Return in words where the panels of rules are shortest: what is not resolved lies there."""
+    found = []
+    for direction, panels in enumerate(rules):
+        lengths = np.diff(panels.limits)
+        k = int(lengths.argmin())
+        if 0 < lengths[k] < SHORT:
+            place = analysis.map.value(direction, float(panels.limits[k : k + 2].mean()))
+            found.append(f"{PARAMETERS[direction]} = {place:.4g}")
+    return f" near {', '.join(found)}" if found else ""
+
+
+def _settled(errors: list[float], where: str = "") -> list[float]:
     """Return relative errors; raise NotIntegrableError for large ones."""
+    if not np.isfinite(errors).all():
+        raise NotIntegrableError(
+            f"the equation or a derivative has no finite value inside the box{where}: look for "
+            "a division by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
+        )
     if not max(errors) < UNSETTLED:
         raise NotIntegrableError(
             f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
-            "one rule to the next): look for a division by zero inside the box"
+            f"one rule to the next{where}): look for a division by zero inside the box"
         )
     return errors
 

@@ -26,6 +26,8 @@ CONVERGED = 1e-13
 ROUNDING = 1e-10
 #: nodes of one direction, and length of a panel, at which it gives up
 MOST_NODES, SHORTEST = 60_000, 1e-13
+#: length of a panel below which it is left without a value: a single place without one is avoided
+WITHOUT_VALUE = 1 / 64
 #: how much less the integral along a line through a feature counts than one along a common line:
 #: it stands for a small share of the box
 LENIENT = 1e4
@@ -71,11 +73,16 @@ class Panels:
         """Number of nodes."""
         return int(self.orders.sum())
 
-    def rule(self, grow: float = 1.0) -> tuple[Array, Array]:
-        """Return nodes and weights, with so many times the nodes; a panel of no length has one."""
+    def rule(self, grow: float = 1.0, even: bool = False) -> tuple[Array, Array]:
+        """Return nodes and weights, with so many times the nodes; a panel of no length has one.
+
+        With an `even` number in each panel none is in its middle.
+        """
         if self.limits[0] == self.limits[-1]:
             return self.limits[:1].copy(), np.ones(1)
         orders = np.maximum(1, np.ceil(grow * self.orders - 1e-9)).astype(int)
+        if even:
+            orders += orders % 2
         return _nodes(self.limits[:-1], self.limits[1:], orders)
 
 
@@ -208,7 +215,7 @@ class _Work:
         if change < ROUNDING and change > self._before[i] / 4:
             self._left[i] = change
             return True
-        if self.high[i] - self.low[i] <= SHORTEST:
+        if self.high[i] - self.low[i] <= (SHORTEST if np.isfinite(change) else WITHOUT_VALUE):
             self._left[i] = change
             return True
         return False
@@ -251,7 +258,8 @@ class _Work:
         That is the largest integral of absolute values.
         """
         sizes = [s for s in self._size if s is not None]
-        total = np.sum(sizes, axis=0)
+        # a panel without a value is no measure for the others
+        total = np.sum([np.where(np.isfinite(s), s, 0.0) for s in sizes], axis=0)
         common = len(total) - self._features
         scale = np.full((len(total), 1), max(float(np.nanmax(total[:common])), 1e-300))
         own = np.nanmax(total[common:], axis=1, initial=0.0)[:, None]

@@ -163,16 +163,27 @@ def integral(density: Density, panels: list[Panels]) -> tuple[Array, float]:
     while grow > 0.05 and _points(panels, 1.5 * grow) > MOST_POINTS:
         # what this costs in accuracy shows in the error estimate
         grow *= 0.8
-    value = total(density, [p.rule(grow) for p in panels])
+    value = _total(density, panels, grow)
     error = np.inf
     for _ in range(2):
         grow *= 1.5
-        coarse, value = value, total(density, [p.rule(grow) for p in panels])
+        coarse, value = value, _total(density, panels, grow)
         error = float(np.abs(value - coarse).max() / max(np.abs(value).max(), 1e-300))
         if error < DOUBTFUL or _points(panels, 1.5 * grow) > MOST_POINTS:
             break
     # two rules may agree to the last bit by chance
     return value, max(error, EXACT, *(p.unresolved for p in panels))
+
+
+def _total(density: Density, panels: list[Panels], grow: float) -> Array:
+    """Return an integral by rules with so many times the nodes, single places without a value out.
+
+    Those that anybody writes, as 1/2, are in the middle of a panel.
+    """
+    value = total(density, [p.rule(grow) for p in panels])
+    if np.isfinite(value).all():
+        return value
+    return total(density, [p.rule(grow, even=True) for p in panels])
 
 
 def _points(panels: list[Panels], grow: float) -> float:

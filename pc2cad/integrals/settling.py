@@ -23,6 +23,7 @@ from pc2cad.integrals.rules import (
     in_one,
     integral,
     panels_for,
+    total,
 )
 
 #: relative difference of two rules at which nothing more is looked for
@@ -86,7 +87,12 @@ def _settled_on(
         single(row[0]) if row[0] == row[-1] else panels_for(density, limits, d, features)
         for d, row in enumerate(limits)
     ]
-    found = [integral(density, part) for part in parts(rules)]
+    pieces = parts(rules)
+    if not all(np.isfinite(panels.unresolved) for panels in rules):
+        # there is no value in a whole panel, and so no integral
+        one = total(density, [(panels.limits[:1], np.ones(1)) for panels in rules])
+        return Settled([np.full_like(one, np.nan)] * len(pieces), np.inf, rules)
+    found = [integral(density, part) for part in pieces]
     return Settled([value for value, _ in found], max(error for _, error in found), rules)
 
 

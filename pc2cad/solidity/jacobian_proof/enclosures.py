@@ -54,6 +54,8 @@ _Sides = tuple[_Side, ...]
 MOST_OPERATIONS = 4e7
 #: boxes looked at together
 MOST_BOXES = 20_000
+#: a box that is narrower has no sign because there is none there: few such boxes cost no operations
+NARROWEST = 2.0**-64
 #: parts per direction at the start, and the largest split of one
 MOST_PARTS = 4
 #: parts into which a box is split per unit of the blame that a direction has
@@ -128,7 +130,7 @@ def _sign_in_boxes(
     low, high = boxes
     signs: set[int] = set()
     while len(low) and len(signs) < 2:
-        if columns.spent > effort or len(low) > MOST_BOXES:
+        if columns.spent > effort or len(low) > MOST_BOXES or (high - low).min() < NARROWEST:
             left.append((low + high) / 2)
             return 0
         regular, blame, sign = columns.test(low, high)

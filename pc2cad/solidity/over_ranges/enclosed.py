@@ -19,6 +19,7 @@ from pc2cad.expression.tree import Expr, walk
 from pc2cad.solidity.jacobian_proof.determinant import determinant
 from pc2cad.solidity.jacobian_proof.enclosures import (
     MOST_BOXES,
+    NARROWEST,
     PLACES,
     Columns,
     columns_of,
@@ -102,7 +103,8 @@ def _sign_in_boxes(columns: Columns, boxes: tuple[Array, Array], effort: float) 
     for rounds in count():
         if not len(low):
             break
-        if columns.spent > effort or len(low) > MOST_BOXES:
+        narrow = (high - low).min() < NARROWEST
+        if columns.spent > effort or len(low) > MOST_BOXES or narrow:
             return 0, rounds
         regular, blame, sign = columns.test(low, high)
         signs |= set(sign[regular].tolist())
