@@ -342,7 +342,7 @@ def _written(value: float) -> str:
     for unit, name in ((1.0, ""), (pi, "*pi")):
         share = Fraction(value / unit).limit_denominator(60)
         if float(short) != value and abs(float(share) * unit - value) <= 1e-12 * abs(value):
-            return f"{share}{name}"
+            return f"{share}{name}".removeprefix("1*")
     return short
 
 
