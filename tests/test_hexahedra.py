@@ -370,8 +370,13 @@ def test_cells_too_coarse_for_the_curvature_are_refused() -> None:
     angle = 5 * pc.pi / 3 * u
     bent = point_equation(((2 + v) * pc.cos(angle), (2 + v) * pc.sin(angle), w), name="bent")
     mesh_equation(bent, MeshOptions(cells=(6, 1, 1)))
-    with pytest.raises(InvertedElementError, match="inverted or flat"):
+    with pytest.raises(InvertedElementError, match=r"inverted or flat.*; take more, or order 2$"):
         mesh_equation(bent, MeshOptions(cells=(1, 1, 1)))
+    turn = 2 * pc.pi * v
+    r = w * (1 - 0.7 * pc.sin(turn) ** 8)
+    drill = point_equation((r * pc.cos(turn), r * pc.sin(turn), u), name="drill")
+    with pytest.raises(InvertedElementError, match=r"; take more$"):
+        mesh_equation(drill, MeshOptions(cells=(1, 22, 4), core="ogrid", order=2))
 
 
 # -- tables ----------------------------------------------------------------------------------------
