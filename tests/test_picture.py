@@ -77,6 +77,16 @@ def test_templates_render_and_the_surfaces_are_their_boundary(name):
     assert not drawn[-4:].any()
 
 
+def test_faces_that_end_at_a_cusp_are_drawn():
+    u, v, w = pc.parameters()
+    t = 2 * pc.pi * v
+    x = 16 * pc.sin(t) ** 3
+    y = 13 * pc.cos(t) - 5 * pc.cos(2 * t) - 2 * pc.cos(3 * t) - pc.cos(4 * t)
+    heart = pc.compile_part([x * w, y * w, 5 * u])
+    scene = drawing(heart, Style(labels=True, isolines=2))
+    assert enclosed(scene) == pytest.approx(900 * math.pi, rel=5e-3)
+
+
 def test_faces_whose_corners_are_singular_are_lit_from_outside():
     u, v, w = pc.parameters()
     across, up = 2 * pc.pi * u, pc.pi * (v - 0.5)

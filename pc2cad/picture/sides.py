@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import Array, Integers
-from pc2cad.domain.map import Mapping3, local_map, open_grid
-from pc2cad.expression.breaks import find_breaks
+from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.part import Part
 from pc2cad.topology.cells import Cell, directions_of, normal_direction, outward_sign
 from pc2cad.topology.complex import SideFate
@@ -75,18 +74,15 @@ class Sides:
     #: angle in radians between neighbouring tangents of a grid
     turn: float = TURN
 
-    @cached_property
+    @property
     def map(self) -> Mapping3:
         """M over the unit box."""
-        return local_map(self.part.equation)
+        return self.part.checked.map
 
-    @cached_property
+    @property
     def _bounds(self) -> tuple[tuple[float, ...], ...]:
-        """Limits of the pieces per direction, in local coordinates: 0, creases, 1."""
-        return tuple(
-            (0.0, *(b.position for b in row if b.smoothness == 0 and 0 < b.position < 1), 1.0)
-            for row in find_breaks(self.map.coordinates)
-        )
+        """Limits of the pieces per direction, in local coordinates: 0, creases and cuts, 1."""
+        return self.part.checked.analysis.bounds
 
     @cached_property
     def _handed(self) -> float:
