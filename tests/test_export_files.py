@@ -193,6 +193,7 @@ def test_the_old_file_survives_any_failure(step, error, raised, tmp_path, monkey
 
 LIMITED = """
 import resource, signal, sys
+sys.dont_write_bytecode = True  # it would be cut off as well
 from pc2cad.errors import FileNotWrittenError
 from pc2cad.export.files import write_atomically
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

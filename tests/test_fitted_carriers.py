@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from math import asin, asinh, atan, cos, pi, sin, sqrt
 
 import numpy as np
@@ -209,12 +210,13 @@ def test_a_dome_over_a_square():
     assert_exact(part)
 
 
+@pytest.mark.parametrize("size", [1, Fraction(1, 100), 10**5])
 @pytest.mark.parametrize("thick", [0, 1], ids=["touching at the corner", "thick"])
-def test_a_cone_may_have_its_apex_at_a_corner(thick, tmp_path):
-    part = compile_part((U, V, W * (thick + pc.sqrt(U**2 + V**2))))
+def test_a_cone_may_have_its_apex_at_a_corner(thick, size, tmp_path):
+    part = compile_part((size * U, size * V, size * W * (thick + pc.sqrt(U**2 + V**2))))
     assert carriers(part) == {"cone": 1, "plane": 5}
     assert_exact(part)
-    volume = thick + (sqrt(2) + asinh(1)) / 3
+    volume = float(size) ** 3 * (thick + (sqrt(2) + asinh(1)) / 3)
     assert part.report.solid.volume == pytest.approx(volume, rel=1e-12)
     part.write(tmp_path / "part.step")
     assert check_step(tmp_path / "part.step").volume == pytest.approx(volume, rel=1e-12)

@@ -301,6 +301,7 @@ def test_meshing_loads_no_kernel(tmp_path: Path) -> None:
 
 LIMITED = """
 import resource, sys
+sys.dont_write_bytecode = True  # it would be cut off as well
 from pc2cad.cli.main import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
 sys.exit(main(["mesh", "hollow_cylinder", "--cells", "20x20x20", "-o", sys.argv[1]]))

@@ -884,7 +884,8 @@ def test_a_full_disk_under_the_journal_is_one_sentence(tmp_path: Path) -> None:
     script = (
         "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600));"
-        "import sys; from pc2cad.cli.main import main; sys.exit(main(sys.argv[1:]))"
+        "import sys; sys.dont_write_bytecode = True;"  # it would be cut off as well
+        "from pc2cad.cli.main import main; sys.exit(main(sys.argv[1:]))"
     )
     assert resource
     done = subprocess.run(

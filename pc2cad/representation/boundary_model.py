@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+import numpy as np
+
 from pc2cad.arrays import Array
 from pc2cad.geometry.carriers import (
     CurveCarrier,
@@ -44,7 +46,7 @@ class ModelEdge:
         return self.key.label
 
 
-#: parameters of a surface that differ by less are one place
+#: parameters of a surface that differ by less are one place, as a share of the face's extent
 ONE_PLACE: Final = 1e-6
 
 #: a closed walk of (edge, forward) with the face on the left, seen against the plane's normal
@@ -110,8 +112,13 @@ def corner_at(
     if before is None or after is None:
         return None
     walked = [use.forward or use.edge is None for use in (uses[side - 1], uses[side])]
-    (a, b), (c, d) = ends_of(before)[int(walked[0])], ends_of(after)[int(not walked[1])]
-    return Segment((a, b), (c, d)) if max(abs(c - a), abs(d - b)) > ONE_PLACE else None
+    first = ends_of(before)[int(walked[0])].tolist()
+    second = ends_of(after)[int(not walked[1])].tolist()
+    if first == second:
+        return None
+    extent = np.ptp(np.concatenate([ends_of(curve) for curve in pcurves if curve]), axis=0)
+    apart = np.abs(np.subtract(first, second)) > ONE_PLACE * extent
+    return Segment(tuple(first), tuple(second)) if apart.any() else None
 
 
 @dataclass(frozen=True, eq=False)
