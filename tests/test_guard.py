@@ -81,6 +81,7 @@ def test_a_signal_ends_the_work_and_looks_like_a_signal(tmp_path: Path) -> None:
     work = f"open({str(mark)!r}, 'w').write(str(os.getpid())); time.sleep(60)"
     process = subprocess.Popen(command(tmp_path, work), stderr=subprocess.PIPE)
     while not (mark.exists() and mark.read_text()):
+        assert process.poll() is None, "it ended before its work began"
         time.sleep(0.01)
     process.send_signal(signal.SIGTERM)
     assert process.communicate(timeout=30)[1] == b""
