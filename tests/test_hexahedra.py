@@ -357,6 +357,19 @@ def test_closed_directions_need_three_cells() -> None:
         make_grid(checked_of("torus"), (2, 4, 1))
 
 
+def test_pieces_of_a_closed_direction_have_three_cells_between_them() -> None:
+    """Half a turn over a turn of the ring cuts v in two: of 3 cells each piece got one."""
+    turn, bend = 2 * pc.pi * v + pc.pi * u, 2 * pc.pi * u
+    reach = 6 + w * pc.cos(turn)
+    ring = point_equation(
+        (reach * pc.cos(bend), reach * pc.sin(bend), w * pc.sin(turn)), name="ring"
+    )
+    for order in (1, 2):
+        mesh, report = mesh_equation(ring, MeshOptions(cells=(3, 3, 1), order=order))
+        assert report.cells == (3, 4, 1)
+        check_conforming(mesh)
+
+
 def test_size_bounds_the_cells() -> None:
     checked = checked_of("parallelepiped")
     mesh = hexahedra(checked, make_grid(checked, size=0.4))

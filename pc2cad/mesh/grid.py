@@ -149,10 +149,15 @@ def make_grid(
     classes = _Classes(analysis)
     lines: list[Array] = []
     limits: list[tuple[int, ...]] = []
+    closed = closed_directions(analysis)
     for d in range(3):
         row, marks = [np.zeros(1)], [0]
-        for low, high, breaks in classes.pieces(d):
-            inside = _piece_lines(low, high, breaks, wanted[d], grading[d])
+        pieces = list(classes.pieces(d))
+        # shares of few cells are rounded, and what closes has enough of them all the same
+        between = sum(len(breaks) + 1 for *_, breaks in pieces)
+        least = -(-FEWEST_ROUND // between) if d in closed else 1
+        for low, high, breaks in pieces:
+            inside = _piece_lines(low, high, breaks, wanted[d], least, grading[d])
             row.append(inside[1:])
             marks.append(marks[-1] + len(inside) - 1)
         lines.append(np.concatenate(row))
@@ -257,14 +262,19 @@ def _default_size(analysis: Analysis) -> float:
     return float(np.cbrt(volume)) / 10
 
 
-def _piece_lines(low: float, high: float, breaks: Array, count: int, grading: Grading) -> Array:
-    """Return the lines of one crease piece of a direction, the smoother breaks among them."""
+def _piece_lines(
+    low: float, high: float, breaks: Array, count: int, least: int, grading: Grading
+) -> Array:
+    """Return the lines of one crease piece of a direction, the smoother breaks among them.
+
+    `count` is the number of cells of the direction, `least` that between two breaks.
+    """
     ends = np.concatenate(([low], breaks, [high]))
     shares = grading.share(ends)
     row = [ends[:1]]
     for (a, b), (sa, sb) in zip(pairwise(ends), pairwise(shares), strict=True):
         # the small shift rounds equal pieces alike
-        inside = max(1, round(count * float(sb - sa) - 1e-9))
+        inside = max(least, round(count * float(sb - sa) - 1e-9))
         places = grading.position(np.linspace(sa, sb, inside + 1))
         places[0], places[-1] = a, b
         row.append(places[1:])
