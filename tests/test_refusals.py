@@ -378,3 +378,23 @@ def test_a_sum_of_points_in_python():
 def test_tolerances_that_are_no_length(tolerance):
     with pytest.raises(InputError, match="tolerance must be a positive length"):
         pc.compile_part(pyramid(), tolerance=tolerance)
+
+
+def rising(x, start):
+    return pc.maximum(x - Fraction(start), 0)
+
+
+U, V, W = pc.parameters()
+
+
+@pytest.mark.parametrize(
+    ("height", "where"),
+    [
+        (W * rising(U, "1/4"), "u = 0 to 0.25"),
+        (pc.minimum(W, Fraction(1, 2)), "w = 0.5 to 1"),
+        (W * (rising(U, "1/2") + rising(V, "1/4")), "u = 0 to 0.5, v = 0 to 0.25"),
+    ],
+)
+def test_a_flat_piece_is_named(height, where):
+    with pytest.raises(FlatMapError, match=f"zero all over {where}: that part of the image is flat"):
+        pc.compile_part((U, V, height))

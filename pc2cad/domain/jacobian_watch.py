@@ -7,6 +7,7 @@ what rounding can make of det J, given the largest tangents in the box, is added
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from math import ceil, floor, log10
 
@@ -16,6 +17,7 @@ from pc2cad.arrays import Array
 from pc2cad.arrays.linear import squares
 from pc2cad.domain.map import Mapping3, open_grid
 from pc2cad.errors import NotASolidError
+from pc2cad.expression.breaks import find_breaks
 from pc2cad.expression.parameters import PARAMETERS
 
 #: a quotient below this is rounding
@@ -23,6 +25,8 @@ ROUNDING = 1e-11
 #: relative rounding of a derivative, in terms of the largest one
 ERROR = 64 * float(np.finfo(float).eps)
 
+#: places in a piece, of its length along each direction, that tell whether it is flat
+WITHIN = np.array((0.13, 0.31, 0.47, 0.66, 0.81))
 
 #: whether det J is proved to have a sign where one direction runs from one local place to another
 Proves = Callable[[int, float, float, int], bool]
@@ -168,6 +172,26 @@ class JacobianWatch:
                 (middle, high) if self.mapping.value(direction, middle) < limit else (low, middle)
             )
         return (low + high) / 2
+
+
+def check_thickness(mapping: Mapping3, place: list[float]) -> None:
+    """Raise FlatMapError where det J is zero all over the piece between breaks that has a place."""
+    rows = find_breaks(mapping.coordinates)
+    limits = [[0.0, *(b.position for b in row if 0 < b.position < 1), 1.0] for row in rows]
+    pieces = [bisect_right(row, x, 1, len(row) - 1) for row, x in zip(limits, place, strict=True)]
+    spans = [(row[k - 1], row[k]) for row, k in zip(limits, pieces, strict=True)]
+    watch = JacobianWatch(mapping)
+    watch.see(*open_grid(*(low + (high - low) * WITHIN for low, high in spans)))
+    if max(watch.extremes.values()) <= ROUNDING:
+        where = ", ".join(
+            f"{name} = {mapping.value(d, low):.4g} to {mapping.value(d, high):.4g}"
+            for d, (name, (low, high)) in enumerate(zip(PARAMETERS, spans, strict=True))
+            if (low, high) != (0.0, 1.0)
+        )
+        raise FlatMapError(
+            f"det J is zero all over {where}: that part of the image is flat and has no volume; "
+            "leave it out of the domain, or give it a thickness"
+        )
 
 
 def volumes(tangents: list[Array]) -> tuple[Array, Array, tuple[Array, Array, Array]]:

@@ -21,6 +21,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.linear import areas
 from pc2cad.domain.analysis import Analysis, analyse
+from pc2cad.domain.jacobian_watch import check_thickness
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.pinch import pinch_of
 from pc2cad.errors import NotASolidError
@@ -250,16 +251,20 @@ def _missed_seam(analysis: Analysis, one: FaceMesh, other: FaceMesh) -> str:
 
 
 def _refuse(analysis: Analysis, place: list[float], point: Array, number: int) -> None:
+    check_thickness(analysis.map, place)
     shown = analysis.map.shown(place)
     kind = "lies outside its own boundary" if number == 0 else f"is covered {abs(number)} times"
     raise OverlappingMapError(
         f"the map covers itself: the image ({', '.join(f'{x:.6g}' for x in point)}) of {shown} "
-        f"{kind} (winding number {number}); {_advice(analysis)}"
+        f"{kind} (winding number {number}); {_advice(analysis, meets=False)}"
     )
 
 
-def _advice(analysis: Analysis) -> str:
-    """Say what would mend an overlap: the period where a direction runs beyond it."""
+def _advice(analysis: Analysis, meets: bool = True) -> str:
+    """Say what would mend an overlap: the period where a direction runs beyond it.
+
+    How far a parameter may run is told where the boundary `meets` itself: that is what is tried.
+    """
     for d, name in enumerate(PARAMETERS):
         low, high = analysis.equation.limits[d]
         period = _period(analysis, d)
@@ -271,7 +276,7 @@ def _advice(analysis: Analysis) -> str:
             )
     # layers share all of w
     directions = (1, 0) if analysis.equation.layers else (2, 1, 0)
-    shorter = [text for d in directions if (text := _shorter(analysis, d))]
+    shorter = [text for d in directions if meets and (text := _shorter(analysis, d))]
     general = "a larger pitch or distance between strands"
     if shorter:
         return f"it does not for {' or for '.join(shorter)}; {general} may do as well"
