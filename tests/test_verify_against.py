@@ -14,6 +14,7 @@ import pytest
 from consumers.step_edits import edit, instance, move, read_instances
 from shipped import LONG, part_of
 
+import pc2cad as pc
 from pc2cad.checked import check_map, parted
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_checked, compile_solid
@@ -76,6 +77,18 @@ def test_faces_cut_in_their_middles_are_held_against_pieces_of_sides(tmp_path: P
     assert len({m.name for m in found.matches}) == len(found.matches) == 2 * 4 + 2 * 2 + 2 * 2
     text = read_instances(tmp_path / "cut.step").replace("(piece 2 of u)'", "(piece 9 of u)'", 1)
     assert not verification(parse_step(text.encode()), equation).verified
+
+
+def test_a_border_beside_a_cusp_is_found(tmp_path: Path) -> None:
+    """The nearest sample may be the cusp, where the tangent vanishes and no step is made."""
+    u, v, w = pc.parameters()
+    t = 2 * pc.pi * v
+    x = 16 * pc.sin(t) ** 3
+    y = 13 * pc.cos(t) - 5 * pc.cos(2 * t) - 2 * pc.cos(3 * t) - pc.cos(4 * t)
+    heart = pc.compile_part([x * w, y * w, 5 * u])
+    heart.write(tmp_path / "heart.step")
+    found = pc.verify(tmp_path / "heart.step", heart.equation)
+    assert found["verified"], found["differences"]
 
 
 #: of each template one kind of file: all kinds of all templates take half an hour

@@ -349,8 +349,9 @@ def _border(
         best = np.fmin(best, off)
         held.append((cell, known, off <= step))
     # from the ends too: where a curve closes, the nearest sample may be on the other side of its
-    # seam, and from a flat place the first step meets a steep one
-    for part, share in ((slice(None), 0.1), (slice(1), 1.0), (slice(-1, None), 1.0)):
+    # seam, and from a flat place the first step meets a steep one; from a cusp there is no step
+    parts = slice(None), slice(1), slice(-1, None), slice(1, -1)
+    for part, share in zip(parts, (0.1, 1.0, 1.0, 1.0), strict=True):
         for cell, known, beside in held:
             open_ = np.flatnonzero((best > max(near, share * tolerance)) & beside)
             if len(open_):
