@@ -396,5 +396,5 @@ U, V, W = pc.parameters()
     ],
 )
 def test_a_flat_piece_is_named(height, where):
-    with pytest.raises(FlatMapError, match=f"zero all over {where}: that part of the image is flat"):
+    with pytest.raises(FlatMapError, match=f"zero all over {where}: that part .* is flat"):
         pc.compile_part((U, V, height))
