@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from pc2cad.brep.build import BuiltSolid
+from pc2cad.brep.checker import is_valid
 from pc2cad.brep.inspect import KernelFindings, crossing_wires, inspect
 from pc2cad.brep.integrals import KnownFaces, SolidIntegrals, solid_integrals
 from pc2cad.brep.plane_solids import plane_solid
@@ -89,7 +90,7 @@ def validate(
             raise pinch from error
         if embedding.proved and not findings.valid:
             _check_walls(model, built)
-        raise
+        raise SolidNotValidError(f"{error}{_complaint(model, built)}") from error
     known = KnownFaces() if model.layers else None
     integrals = solid_integrals(built.solid, known, plain)
     _check_integrals(integrals, checked.mass, model)
@@ -97,6 +98,19 @@ def validate(
     report = _report(checked, model, integrals, findings, layers, embedding)
     check_expectations(checked.equation.expectations, report)
     return report
+
+
+def _complaint(model: BoundaryModel, built: BuiltSolid) -> str:
+    """Say which faces the kernel's checker finds invalid by themselves, or nothing."""
+    pairs = zip(model.faces, built.faces, strict=True)
+    names = [face.name for face, made in pairs if not is_valid(made)]
+    if not names:
+        return ""
+    return (
+        f": so are, by themselves, its faces {', '.join(names)}; edges that come within "
+        f"{KERNEL_TOLERANCE:g} of one another, as in a cusp, it takes for one: an angle there, or "
+        "a larger part, may help"
+    )
 
 
 def _check_walls(model: BoundaryModel, built: BuiltSolid) -> None:

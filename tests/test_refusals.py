@@ -22,6 +22,7 @@ from pc2cad.errors import InputError, NotASolidError, PointCadError
 from pc2cad.templates.file import parse_template
 from pc2cad.templates.header import ParameterRangeError
 from pc2cad.templates.shipped import template_paths
+from pc2cad.validation import SolidNotValidError
 
 P1 = {"A": (4, 0, 0), "B": (1, 5, 1), "C": (-2, -1, 0), "D": (1, 1, 6)}
 FLAT = r"the image is flat and has no volume|nothing bounds a solid"
@@ -398,3 +399,9 @@ U, V, W = pc.parameters()
 def test_a_flat_piece_is_named(height, where):
     with pytest.raises(FlatMapError, match=f"zero all over {where}: that part .* is flat"):
         pc.compile_part((U, V, height))
+
+
+def test_a_face_that_the_checker_refuses_is_named():
+    """Both edges of v=0 leave the corner upwards, and are 1e-7 apart where they are 5e-5 long."""
+    with pytest.raises(SolidNotValidError, match="invalid: so are, by themselves, its faces v=0;"):
+        pc.compile_part((U, V, W * (pc.sin(U) + V) + pc.sqrt(U)))
