@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pc2cad.bounds.extremes import Extreme, largest_value, least_value
 from pc2cad.channels.depths import check_depth, find_depth
-from pc2cad.channels.limits import Limit, check_limits, describe, find_limits
+from pc2cad.channels.limits import Limit, check_limits, describe, find_limits, loose_ends
 from pc2cad.domain.analysis import Analysis, derive, sample_sides
 from pc2cad.domain.cuts import halved as cut_in_halves
 from pc2cad.domain.cuts import parted as cut_apart
@@ -255,7 +255,8 @@ def _limits_remark(equation: PointEquation) -> str:
     """Return the limits of a channel; raise ChannelLimitError where they are why it is no solid."""
     limits = find_limits(equation)
     check_limits(limits)
-    return f"limits of the channel: {describe(limits)}" if limits else ""
+    ends = loose_ends(equation)
+    return ends or (f"limits of the channel: {describe(limits)}" if limits else "")
 
 
 def halved(checked: CheckedMap) -> CheckedMap:

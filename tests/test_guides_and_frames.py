@@ -20,7 +20,7 @@ from pc2cad.channels.normals import FrameError, ReferenceAlongTangentError
 from pc2cad.compiler import compile_equation
 from pc2cad.domain.analysis import analyse
 from pc2cad.equation.points import Combination
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, NotASolidError
 from pc2cad.integrals.mass_properties import MassProperties, integrate
 from pc2cad.templates.file import parse_template
 
@@ -421,6 +421,13 @@ def test_the_least_sine_is_sharp(sine):
         return
     with pytest.raises(ReferenceAlongTangentError, match=r"at u = 0\.5: .*sine 0\.0009"):
         pc.frame(N, "direction", direction)
+
+
+@pytest.mark.parametrize("guide", [functools.partial(pc.polyline, radius=1), pc.spline])
+def test_a_guide_that_comes_back_is_told_how_to_close(guide):
+    corners = [(0, 0, 0), (10, 0, 0), (10, 10, 0)]
+    with pytest.raises(NotASolidError, match=r"ends at its first point: .* say closed = true"):
+        compile_equation(pc.channel(guide([*corners, corners[0]]), pc.ellipse(0.2, 0.1, v)))
 
 
 def test_three_numbers_are_a_guide_a_direction_and_a_fixed_point():

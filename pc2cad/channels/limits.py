@@ -78,6 +78,20 @@ def describe(limits: tuple[Limit, ...]) -> str:
     return "; ".join(f"{limit.name}: {limit.sentence}" for limit in limits)
 
 
+def loose_ends(equation: PointEquation) -> str:
+    """Say how a guide is closed that comes back to its beginning in a corner; else nothing."""
+    if equation.guide is None:
+        return ""
+    N = substitute(equation.guide, over_unit_box(equation.domain))
+    columns = Program((*N, *derivatives(N, "u")))({"u": np.linspace(0.0, 1.0, 9)})
+    points, tangents = np.array([np.broadcast_to(c, 9) for c in columns]).reshape(2, 3, 9)
+    cosine = tangents[:, 0] @ tangents[:, -1] / np.prod(np.linalg.norm(tangents[:, ::8], axis=0))
+    gap = np.linalg.norm(points[:, 0] - points[:, -1])
+    if gap > 1e-9 * np.ptp(points, axis=1).max() or cosine > 1.0 - 1e-9:
+        return ""
+    return "the guide ends at its first point: leave that point out there, and say closed = true"
+
+
 def check_limits(limits: tuple[Limit, ...]) -> None:
     """Raise ChannelLimitError where one does not hold."""
     broken = [limit.sentence for limit in limits if not limit.holds]
