@@ -96,6 +96,12 @@ def test_what_cannot_be_is_said_in_words() -> None:
     )
 
 
+def test_a_near_miss_has_the_digits_that_tell_it() -> None:
+    goal = Goal("volume", "=", 330000.0)
+    assert goal.missed(18.0) == "volume = 330000 is not met, volume is 18"
+    assert goal.missed(330000.0004) == "volume = 330000 is not met, volume is 330000.0004"
+
+
 @pytest.mark.slow
 def test_several_bodies_are_adjusted() -> None:
     """A cube of 8 with a bar beside it: A = 24 + 4 (d - 1)."""

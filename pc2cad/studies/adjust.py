@@ -65,6 +65,11 @@ class Goal:
             return max(gap, 0.0)
         return min(gap, 0.0) if self.relation == ">=" else gap
 
+    def missed(self, found: float) -> str:
+        """Return in words that a figure misses the goal, with the digits that tell them apart."""
+        digits = next((n for n in (6, 9, 12) if float(f"{found:.{n}g}") != self.value), 17)
+        return f"{self} is not met, {self.figure} is {found:.{digits}g}"
+
 
 @dataclass(frozen=True)
 class Adjusted:
@@ -285,7 +290,7 @@ class _Problem:
             g for g in self.goals if abs(g.miss(found[0][g.figure])) > self.near * self.scale(g)
         ]
         settings = ", ".join(f"{n} = {x:.6g}" for n, x in self.settings(share).items())
-        told = "; ".join(f"{g} is not met, {g.figure} is {found[0][g.figure]:.6g}" for g in missed)
+        told = "; ".join(g.missed(found[0][g.figure]) for g in missed)
         return GoalsNotMetError(f"with {ranges} the nearest solid found has {settings}: {told}")
 
 
