@@ -16,10 +16,9 @@ class SeveralBodiesError(InputError):
     """One equation is asked for, and there are several bodies."""
 
     def __init__(self, name: str, bodies: Mapping[str, Any]) -> None:
-        super().__init__(
-            f"{name} is made of several bodies ({', '.join(bodies)}), and what was asked for "
-            "belongs to one equation; ask one of its bodies"
-        )
+        what = "several bodies" if len(bodies) > 1 else "copies of a body"
+        super().__init__(f"{name} is made of {what} ({', '.join(bodies)}), and what was asked for "
+                         "belongs to one equation; ask one of its bodies")  # fmt: skip
 
 
 @dataclass(frozen=True)

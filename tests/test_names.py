@@ -59,6 +59,7 @@ from pc2cad.trust.names import (
     is_identifier,
     is_label,
     percent,
+    told_apart,
     visible,
     words,
 )
@@ -487,6 +488,42 @@ def test_layers_are_found_by_their_names(ending: str, mesh: VolumeMesh, tmp_path
             wanted -= set(words([*mesh.node_sets, *mesh.sides], ("solid",)).values())
             assert len({name.lower() for name in wanted} | {"solid"}) == 3
         assert wanted <= SETS[ending](tmp_path / f"a{ending}")
+
+
+def test_what_is_cut_stays_apart() -> None:
+    start = "a" * 90
+    found = told_apart([f"{start}{k}" for k in range(12)] + [start[:80]], 80)
+    assert len(set(found.values())) == len(found) == 13
+    assert all(len(text) <= 80 for text in found.values())
+    assert told_apart(["u=0", "Größe"], 80) == {"u=0": "u=0", "Größe": "Gr%C3%B6%C3%9Fe"}
+
+
+def groups_of_nodes(path: Path) -> dict[str, list[int]]:
+    with h5py.File(path) as file:
+        names = {
+            int(family.attrs["NUM"]): [
+                bytes(row).rstrip(b"\0").decode() for row in family["GRO/NOM"][...]
+            ]
+            for family in file["FAS/mesh/NOEUD"].values()
+        }
+        (step,) = file["ENS_MAA/mesh"].values()
+        families = step["NOE/FAM"][...].tolist()
+    found: dict[str, list[int]] = {}
+    for node, family in enumerate(families):
+        for name in names.get(family, ()):
+            found.setdefault(name, []).append(node)
+    return found
+
+
+def test_any_number_of_sets_are_groups_of_nodes(mesh: VolumeMesh, tmp_path: Path) -> None:
+    """A family stands for the sets that a node is in: 64 bits do not hold those of many bodies."""
+    random = np.random.default_rng(5)
+    few = mesh.node_sets
+    many = {f"s{k}": np.sort(random.permutation(len(mesh.points))[:9]) for k in range(100)}
+    for sets in (few, many):
+        write_mesh(replace(mesh, node_sets=sets), tmp_path / "a.med")
+        wanted = {name: nodes.tolist() for name, nodes in sets.items() if name not in mesh.pieces}
+        assert groups_of_nodes(tmp_path / "a.med") == wanted
 
 
 @pytest.mark.parametrize("ending", [entry.extension for entry in MESH_FORMATS])

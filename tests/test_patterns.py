@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 from math import acos, pi, sqrt
 
+import numpy as np
 import pytest
 
 from pc2cad.compiler import compile_equation
 from pc2cad.csg import bodies as csg
 from pc2cad.errors import InputError
+from pc2cad.mesh.joined import SidesNotSharedError
+from pc2cad.picture.drawing import drawing
+from pc2cad.report import SeveralBodiesError
 from pc2cad.templates.file import parse_template
+from pc2cad.viewer.payload import payload
 
 PIN = """
 [[bodies]]
@@ -119,3 +126,45 @@ def test_copies_and_figures_know_of_points_that_were_moved() -> None:
     assert template.bind().expectations.volume == 1
     assert found.expectations == set_there.expectations
     assert found.expectations.volume is None
+
+
+QUARTER = """
+title = "t"
+result = "{result}"
+[[bodies]]
+name = "quarter"
+[bodies.domain]
+v = [0, "pi/2"]
+[bodies.solid]
+x = "(2 + w)*cos(v)"
+y = "(2 + w)*sin(v)"
+z = "u"
+"""
+
+
+@pytest.mark.parametrize(
+    ("result", "share"),
+    [("polar(quarter, 4)", 4), ("mirror(quarter, [0, 0, 0], vector(1, 0, 0))", 2)],
+)
+def test_copies_of_one_body_are_no_body(result: str, share: int) -> None:
+    """A result of one body's copies alone: meshes, pictures and pages showed the first of them."""
+    found = compile_equation(parse_template(QUARTER.format(result=result), "t").bind({}))
+    assert found.volume == pytest.approx(share * 5 * pi / 4, rel=1e-12)
+    with pytest.raises(SeveralBodiesError, match="copies of a body"):
+        _ = found.checked
+    with pytest.raises(SidesNotSharedError):
+        found.mesh(size=0.5)
+    drawn = np.concatenate([surface.points for surface in drawing(found).surfaces])
+    assert drawn[:, 0].min() == pytest.approx(-3, abs=1e-2)
+    page = gzip.decompress(payload(found))
+    header = json.loads(page[4 : 4 + int.from_bytes(page[:4], "little")])
+    assert {face["name"] for face in header["faces"]} == names(found)
+
+
+@pytest.mark.interop
+def test_copies_of_one_body_are_filled_with_tetrahedra() -> None:
+    text = QUARTER.format(result="polar(quarter, 4)")
+    found = compile_equation(parse_template(text, "t").bind({}))
+    mesh = found.mesh(size=0.5, shape="tetrahedra")
+    assert mesh.volume() == pytest.approx(5 * pi, rel=1e-2)
+    assert {"quarter[0]:w=1", "quarter[3]:w=1"} <= set(mesh.sides)

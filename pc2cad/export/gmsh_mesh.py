@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -10,7 +11,7 @@ import numpy as np
 from pc2cad.arrays import Array, Integers
 from pc2cad.export.mesh_files import cell_blocks, cell_values, column_names, reordered
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.trust.names import percent
+from pc2cad.trust.names import told_apart
 
 #: element numbers of gmsh by type and order
 _CODES = {
@@ -32,9 +33,9 @@ _CHUNK = 1 << 18
 def write(mesh: VolumeMesh, path: Path) -> None:
     """Write the mesh; physical volumes are the layers, or one called ``solid``."""
     sides = mesh.whole_sides
-    names = [f'2 {k} "{_quotable(name)}"' for k, name in enumerate(sides, start=1)]
-    volumes = enumerate(mesh.layers or ["solid"], start=len(sides) + 1)
-    names += [f'3 {k} "{_quotable(name)}"' for k, name in volumes]
+    surfaces, volumes = _quotable(sides), _quotable(mesh.layers or ["solid"])
+    names = [f'2 {k} "{name}"' for k, name in enumerate(surfaces, start=1)]
+    names += [f'3 {k} "{name}"' for k, name in enumerate(volumes, start=len(sides) + 1)]
     blocks = cell_blocks(mesh)
     with open(path, "wb") as stream:
         stream.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
@@ -83,9 +84,9 @@ def _put_view(stream: BinaryIO, of: str, name: str, size: int, parts: list[Array
     stream.write(f"\n$End{of}Data\n".encode())
 
 
-def _quotable(name: str) -> str:
-    """Return a name that may stand between quotes: these, and control characters, as ``%XX``."""
-    return percent(name, '"\\', limit=120, plain=False)
+def _quotable(names: Iterable[str]) -> list[str]:
+    """Return names that may stand between quotes: these, and control characters, as ``%XX``."""
+    return list(told_apart(names, 120, '"\\', plain=False).values())
 
 
 def _ordered(kind: str, nodes: Integers, order: int) -> Integers:

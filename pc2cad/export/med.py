@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from pc2cad.arrays import AnyArray, Array, Integers
+from pc2cad.arrays.distinct import distinct
 from pc2cad.export.mesh_files import cell_blocks, cell_values, column_names
 from pc2cad.mesh.elements import TYPES
 from pc2cad.mesh.volume_mesh import VolumeMesh
-from pc2cad.trust.names import percent
+from pc2cad.trust.names import percent, told_apart
 
 _CODES = {
     ("hexahedron", 1): "HE8", ("hexahedron", 2): "H20", ("wedge", 1): "PE6", ("wedge", 2): "P15",
@@ -26,6 +27,8 @@ _CORNERS = {
     "pyramid": (0, 3, 2, 1, 4), "tetra": (0, 2, 1, 3),
 }  # fmt: skip
 _STEP = "-0000000000000000001-0000000000000000001"
+#: characters of a group's name
+_LONGEST = 80
 _NO_PROFILE = np.bytes_("MED_NO_PROFILE_INTERNAL")
 
 
@@ -67,9 +70,11 @@ def _put(mesh: VolumeMesh, file: Any) -> None:
         _column(section, "FAM", -groups_of_rows, len(rows))
     families = file.create_group("FAS").create_group("mesh")
     _attributes(families.create_group("FAMILLE_ZERO"), NUM=0)
-    _families(families.create_group("NOEUD"), groups)
+    # nodes and faces of a side have groups of one name
+    written = told_apart([*groups_of_cells, *mesh.node_sets], _LONGEST)
+    _families(families.create_group("NOEUD"), groups, written)
     cells_by = {-k: [name] for k, name in enumerate(groups_of_cells, start=1)}
-    _families(families.create_group("ELEME"), cells_by)
+    _families(families.create_group("ELEME"), cells_by, written)
     if column_names(mesh):
         fields = file.create_group("CHA")
         for name, size in column_names(mesh).items():
@@ -129,28 +134,35 @@ def _turned(kind: str, nodes: Integers, order: int) -> Integers:
 def _node_families(mesh: VolumeMesh) -> tuple[Integers, dict[int, list[str]]]:
     """Return the family of each node and the groups of each family: a node may be in many sets."""
     names = [name for name in mesh.node_sets if name not in mesh.pieces]
-    member = np.zeros(len(mesh.points), dtype=np.int64)
-    for bit, name in enumerate(names):
-        member[mesh.node_sets[name]] |= 1 << bit
-    kinds, which = np.unique(member, return_inverse=True)
-    numbers = np.where(kinds == 0, 0, np.arange(1, len(kinds) + 1))
+    family = np.zeros(len(mesh.points), dtype=np.int64)
+    if not names:
+        return family, {}
+    some = distinct(np.concatenate([mesh.node_sets[name] for name in names]))
+    held = np.zeros((len(some), len(names)), dtype=bool)
+    for column, name in enumerate(names):
+        held[np.searchsorted(some, mesh.node_sets[name]), column] = True
+    # the last set decides first how families are numbered, and those of no set are number 1
+    kinds, which = np.unique(held[:, ::-1], axis=0, return_inverse=True)
+    first = 1 if len(some) == len(family) else 2
+    family[some] = which.ravel() + first
     groups = {
-        int(number): [name for bit, name in enumerate(names) if kind >> bit & 1]
-        for number, kind in zip(numbers, kinds.tolist(), strict=True)
-        if kind
+        number: [name for name, has in zip(names, kind[::-1], strict=True) if has]
+        for number, kind in enumerate(kinds, start=first)
     }
-    return numbers[which.ravel()], groups
+    return family, groups
 
 
-def _families(parent: Any, families: Mapping[int, Sequence[str]]) -> None:
+def _families(
+    parent: Any, families: Mapping[int, Sequence[str]], written: Mapping[str, str]
+) -> None:
     for number, names in families.items():
         family = parent.create_group(f"FAM_{number}_" + percent("_".join(names), "/", limit=48))
         _attributes(family, NUM=number)
         group = family.create_group("GRO")
         _attributes(group, NBR=len(names))
-        rows = np.zeros((len(names), 80), dtype=np.int8)
+        rows = np.zeros((len(names), _LONGEST), dtype=np.int8)
         for row, name in zip(rows, names, strict=True):
-            text = percent(name, "", limit=80).encode("ascii")
+            text = written[name].encode("ascii")
             row[: len(text)] = np.frombuffer(text, dtype=np.int8)
         # an array type of 80 characters per name
         data = group.create_dataset("NOM", (len(names),), dtype="80int8")

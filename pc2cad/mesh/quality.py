@@ -123,8 +123,8 @@ def _at_corners(name: str, axes: list[Array]) -> _Corners:
 def _refuse(mesh: VolumeMesh, name: str, element: int, count: int) -> None:
     corners = mesh.points[mesh.blocks[name][element][: len(TYPES[name].corners)]]
     place = ", ".join(f"{x:.6g}" for x in corners.mean(axis=0))
-    finer = ", or order 2" if mesh.order == 1 else ""
+    advice = "take more, or order 2" if mesh.order == 1 else "take more"
     raise InvertedElementError(
         f"{count} element{'s are' if count > 1 else ' is'} inverted or flat, first a {name} at "
-        f"({place}): the cells are too coarse for the curvature there; take more{finer}"
+        f"({place}): the cells are too coarse for the curvature there; {advice}"
     )

@@ -26,6 +26,8 @@ from pc2cad.errors import KernelError
 from pc2cad.mesh.elements import TETRAHEDRON
 from pc2cad.mesh.volume_mesh import Facets, VolumeMesh, by_layer
 
+#: how gmsh's complaints begin that it could not place middles of edges as well as it wishes
+_MIDDLES = ("Failed to reach critical value", "Optimization failed")
 #: gmsh numbers the last two middles of a tetrahedron the other way round
 _FROM_GMSH = {1: [0, 1, 2, 3], 2: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
 
@@ -87,12 +89,7 @@ def tetrahedra(part: KernelSolid, size: float, order: int = 1) -> VolumeMesh:
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
         gmsh.option.setNumber("Mesh.ElementOrder", order)
         gmsh.option.setNumber("Mesh.HighOrderOptimize", 2 if order == 2 else 0)
-        try:
-            gmsh.model.mesh.generate(3)
-        except Exception as failure:  # gmsh raises the base class
-            raise MeshingFailedError(
-                f"gmsh made no mesh of the solid ({failure}); another --size may help"
-            ) from None
+        _generate(gmsh)
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         parts, triangles = _elements(gmsh, surfaces, order)
     block = np.concatenate(parts) if parts else np.empty((0, TETRAHEDRON.size(order)), np.int64)
@@ -148,6 +145,31 @@ def _model(solid: TopoDS_Shape) -> Iterator[Any]:
             gmsh.model.remove()
         else:
             gmsh.finalize()
+
+
+def _generate(gmsh: Any) -> None:
+    """Let gmsh make the mesh; raise MeshingFailedError with its reason.
+
+    What is wrong within its threads would end the process if it were raised there. Middles of edges
+    that could not be placed as well as it wishes are no failure: the mesh is measured by us.
+    """
+    raises = gmsh.option.getNumber("General.AbortOnError")
+    gmsh.option.setNumber("General.AbortOnError", 0)
+    gmsh.logger.start()
+    try:
+        gmsh.model.mesh.generate(3)
+        said = gmsh.logger.get()
+    except Exception as failure:  # gmsh raises the base class
+        said = [f"Error: {failure}"]
+    finally:
+        gmsh.logger.stop()
+        gmsh.option.setNumber("General.AbortOnError", raises)
+    errors = [line.removeprefix("Error: ") for line in said if line.startswith("Error: ")]
+    errors = [error for error in errors if not error.startswith(_MIDDLES)]
+    if errors:
+        raise MeshingFailedError(
+            f"gmsh made no mesh of the solid ({errors[0]}); another --size may help"
+        )
 
 
 def _let_closed_pipes_raise() -> None:

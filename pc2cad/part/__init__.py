@@ -131,7 +131,7 @@ class Part(OfOneEquation):
         bodies) and for each body's side; hexahedra need bodies that share whole sides. Raises
         SidesNotSharedError besides.
         """
-        if len(self.bodies) == 1:
+        if self.several is None:
             return self.body.meshed(options, stages)
         if options.shape == "tetrahedra":
             from pc2cad.mesh.meshing import mesh_solid
@@ -145,8 +145,8 @@ class Part(OfOneEquation):
 
     @property
     def body(self) -> Body:
-        """The one body; SeveralBodiesError where there are several."""
-        if len(self.bodies) > 1:
+        """The one body; SeveralBodiesError where there are several, or copies of one."""
+        if self.several is not None:
             raise SeveralBodiesError(self.report.name, self.bodies)
         return next(iter(self.bodies.values()))
 
@@ -184,7 +184,7 @@ class Part(OfOneEquation):
         formulas, pictured = self._formulas(fields) if fields and voxels is None else ({}, {})
         others = [name for name in fields if name not in formulas]
         held = self.voxels(others, voxels) if others else None
-        layers, between = (self.layers, _between(self.body)) if len(self.bodies) == 1 else ({}, ())
+        layers, between = (self.layers, _between(self.body)) if self.several is None else ({}, ())
         return Exportable(
             solid=self.shape,
             name=self.title,

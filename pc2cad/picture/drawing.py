@@ -28,7 +28,7 @@ def drawing(part: Part, style: Style | None = None) -> Scene:
     there, and for what several bodies have not.
     """
     style = style or Style()
-    if len(part.bodies) > 1:
+    if part.several is not None:
         return bodies_drawing(part, style, TURN)
     sides = Sides(part)
     patches = list(sides.patches(MAP_NODES if style.mapped else None))

@@ -146,6 +146,23 @@ def percent(
     return "".join(result)
 
 
+def told_apart(
+    names: Iterable[str], limit: int, unsafe: str = "", *, plain: bool = True
+) -> dict[str, str]:
+    """Return `percent` of each name; those that are cut and become one differ by a number."""
+    used: set[str] = set()
+    found: dict[str, str] = {}
+    for name in dict.fromkeys(names):
+        number, text = 1, percent(name, unsafe, limit=limit, plain=plain)
+        while text in used:
+            number += 1
+            end = f"~{number}"
+            text = percent(name, unsafe, limit=limit - len(end), plain=plain) + end
+        used.add(text)
+        found[name] = text
+    return found
+
+
 def words(names: Iterable[str], taken: Iterable[str] = (), longest: int = 72) -> dict[str, str]:
     """Return for each name one of ASCII letters, digits and underscores that begins with a letter.
 

@@ -47,7 +47,7 @@ def payload(part: Part, points: tuple[int, int, int] | None = None) -> bytes:
         "facts": _facts(part.report),
         "deflection": mesh.deflection,
     }
-    if len(part.bodies) > 1:
+    if part.several is not None:
         if points is not None:
             raise InputError("a point set belongs to one equation, and here are several bodies")
         header |= {"others": [], "points": None}
@@ -70,7 +70,7 @@ def _faces(part: Part, mesh: Triangles, block: _Block) -> dict[str, Any]:
         name: limits_of(np.concatenate([values[name] for _, values in valued])) for name in names
     }
     known, wholes = part.report.faces, {}
-    if len(part.bodies) == 1:
+    if part.several is None:
         # those between layers are within the solid, and not drawn
         known = tuple(known[i] for i in part.model.outer)
         wholes = {face.name: face.key.whole.label for face in part.model.faces}
