@@ -10,6 +10,7 @@ import pc2cad as pc
 from pc2cad.channels.limits import ChannelLimitError, Limit, find_limits
 from pc2cad.cli.main import main
 from pc2cad.compiler import compile_equation
+from pc2cad.domain.jacobian_watch import FlatMapError
 from pc2cad.equation.point_equation import PointEquation, point_equation
 
 u, v, w = pc.parameters()
@@ -133,6 +134,11 @@ def test_what_is_no_channel_has_no_limits():
     assert find_limits(point_equation((u, v, w))) == ()
     mitred = pc.polyline([(0, 0, 0), (9, 0, 0), (9, 9, 0)], corners="mitre")
     assert find_limits(pipe(mitred, 1)) == ()
+
+
+def test_a_guide_that_is_one_point_is_refused_as_flat():
+    with pytest.raises(FlatMapError, match="has no volume"):
+        compile_equation(pipe(pc.helix(5, 4, 0), 1))
 
 
 def test_check_prints_the_limits(capsys):

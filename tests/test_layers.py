@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from itertools import pairwise
 from math import pi
 
@@ -319,3 +320,30 @@ z = "3*u"
     with pytest.raises(OverlappingMapError, match="covers itself, or touches") as refused:
         compile_equation(pinched.bind())
     assert "for w" not in str(refused.value)  # layers share all of it
+
+
+def test_layers_that_cover_themselves_are_refused_for_that():
+    """A part of the box, which is tried for advice, has not all of the layers."""
+    spiral = parse_template("""
+title = "Two layers of a strip that goes round more than once"
+[layers]
+a = 1
+b = 1
+[solid]
+x = "(2 + depth(w))*cos(7*u)"
+y = "(2 + depth(w))*sin(7*u)"
+z = "v + u/10"
+""", "spiral").bind()  # fmt: skip
+    with pytest.raises(OverlappingMapError, match=r"mm deep or more.*it does not for u up to"):
+        compile_equation(spiral)
+
+
+@pytest.mark.parametrize("place", [(Fraction(1, 2), Fraction(1, 4)), (Fraction(3, 8), 0.3)])
+def test_faces_between_layers_that_touch_are_refused_for_that(place):
+    """Exact faces that meet are the equation's, however near a search for the place comes."""
+    wall = sum(pc.sin(pc.pi * (x - at)) ** 2 for x, at in zip((u, v), place, strict=True))
+    ring = pc.frame(pc.point(5 * pc.cos(T), 5 * pc.sin(T), 0), "direction", pc.vector(0, 0, 1))
+    layers = {"core": None, "gap": 0.3 * wall, "sheath": 0.2}
+    part = replace(pc.channel(ring, pc.ellipse(0.5, 0.5, v), layers), guide=None, frame="")
+    with pytest.raises(OverlappingMapError, match="covers itself, or touches"):
+        compile_equation(part)

@@ -17,16 +17,18 @@ from pc2cad.bounds.taylor_models import Place
 from pc2cad.checked import Stages
 from pc2cad.compiler import compile_solid
 from pc2cad.domain.analysis import analyse
-from pc2cad.equation.point_equation import point_equation
+from pc2cad.equation.point_equation import PointEquation, point_equation
 from pc2cad.errors import PointCadError, ToleranceNotReachedError
 from pc2cad.expression.tree import symbol
 from pc2cad.solidity import continuity, solidity
 from pc2cad.solidity.cell_table import CellTable
 from pc2cad.solidity.continuity import is_continuous
+from pc2cad.solidity.embedding.verdict import BuiltFacesMeetError
 from pc2cad.solidity.face_mesh import cut
 from pc2cad.solidity.injectivity import OverlappingMapError, check_injective, material_shell
 from pc2cad.solidity.near_parts import told_number
 from pc2cad.solidity.orientation import find_orientation
+from pc2cad.solidity.overlap_depth import overlap_depth
 from pc2cad.solidity.self_intersection import Contact, find_contact
 from pc2cad.solidity.solidity import Question
 from pc2cad.templates.file import read_template
@@ -179,6 +181,37 @@ def test_waves_both_ways_are_seen_whatever_their_number(waves):
 
 
 # -- what the refusal says -------------------------------------------------------------------------
+
+
+def rod(radius: float, pitch: float) -> PointEquation:
+    """A rod of 2.2 turns about an axis, 5 away from it, whose sections begin at their top."""
+    t = 2 * pc.pi * Fraction(11, 5) * U
+    guide = pc.point(5 * pc.cos(t), 5 * pc.sin(t), pitch * Fraction(11, 5) * U)
+    frame = pc.frame(guide, "direction", pc.vector(0, 0, 1))
+    # its limits would be a quicker reason
+    return replace(pc.channel(frame, pc.ellipse(radius, radius, V)), guide=None, frame="")
+
+
+def test_a_touch_is_told_without_a_depth():
+    """Its points have a second place, on the boundary as well, and beside the seam."""
+    analysis = analyse(rod(1, touching_pitch(5, 1)))
+    face_meshes = cut(analysis)
+    found = find_contact(analysis, face_meshes)
+    assert isinstance(found, Contact)
+    functions = [face_meshes[face].function for face in found.faces]
+    assert overlap_depth(analysis, functions, found.places) == 0
+
+
+def test_built_faces_cross_no_deeper_than_they_deviate():
+    """Turns 2e-8 apart: what of the next one is on the other side of the end face is elsewhere."""
+    with pytest.raises(BuiltFacesMeetError) as caught:
+        pc.compile_equation(rod(1 - 1e-8, touching_pitch(5, 1)), 5e-5)
+    text = str(caught.value)
+    reach = float(re.search(r"deviate from the equation by up to ([\d.e-]+) mm", text)[1])
+    deep = re.search(r"meet, ([\d.e-]+) mm deep", text)
+    assert deep is None or float(deep[1]) <= reach
+    assert float(re.search(r"equation's are ([\d.e-]+) mm apart", text)[1]) <= reach
+    assert float(re.search(r"a tolerance of ([\d.e-]+) mm", text)[1]) < reach
 
 
 def test_the_period_is_what_mends_a_double_cover():

@@ -156,12 +156,13 @@ class _Channel:
         return ", ".join(parts)
 
     def is_perpendicular(self) -> bool:
-        """Say whether M - N lies in the normal planes."""
+        """Say whether M - N lies in the normal planes; a guide that is one point has none."""
         u, v, w = np.ix_(self._axes[0], self._axes[1][::4], self._axes[2])
         tangent, q, *_ = self._vectors(self._section, u, v, w)
         size = _length(tangent) * _length(q).max()
         # also where the guide stands still, and has no direction
-        return bool((np.abs(_product(tangent, q)) <= PERPENDICULAR * size).all())
+        across = (np.abs(_product(tangent, q)) <= PERPENDICULAR * size).all()
+        return bool(across and _length(tangent).any())
 
     # -- the limits ---------------------------------------------------------------------------
 

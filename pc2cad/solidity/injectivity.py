@@ -310,7 +310,9 @@ def _holds(analysis: Analysis, direction: int, share: Fraction, upper: bool) -> 
     kept = number(share) * (high - low)
     domain[direction] = (low, low + kept) if upper else (high - kept, high)
     try:
-        part = analyse(replace(equation, domain=(domain[0], domain[1], domain[2]), layers=()))
+        # a part of the box has not all of the layers
+        whole = (domain[0], domain[1], domain[2])
+        part = analyse(replace(equation, domain=whole, layers=(), depth=None))
         return not isinstance(find_contact(part, cut(part), ROUGHLY), Contact)
     except NotASolidError:
         return False

@@ -2,7 +2,8 @@
 
 From a place where the boundary meets itself each of the two faces is followed to where its points
 have a second place of the box. The depth of a place is its distance from the boundary, of which
-places near it in the box are no part. There may be deeper ones: it is no bound.
+places near it in the box are no part; faces between layers are taken as the boundary's are. There
+may be deeper ones: it is no bound.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from pc2cad.arrays import Array
 from pc2cad.arrays.distinct import distinct
 from pc2cad.domain.analysis import Analysis
+from pc2cad.domain.pieces import span_at
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.solidity.nearest_places import descended
 
@@ -71,7 +73,7 @@ class _Boundary:
 
     @cached_property
     def functions(self) -> list[RestrictedMap]:
-        return [RestrictedMap(self.analysis, face.patch) for face in self.analysis.boundary.faces]
+        return [RestrictedMap(self.analysis, face.patch) for face in self.analysis.complex.faces]
 
     @cached_property
     def samples(self) -> list[_Samples]:
@@ -127,6 +129,21 @@ class _Boundary:
             best = min(best, float(np.linalg.norm(function.at(*found) - point)))
         return best
 
+    def beside(self, place: Array) -> _Place:
+        """Return the place of a face that is nearest to a place of the box, in the box."""
+        best, found = np.inf, (0, np.zeros(2))
+        for k, function in enumerate(self.functions):
+            step, local = 0.0, []
+            for x, row, position in zip(place, self.analysis.bounds, function.cell, strict=True):
+                low, high = span_at(row, position)
+                near = min(max(float(x), low), high)
+                step = max(step, abs(float(x) - near))
+                if position % 2:
+                    local.append((near - low) / (high - low))
+            if step < best:
+                best, found = step, (k, np.array(local))
+        return found
+
     def inside(self, point: Array, start: Array) -> Array | None:
         """Return the place of the box that has a point, near another place, or None."""
         place = start.copy()
@@ -151,7 +168,7 @@ def overlap_depth(
     `functions` are the two faces that meet, `places` their own parameters there. 0 where nothing
     deeper than a touch is found.
     """
-    cells = [face.patch for face in analysis.boundary.faces]
+    cells = [face.patch for face in analysis.complex.faces]
     contact = [
         (cells.index(f.cell), np.array(place, dtype=float))
         for f, place in zip(functions, places, strict=True)
@@ -181,9 +198,13 @@ def _elsewhere(boundary: _Boundary) -> float:
         for point, place, row in zip(points, places, near, strict=True):
             far = row[boundary.apart(inner[row], place) >= _FAR]
             second = boundary.inside(point, inner[far[0]]) if len(far) else None
-            away = 0.0 if second is None else float(boundary.apart(second, place)) / 2
+            if second is None:
+                continue
+            away = float(boundary.apart(second, place)) / 2
             if away >= _FAR / 2:
-                deepest = max(deepest, boundary.depth(place, point, away))
+                deepest = max(
+                    deepest, boundary.depth(place, point, away, [boundary.beside(second)])
+                )
     return deepest
 
 
@@ -211,7 +232,7 @@ def _followed(boundary: _Boundary, start: _Place, other: _Place, away: float) ->
             second = boundary.inside(point, twin)
             if second is None or boundary.apart(second, here) < away:
                 continue
-            found = boundary.depth(here, point, away, [other])
+            found = boundary.depth(here, point, away, [other, boundary.beside(second)])
             if found > best:
                 best, place, twin, step = found, tried, second, reach
 

@@ -26,15 +26,16 @@ _FOLLOWED, _REACH = 12, 0.05
 _STEP = 1e-5
 
 
-def crossing_depth(sheets: Sequence[Sheet], meeting: Meeting, apart: Array) -> float:
+def crossing_depth(sheets: Sequence[Sheet], meeting: Meeting, apart: Array, reach: float) -> float:
     """Return how deep two sheets cross, 0 where no point of one is seen behind the other.
 
-    `apart` (3,) leads from the equation's second face to its first, where they are nearest.
+    `apart` (3,) leads from the equation's second face to its first, where they are nearest. Faces
+    that deviate by `reach` together cross no deeper: what lies farther behind one is elsewhere.
     """
     one, other = (
         _Face(sheets[i], place) for i, place in zip(meeting.sheets, meeting.places, strict=True)
     )
-    return max(_behind(one, other, apart), _behind(other, one, -apart))
+    return max(_behind(one, other, apart, reach), _behind(other, one, -apart, reach))
 
 
 class _Face:
@@ -42,6 +43,7 @@ class _Face:
 
     def __init__(self, sheet: Sheet, place: Sequence[float]) -> None:
         self._sheet = sheet
+        self.meeting = np.array(place) / sheet.shape
         nodes = []
         for x, count in zip(place, sheet.shape, strict=True):
             near = np.concatenate((x / count + _NEAR, x / count - _NEAR, [x / count]))
@@ -64,18 +66,22 @@ class _Face:
         found = np.einsum("ni,nj,nijc->nc", along, across, nets)
         return projected(found).reshape(*places.shape[:-1], 3)
 
-    def normal(self, place: Array, towards: Array) -> Array:
-        """Return the unit normal at a place (2,) that looks in a direction."""
+    def normal(self, place: Array) -> Array:
+        """Return the unit normal at a place (2,), to one side of the whole face; or zeros."""
         steps = np.where(place + _STEP > 1, -_STEP, _STEP)
         ways = self.at(place + np.diag(steps)) - self.at(place)
         found = np.cross(ways[0] / steps[0], ways[1] / steps[1])
         length = float(np.linalg.norm(found))
-        return found * (np.sign(found @ towards) / length) if length else found
+        return found / length if length else found
 
 
-def _behind(one: _Face, other: _Face, apart: Array) -> float:
-    """Return how far points of a face lie behind another, which looks along `apart`."""
+def _behind(one: _Face, other: _Face, apart: Array, reach: float) -> float:
+    """Return how far points of a face lie behind another, which looks along `apart` at the meeting.
+
+    Nothing counts that is farther from it than `reach`.
+    """
     unit = apart / np.linalg.norm(apart)
+    side = np.sign(other.normal(other.meeting) @ unit)
     nearest = []
     for point in one.points:
         gap = point - other.points
@@ -90,7 +96,8 @@ def _behind(one: _Face, other: _Face, apart: Array) -> float:
             return other.at(x) - point
 
         foot = descended(gap_at, other.places[nearest[k]], _REACH)
+        way = other.at(foot) - point
         # beyond the border of the other face nothing is behind it
-        if np.all((foot > 0) & (foot < 1)):
-            deepest = max(deepest, float((other.at(foot) - point) @ other.normal(foot, unit)))
+        if np.all((foot > 0) & (foot < 1)) and np.linalg.norm(way) <= reach:
+            deepest = max(deepest, float(side * way @ other.normal(foot)))
     return deepest

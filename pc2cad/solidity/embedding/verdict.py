@@ -27,6 +27,8 @@ from pc2cad.solidity.overlap_depth import overlap_depth, told_depth
 _START = 33
 #: how far a search for nearest places may run from where it began
 _REACH = 0.02
+#: its steps: of two faces that touch without an angle each leaves a share of the way
+_STEPS = 600
 #: places of the box nearer than this are one: two faces meet there along their edge
 _SAME_PLACE = 1e-3
 #: two faces are one where the equation has points nearer than this share of the size
@@ -152,8 +154,10 @@ def _refuse(
     reach = sum(deviations[sheet.face] for sheet in (first, second))
     ends = [np.array(f.place(*place)) for f, place in both]
     distinct = float(np.abs(ends[0] - ends[1]).max()) > _SAME_PLACE
-    gap = found.gap
-    if reach == 0 or (distinct and gap <= _MEET * analysis.size):
+    # where the built faces meet, the equation's are as near as these deviate, found or not
+    touching = _MEET * analysis.size
+    gap = min(found.gap, reach + touching) if distinct else found.gap
+    if reach == 0 or (distinct and gap <= touching):
         depth = overlap_depth(analysis, found.functions, found.places)
         raise OverlappingMapError(
             f"{told_depth(depth, analysis)}: {shown[0]} and {shown[1]} both lie at ({where}); "
@@ -165,7 +169,7 @@ def _refuse(
     if distinct:
         told = f"are {gap:.2g} {units} apart"
         one, other = (f.at(*map(np.array, place)) for f, place in both)
-        depth = crossing_depth(sheets, meeting, one - other)
+        depth = crossing_depth(sheets, meeting, one - other, reach)
         deep = f", {depth:.2g} {units} deep or more," if depth > 0 else ""
     enough = gap / 4 if distinct else max(deviations) / 10
     raise BuiltFacesMeetError(
@@ -222,6 +226,6 @@ def _approached(
     def gap(x: Array) -> Array:
         return np.asarray(one.at(x[..., 0], x[..., 1]) - other.at(x[..., 2], x[..., 3]))
 
-    found = descended(gap, np.concatenate(starts), _REACH)
+    found = descended(gap, np.concatenate(starts), _REACH, _STEPS)
     places = (float(found[0]), float(found[1])), (float(found[2]), float(found[3]))
     return places, float(np.linalg.norm(gap(found)))
