@@ -29,7 +29,7 @@ from pc2cad.channels.limits import ChannelLimitError
 from pc2cad.checked import CheckedMap, check_map
 from pc2cad.compiler import compile_equation
 from pc2cad.equation.point_equation import LayersError, PointEquation, point_equation
-from pc2cad.errors import InputError
+from pc2cad.errors import InputError, NotASolidError
 from pc2cad.export.kernel import body, subshapes
 from pc2cad.geometry.carriers import SplineSurface
 from pc2cad.part import Part
@@ -347,3 +347,24 @@ def test_faces_between_layers_that_touch_are_refused_for_that(place):
     part = replace(pc.channel(ring, pc.ellipse(0.5, 0.5, v), layers), guide=None, frame="")
     with pytest.raises(OverlappingMapError, match="covers itself, or touches"):
         compile_equation(part)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "message"),
+    [
+        ("abs(u - 1/2)", r"the edge u=0\.5, w=0 is used 4 times in layer 1 .* comes to nothing"),
+        ("(u - 1/2)^2 + v^2", r"or touches: u = 0\.5, v = 0, w = .* both lie at"),
+    ],
+)
+def test_a_layer_that_comes_to_nothing_inside_is_refused_with_the_place(thickness, message):
+    layered = f"""
+[layers]
+thin = "{thickness}"
+thick = "1"
+[solid]
+x = "u"
+y = "v"
+z = "depth(w)"
+"""
+    with pytest.raises(NotASolidError, match=message):
+        compile_equation(parse_template(f'title = "T"{layered}', "T").bind())

@@ -31,7 +31,7 @@ from pc2cad.solidity.orientation import find_orientation
 from pc2cad.solidity.overlap_depth import overlap_depth
 from pc2cad.solidity.self_intersection import Contact, find_contact
 from pc2cad.solidity.solidity import Question
-from pc2cad.templates.file import read_template
+from pc2cad.templates.file import parse_template, read_template
 from pc2cad.templates.shipped import template_paths
 
 U, V, W = pc.parameters()
@@ -485,3 +485,18 @@ def test_models_show_where_operands_keep_off_zero(tree, proved: bool) -> None:
     assert continuity._is_known("log", coordinate.args[0], models) == proved
     assert continuity._is_known("div", coordinate.args[0], models) == proved
     assert not continuity._is_known("log", symbol("v"), models)
+
+
+def test_what_only_touches_is_told_no_depth() -> None:
+    """The table is nought at 1/2 and rises on both sides: rounding alone has a depth there."""
+    pinched = """
+title = "T"
+[tables]
+h = { at = [0, 0.5, 1], values = [1, 0, 1], kind = "pchip" }
+[solid]
+x = "u"
+y = "v"
+z = "w*h(u)"
+"""
+    with pytest.raises(OverlappingMapError, match=r"or touches: u = 0\.5, v = 0"):
+        pc.compile_equation(parse_template(pinched, "T").bind())

@@ -24,7 +24,7 @@ from pc2cad.domain.analysis import Analysis, analyse
 from pc2cad.domain.jacobian_watch import check_thickness
 from pc2cad.domain.map import open_grid
 from pc2cad.domain.pinch import pinch_of
-from pc2cad.errors import NotASolidError
+from pc2cad.errors import NotASolidError, PointCadError
 from pc2cad.expression.normal_form import split_turns
 from pc2cad.expression.parameters import PARAMETERS
 from pc2cad.expression.scalar import evaluate
@@ -314,7 +314,7 @@ def _holds(analysis: Analysis, direction: int, share: Fraction, upper: bool) -> 
         whole = (domain[0], domain[1], domain[2])
         part = analyse(replace(equation, domain=whole, layers=(), depth=None))
         return not isinstance(find_contact(part, cut(part), ROUGHLY), Contact)
-    except NotASolidError:
+    except PointCadError:  # such as a part without all layers
         return False
 
 

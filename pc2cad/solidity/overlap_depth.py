@@ -20,6 +20,7 @@ from pc2cad.domain.analysis import Analysis
 from pc2cad.domain.pieces import span_at
 from pc2cad.domain.restrictions import RestrictedMap
 from pc2cad.solidity.nearest_places import descended
+from pc2cad.solidity.self_intersection import TOUCHING
 
 #: a face (its index) and a place of it
 _Place = tuple[int, Array]
@@ -210,7 +211,7 @@ def _elsewhere(boundary: _Boundary) -> float:
 
 def told_depth(depth: float, analysis: Analysis) -> str:
     """Say that the map covers itself, and how deep where that is known."""
-    if depth == 0:
+    if depth <= TOUCHING * analysis.size:  # what is searched for and found to that is none
         return "the map covers itself, or touches"
     return f"the map covers itself, {depth:.2g} {analysis.equation.units} deep or more"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -76,12 +76,13 @@ def derive_layers(outer: BoundaryComplex, questions: Questions) -> BoundaryCompl
     inner = inner_patches((pieces[0], pieces[1], pieces[2]))
     patches = [*(face.patch for face in outer.faces), *inner]
     complex_ = _complex(patches, outer.sides, questions, outer.labels, _Vertices(questions))
-    layers = tuple(
-        _shells(complex_, [i for i, p in enumerate(patches) if abs(p[2] - (2 * k + 1)) <= 1])
-        for k in range(pieces[2])
-    )
+    layers = []
+    for k in range(pieces[2]):
+        members = {i for i, p in enumerate(patches) if abs(p[2] - (2 * k + 1)) <= 1}
+        _check_layer(complex_, members, k)
+        layers.append(_shells(complex_, members))
     outside = _shells(complex_, range(len(outer.faces)))
-    return replace(complex_, shells=outside, layers=layers)
+    return replace(complex_, shells=outside, layers=tuple(layers))
 
 
 def _complex(
@@ -272,6 +273,19 @@ def _check_manifold(complex_: BoundaryComplex) -> None:
             f"the faces {faces} meet along {name} with opposite orientations: the map turns "
             "inside out there"
         )
+
+
+def _check_layer(complex_: BoundaryComplex, members: Collection[int], layer: int) -> None:
+    """Raise EdgeNotUsedTwiceError where a layer comes to nothing along an edge inside."""
+    for edge, uses in complex_.edge_uses().items():
+        faces = [complex_.name(complex_.faces[f].patch) for f, _ in uses if f in members]
+        if len(faces) > 2:
+            raise EdgeNotUsedTwiceError(
+                f"the edge {complex_.name(complex_.edges[edge].cell)} is used {len(faces)} times "
+                f"in layer {layer + 1} (by {', '.join(faces)}) where a closed boundary uses each "
+                "edge twice: the layer comes to nothing there; give it a thickness, or end the "
+                "domain"
+            )
 
 
 def _shells(complex_: BoundaryComplex, members: Iterable[int]) -> tuple[Shell, ...]:
