@@ -83,11 +83,13 @@ def loose_ends(equation: PointEquation) -> str:
     if equation.guide is None:
         return ""
     N = substitute(equation.guide, over_unit_box(equation.domain))
-    columns = Program((*N, *derivatives(N, "u")))({"u": np.linspace(0.0, 1.0, 9)})
-    points, tangents = np.array([np.broadcast_to(c, 9) for c in columns]).reshape(2, 3, 9)
-    cosine = tangents[:, 0] @ tangents[:, -1] / np.prod(np.linalg.norm(tangents[:, ::8], axis=0))
-    gap = np.linalg.norm(points[:, 0] - points[:, -1])
-    if gap > 1e-9 * np.ptp(points, axis=1).max() or cosine > 1.0 - 1e-9:
+    with np.errstate(all="ignore"):  # where there is no value, nothing is said
+        columns = Program((*N, *derivatives(N, "u")))({"u": np.linspace(0.0, 1.0, 9)})
+        points, tangents = np.array([np.broadcast_to(c, 9) for c in columns]).reshape(2, 3, 9)
+        gap, extent = np.linalg.norm(points[:, 0] - points[:, -1]), np.ptp(points, axis=1).max()
+        along = tangents[:, 0] @ tangents[:, -1]
+        speeds = np.prod(np.linalg.norm(tangents[:, ::8], axis=0))
+    if not (extent > 0 and gap <= 1e-9 * extent and along <= (1.0 - 1e-9) * speeds):
         return ""
     return "the guide ends at its first point: leave that point out there, and say closed = true"
 
