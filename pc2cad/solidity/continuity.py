@@ -31,6 +31,7 @@ from pc2cad.expression.enclosures import IntervalProgram
 from pc2cad.expression.evaluation import Program
 from pc2cad.expression.intervals import ULP, Interval
 from pc2cad.expression.parameters import PARAMETERS
+from pc2cad.expression.rewriting import among
 from pc2cad.expression.tree import Expr, ValueDomainError, number, ops_of, substitute, walk
 from pc2cad.solidity.face_mesh import FaceMesh, by_shape
 
@@ -67,7 +68,7 @@ _RANGES: Final[dict[str, _Range]] = {
 }
 #: what may have another value at a place than on both sides of it
 _STEPS: Final = frozenset(("sign", "floor", "mod", "where"))
-#: where the other parameters are on the way along an end or a break: inside, and then at ends too
+#: where the other parameters are on the way along an end or a break, besides at their own ends
 _INSIDE: Final = (0.1371, 0.3719, 0.6131, 0.8473)
 #: places that are kept as floats are these fractions
 _LARGEST_DENOMINATOR: Final = 10**6
@@ -180,37 +181,36 @@ def check_written(analysis: Analysis) -> None:
 
     M comes to one place there, from inside, and the equation as it is written has another one.
     """
-    if _STEPS.isdisjoint(ops_of(analysis.equation.coordinates)):
-        return
-    for others in (_INSIDE, (0.0, *_INSIDE, 1.0)):
-        for direction in range(3):
-            places = sorted({0.0, 1.0, *(b.position for b in analysis.breaks[direction])})
-            for place in places:
-                _check_written(analysis, direction, place, others)
+    stepped = among(analysis.equation.coordinates, lambda node: not _STEPS.isdisjoint(node.ops))
+    # a condition is the first operand of a choice
+    deciding = [
+        node.args[:1] if node.op == "where" else node.args for node in stepped if node.op in _STEPS
+    ]
+    names = {name for operands in deciding for each in operands for name in each.symbols}
+    for direction, name in enumerate(PARAMETERS):
+        if name in names:
+            _check_written(analysis, direction)
 
 
-def _check_written(
-    analysis: Analysis, direction: int, place: float, others: tuple[float, ...]
-) -> None:
-    mapping, name = analysis.map, PARAMETERS[direction]
-    near = Fraction(place).limit_denominator(_LARGEST_DENOMINATOR)
-    at = number(near if abs(near - Fraction(place)) < ULP else Fraction(place))
-    local = [np.array(others)] * 3
-    local[direction] = np.array([place])
-    try:
-        own = substitute((mapping.parameters[direction],), {name: at})
-        trees = substitute(analysis.equation.coordinates, {name: own[0]})
-    except ValueDomainError:
-        return  # it has no value there
-    grid = open_grid(*local)
-    values = {n: mapping.values(d, grid[d]) for d, n in enumerate(PARAMETERS) if n != name}
+def _check_written(analysis: Analysis, direction: int) -> None:
+    mapping = analysis.map
+    local = [np.array((0.0, *_INSIDE, 1.0))] * 3
+    breaks = {b.position for b in analysis.breaks[direction]}
+    local[direction] = np.array(sorted(breaks | {0.0, 1.0}))
+    comes = mapping.points(*open_grid(*local))
+    written = np.concatenate(
+        [_written(analysis, direction, place, local) for place in local[direction].tolist()],
+        axis=direction,
+    )
     with np.errstate(all="ignore"):
-        written = np.stack(np.broadcast_arrays(*grid, *Program(trees)(values))[3:], axis=-1)
-        comes = mapping.points(*grid)
         off = np.nan_to_num(_lengths(written - comes), posinf=0.0)
-    if off.max() <= SMALLEST * analysis.size:
+    smallest = SMALLEST * analysis.size
+    inside = np.zeros_like(off)
+    within = tuple(slice(None) if d == direction else slice(1, -1) for d in range(3))
+    inside[within] = off[within]
+    worst = np.unravel_index((inside if inside.max() > smallest else off).argmax(), off.shape)
+    if off[worst] <= smallest:
         return
-    worst = np.unravel_index(off.argmax(), off.shape)
     where = mapping.shown(row[k] for row, k in zip(local, worst, strict=True))
     before, there = (", ".join(f"{x:.6g}" for x in points[worst]) for points in (comes, written))
     raise DiscontinuousMapError(
@@ -218,6 +218,23 @@ def _check_written(
         f"({there}); a solid's points follow its parameters without a gap: write the equation so "
         "that it goes on to there, with <= for < in a condition, say"
     )
+
+
+def _written(analysis: Analysis, direction: int, place: float, local: Sequence[Array]) -> Array:
+    """Return points of the equation as it is written where a direction has one value; or nan."""
+    mapping, name = analysis.map, PARAMETERS[direction]
+    near = Fraction(place).limit_denominator(_LARGEST_DENOMINATOR)
+    at = number(near if abs(near - Fraction(place)) < ULP else Fraction(place))
+    axes = [np.array([place]) if d == direction else row for d, row in enumerate(local)]
+    grid = open_grid(*axes)
+    try:
+        own = substitute((mapping.parameters[direction],), {name: at})
+        trees = substitute(analysis.equation.coordinates, {name: own[0]})
+    except ValueDomainError:
+        return np.full((*np.broadcast_shapes(*(x.shape for x in grid)), 3), np.nan)
+    values = {n: mapping.values(d, grid[d]) for d, n in enumerate(PARAMETERS) if n != name}
+    with np.errstate(all="ignore"):
+        return np.stack(np.broadcast_arrays(*grid, *Program(trees)(values))[3:], axis=-1)
 
 
 def _uneven(samples: Array, smallest: float) -> Integers:
