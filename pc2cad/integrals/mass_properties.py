@@ -8,6 +8,7 @@ is proved.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -111,7 +112,7 @@ def integrate(analysis: Analysis, proved: bool = False) -> MassProperties:
             moments = np.sum(layers, axis=0)
     if not proved:
         watch.check()
-    gathered = _gathered(analysis, whole)
+    gathered = partial(_gathered, analysis, whole)
     _settled([error if np.isfinite(moments).all() else np.inf], gathered)
     areas, errors = _areas(analysis, densities, whole, exact, closed, known)
     errors = _settled([error, *errors], gathered)
@@ -137,17 +138,17 @@ def _gathered(analysis: Analysis, rules: list[Panels]) -> str:
     return f" near {', '.join(found)}" if found else ""
 
 
-def _settled(errors: list[float], where: str = "") -> list[float]:
-    """Return relative errors; raise NotIntegrableError for large ones."""
+def _settled(errors: list[float], where: Callable[[], str] = str) -> list[float]:
+    """Return relative errors; raise NotIntegrableError for large ones, with words on the place."""
     if not np.isfinite(errors).all():
         raise NotIntegrableError(
-            f"the equation or a derivative has no finite value inside the box{where}: look for "
+            f"the equation or a derivative has no finite value inside the box{where()}: look for "
             "a division by zero or the root of a square; abs(x) says what sqrt(x^2) does not"
         )
     if not max(errors) < UNSETTLED:
         raise NotIntegrableError(
             f"the integrals of volume and area do not settle (still {max(errors):.2g} of them from "
-            f"one rule to the next{where}): look for a division by zero inside the box"
+            f"one rule to the next{where()}): look for a division by zero inside the box"
         )
     return errors
 

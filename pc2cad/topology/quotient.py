@@ -278,11 +278,12 @@ def _check_manifold(complex_: BoundaryComplex) -> None:
 def _check_layer(complex_: BoundaryComplex, members: Collection[int], layer: int) -> None:
     """Raise EdgeNotUsedTwiceError where a layer comes to nothing along an edge inside."""
     for edge, uses in complex_.edge_uses().items():
-        faces = [complex_.name(complex_.faces[f].patch) for f, _ in uses if f in members]
+        faces = [f for f, _ in uses if f in members]
         if len(faces) > 2:
+            names = ", ".join(complex_.name(complex_.faces[f].patch) for f in faces)
             raise EdgeNotUsedTwiceError(
                 f"the edge {complex_.name(complex_.edges[edge].cell)} is used {len(faces)} times "
-                f"in layer {layer + 1} (by {', '.join(faces)}) where a closed boundary uses each "
+                f"in layer {layer + 1} (by {names}) where a closed boundary uses each "
                 "edge twice: the layer comes to nothing there; give it a thickness, or end the "
                 "domain"
             )
